@@ -1,0 +1,108 @@
+"""The paper's regression: displacements and turns of segments of the drive against wheel angles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+from scipy import sparse
+
+from oed.component import Component
+from oed.errors import Flaw
+from oed.measurements.measurement import Block, Measurement
+from oed.models.model import Model
+from oed.quantities import Angle, Length
+from oed.rollout import Drive
+
+Regressor = Literal["position", "heading", "both"]
+
+
+class PoseNoise(Component):
+    """Standard deviations of a position's and a heading's error [m, rad]."""
+
+    position: Annotated[Length, Field(gt=0)] | None = None
+    heading: Annotated[Angle, Field(gt=0)] | None = None
+
+
+class Displacements(Measurement):
+    """Turn and displacement of each of P segments, linear in the coefficients c [Choi, eqs 9-16].
+
+    Attributes:
+        segments: P, or "samples" for one per sample. Segments are as equal as whole samples allow.
+        regressor: "position" (c21, c22 from Phi_xy), "heading" (c11, c12 from Phi_theta) or "both".
+        noise: standard deviations of one segment's displacement, per coordinate, and turn.
+    """
+
+    kind: Literal["displacements"] = "displacements"
+    segments: Annotated[int, Field(ge=1)] | Literal["samples"] = 10
+    regressor: Regressor = "position"
+    noise: PoseNoise = PoseNoise()
+
+    def blocks(self, drive: Drive) -> tuple[Block, ...]:
+        """One block per regressor: "heading", "position"."""
+        builders: dict[str, Callable[[Drive], Block]] = {
+            "heading": self._heading_block,
+            "position": self._position_block,
+        }
+        chosen = ("heading", "position") if self.regressor == "both" else (self.regressor,)
+        return tuple(builders[name](drive) for name in chosen)
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """Robots without coefficients, more segments than samples, too few to tell two parameters apart."""
+        if not model.coefficient_names:
+            text = f"displacements need a robot whose twist is linear in coefficients; {model.kind} is not"
+            return [Flaw(("measurement", "kind"), text)]
+        count = self.segment_count(samples)
+        if count > samples:
+            text = f"expected at most as many segments as there are samples ({samples}), got {count}"
+            return [Flaw(("measurement", "segments"), text)]
+        if self.regressor != "position" and count < len(model.coefficient_names[0]):
+            text = (
+                f"one heading row per segment cannot tell {len(model.coefficient_names[0])} coefficients "
+                f"apart: expected at least {len(model.coefficient_names[0])} segments, got {count}"
+            )
+            return [Flaw(("measurement", "segments"), text)]
+        return []
+
+    def segment_count(self, samples: int) -> int:
+        """P for a drive of that many samples."""
+        return samples if self.segments == "samples" else self.segments
+
+    def segment_edges(self, samples: int) -> npt.NDArray[np.int64]:
+        """Sample indices (P + 1,) at which segments begin and end."""
+        return np.rint(np.linspace(0, samples, self.segment_count(samples) + 1)).astype(np.int64)
+
+    def _heading_block(self, drive: Drive) -> Block:
+        rows = drive.period * drive.effective_inputs
+        matrix = self._segment_sums(drive, every=1, offset=0) @ rows
+        return self._block(drive, 0, "heading", matrix, self.noise.heading)
+
+    def _position_block(self, drive: Drive) -> Block:
+        # Rows x, y of each segment alternate, as they are stacked in [Choi, eq. 14].
+        along_x = drive.gain * ca.cos(drive.direction)
+        along_y = drive.gain * ca.sin(drive.direction)
+        columns = drive.effective_inputs.shape[1]
+        matrix = self._segment_sums(drive, every=2, offset=0) @ (
+            ca.repmat(along_x, 1, columns) * drive.effective_inputs
+        ) + self._segment_sums(drive, every=2, offset=1) @ (
+            ca.repmat(along_y, 1, columns) * drive.effective_inputs
+        )
+        return self._block(drive, 1, "position", matrix, self.noise.position)
+
+    def _block(self, drive: Drive, row: int, name: str, matrix: ca.SX, noise: float | None) -> Block:
+        model = drive.model
+        nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[row]
+        return Block(name, matrix, model.coefficient_names[row], nominal, noise)
+
+    def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
+        # (every * P, N): row every * i + offset adds up the samples of segment i.
+        samples = drive.inputs.shape[0]
+        edges = self.segment_edges(samples)
+        segment = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
+        shape = (every * (len(edges) - 1), samples)
+        ones = np.ones(samples)
+        return ca.DM(sparse.csc_matrix((ones, (every * segment + offset, np.arange(samples))), shape=shape))

@@ -1,0 +1,137 @@
+"""Physical quantities at the doors: strings with a unit become SI numbers.
+
+Inside the package every number is SI (m, rad, s). Angles are a dimension of their own here, so that a
+speed in Hz or a bare 1/s is not mistaken for rad/s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+if TYPE_CHECKING:
+    import pint
+
+_DEFINITIONS = (
+    "micro- = 1e-6 = u-",
+    "milli- = 1e-3 = m-",
+    "centi- = 1e-2 = c-",
+    "deci- = 1e-1 = d-",
+    "kilo- = 1e3 = k-",
+    "meter = [length] = m = metre",
+    "second = [time] = s = sec",
+    "radian = [angle] = rad",
+    "gram = [mass] = g",
+    f"degree = {math.pi / 180!r} * radian = deg = °",
+    f"revolution = {2 * math.pi!r} * radian = rev = turn",
+    "minute = 60 * second = min",
+    "hour = 3600 * second = h",
+    "rpm = revolution / minute",
+    "hertz = 1 / second = Hz",
+    "inch = 0.0254 * meter = in",
+    "foot = 0.3048 * meter = ft",
+    "percent = 0.01 = %",
+)
+
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+_MEANINGS = {
+    "m": "a length",
+    "rad": "an angle",
+    "s": "a time",
+    "rad/s": "an angular speed",
+    "rad/s^2": "an angular acceleration",
+    "m/s": "a speed",
+    "": "a plain number or a percentage",
+}
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry[float]:
+    # Imported late: reading a study needs it, `oed --help` does not.
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    for definition in _DEFINITIONS:
+        registry.define(definition)
+    return registry
+
+
+def parse_quantity(value: object, unit: str) -> float:
+    """The SI value of a quantity such as "4.9 cm" or 0.049, expected in the dimension of `unit`.
+
+    Args:
+        value: a number (taken as SI) or a string with a unit.
+        unit: the SI unit expected, e.g. "rad/s"; "" for a plain number.
+
+    Raises:
+        ValueError: not a finite number, an unknown unit, or a unit of another dimension.
+    """
+    expected = f"expected {_meaning(unit)}"
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{expected}, got {value!r}")
+    number = _parse_string(value, unit, expected) if isinstance(value, str) else float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{expected} that is finite, got {value!r}")
+    return number
+
+
+def _parse_string(text: str, unit: str, expected: str) -> float:
+    import pint
+
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ValueError(f"{expected}, got {text!r}, which does not begin with a number")
+    number, unit_text = float(match.group()), text[match.end() :].strip()
+    if not unit_text:
+        return number
+    registry = _registry()
+    try:
+        factor = registry.Quantity(1.0, registry.parse_units(unit_text))
+        return number * float(factor.to(unit or "dimensionless").magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
+    except Exception:
+        # pint reports malformed unit text with a variety of exceptions, tokenizer errors among them.
+        raise ValueError(f"{expected}, got {text!r}, whose unit {unit_text!r} is not known") from None
+
+
+def _meaning(unit: str) -> str:
+    meaning = _MEANINGS.get(unit, f"a quantity in {unit}")
+    return f"{meaning} [{unit}]" if unit else meaning
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Pydantic annotation: a float given as SI number or as a string with a unit of this dimension."""
+
+    si: str
+    example: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Parse the unit before the float's own validation."""
+        return handler(Annotated[source, BeforeValidator(lambda value: parse_quantity(value, self.si))])
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> Mapping[str, Any]:
+        """A number or a string, for editors."""
+        bounds = handler(schema)
+        number = {key: bounds[key] for key in bounds if key != "title"}
+        description = f"{_meaning(self.si)}, for instance {self.example!r}; a bare number is SI"
+        return {"anyOf": [number, {"type": "string"}], "description": description}
+
+
+Length = Annotated[float, Unit("m", "4.9 cm")]
+Angle = Annotated[float, Unit("rad", "10 deg")]
+Duration = Annotated[float, Unit("s", "20 s")]
+AngularSpeed = Annotated[float, Unit("rad/s", "10 rad/s")]
+AngularAcceleration = Annotated[float, Unit("rad/s^2", "20 rad/s^2")]
+Ratio = Annotated[float, Unit("", "5 %")]

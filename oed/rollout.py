@@ -1,0 +1,119 @@
+"""A drive as expressions: what every measurement, limit and criterion is written in terms of.
+
+The same code serves CasADi's SX (unrolled, for the optimiser) and MX (compact, for scoring).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from oed.models.model import Integration, Model, chord, step
+
+FINE = 10
+"""How many times finer than the samples the grid is on which limits are checked."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One drive of a model as CasADi expressions; rows are times.
+
+    Attributes:
+        model: the robot.
+        parameters: its parameters' values, (p,).
+        period: sample period T [s].
+        inputs: held in each period, (N, inputs).
+        effective_inputs: as they act on the ground, (N, q).
+        twist: forward and lateral speed [m/s], yaw rate [rad/s] in each period, (N, 3).
+        gain: displacement per unit of speed in each period [s], (N, 1).
+        direction: heading of each period's displacement [rad], (N, 1).
+        poses: at the samples, (N + 1, states).
+        path: poses where position limits apply, (G, states).
+        input_values: values that bound the inputs at all times checked, (K, inputs).
+        input_rates: values that bound their derivatives, (K', inputs).
+    """
+
+    model: Model
+    parameters: ca.SX
+    period: ca.SX
+    inputs: ca.SX
+    effective_inputs: ca.SX
+    twist: ca.SX
+    gain: ca.SX
+    direction: ca.SX
+    poses: ca.SX
+    path: ca.SX
+    input_values: ca.SX
+    input_rates: ca.SX
+
+    @property
+    def path_length(self) -> ca.SX:
+        """Distance travelled by the robot's origin [m]."""
+        # The tiny term keeps the derivative finite at rest; it adds below 1e-9 m/s.
+        speed = ca.sqrt(self.twist[:, 0] ** 2 + self.twist[:, 1] ** 2 + 1e-18)
+        return ca.sum1(speed) * self.period
+
+
+@lru_cache(maxsize=32)
+def _sample(model: Model, integration: Integration) -> ca.Function:
+    # Everything a measurement may need of one period, as one function to map over the periods.
+    pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    twist = model.twist(inputs, parameters)
+    gain, direction = chord(twist[2], pose[2], period, integration)
+    effective = model.effective_inputs(inputs, parameters)
+    return ca.Function("sample", [pose, inputs, parameters, period], [twist, effective, gain, direction])
+
+
+def roll_out(
+    model: Model,
+    integration: Integration,
+    *,
+    inputs: ca.SX,
+    start: ca.SX,
+    parameters: ca.SX,
+    period: ca.SX,
+    input_values: ca.SX,
+    input_rates: ca.SX,
+    refine: int = 1,
+) -> Drive:
+    """The drive that holds `inputs` (N, inputs) from `start`, with `refine` path points per sample."""
+    count = inputs.shape[0]
+    held, repeated = inputs.T, ca.repmat(parameters, 1, count)
+    periods = ca.repmat(period, 1, count)
+    advance = step(model, integration)
+    following = advance.mapaccum(count)(start, held, repeated, periods)
+    poses = ca.horzcat(start, following)
+    twist, effective, gain, direction = _sample(model, integration).map(count)(
+        poses[:, :count], held, repeated, periods
+    )
+    return Drive(
+        model=model,
+        parameters=parameters,
+        period=period,
+        inputs=inputs,
+        effective_inputs=effective.T,
+        twist=twist.T,
+        gain=gain.T,
+        direction=direction.T,
+        poses=poses.T,
+        path=_refined_path(advance, poses, held, parameters, period, refine).T,
+        input_values=input_values,
+        input_rates=input_rates,
+    )
+
+
+def _refined_path(
+    advance: ca.Function, poses: ca.SX, held: ca.SX, parameters: ca.SX, period: ca.SX, refine: int
+) -> ca.SX:
+    if refine == 1:
+        return poses
+    count = held.shape[1]
+    columns = np.repeat(np.arange(count), refine).tolist()
+    fractions = ca.DM(np.tile(np.arange(1, refine + 1) / refine, count)).T
+    repeated = ca.repmat(parameters, 1, count * refine)
+    inner = advance.map(count * refine)(poses[:, columns], held[:, columns], repeated, period * fractions)
+    return ca.horzcat(poses[:, 0], inner)
