@@ -48,6 +48,10 @@ class Criterion(Component, ABC):
     def value(self, matrices: Sequence[Array]) -> Array:
         """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
 
+    def concede(self, value: float, share: float) -> float:
+        """The value that remains when only `share` of `value` is asked for."""
+        return value - (1.0 - share) * abs(value)
+
     @abstractmethod
     def epigraph(self, matrices: Sequence[ca.SX]) -> Epigraph:
         """The criterion of symbolic matrices in a form an interior-point solver can maximise."""

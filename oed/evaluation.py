@@ -150,7 +150,7 @@ class _Scorer:
         self.rows: list[Rows] = [limit.rows(drive) for limit in problem.limits]
         designs = [block.design_matrix for block in self.blocks]
         limits = [rows.expression for rows in self.rows]
-        general = [drive.path_length, drive.poses, drive.path]
+        general = [drive.path_length(), drive.poses, drive.path]
         self.function = ca.Function("score", symbols, [*general, *designs, *matrices, *limits])
 
     def evaluation(self, trajectory: Trajectory, values: Array, rates: Array) -> Evaluation:

@@ -76,6 +76,9 @@ def _flaws(problem: Problem) -> list[Flaw]:
         flaws.append(Flaw(("trajectory", "spline", "coefficients"), text))
     for limit in problem.limits:
         flaws += limit.flaws(model, space)
+    names = [limit.name for limit in problem.limits]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
     bounded = {name for limit in problem.limits for name in limit.input_bounds(model)}
     for entry in model.inputs:
         if entry.name not in bounded:

@@ -49,12 +49,13 @@ class Drive:
     input_values: ca.SX
     input_rates: ca.SX
 
-    @property
-    def path_length(self) -> ca.SX:
-        """Distance travelled by the robot's origin [m]."""
-        # The tiny term keeps the derivative finite at rest; it adds below 1e-9 m/s.
-        speed = ca.sqrt(self.twist[:, 0] ** 2 + self.twist[:, 1] ** 2 + 1e-18)
-        return ca.sum1(speed) * self.period
+    def path_length(self, softening: float = 1e-9) -> ca.SX:
+        """Distance travelled by the robot's origin [m].
+
+        `softening` [m/s] rounds the speed's corner at rest, where an optimiser needs curvature that is finite.
+        """
+        speed = ca.sqrt(self.twist[:, 0] ** 2 + self.twist[:, 1] ** 2 + softening**2)
+        return ca.sum1(speed - softening) * self.period
 
 
 @lru_cache(maxsize=32)

@@ -1,0 +1,92 @@
+"""What a solver hands back: its best trajectory, how it was scored, and a status that says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from oed.evaluation import Evaluation
+from oed.trajectory import Trajectory
+
+
+class Status(Enum):
+    """How a search ended; `sentence` says what that means and what to do next."""
+
+    CONVERGED = "converged"
+    ACCEPTABLE = "acceptable"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    INTERRUPTED = "interrupted"
+    SCORED = "scored"
+    INFEASIBLE = "infeasible"
+    SINGULAR = "singular"
+    FAILED = "failed"
+
+    @property
+    def sentence(self) -> str:
+        """The status in words."""
+        return _SENTENCES[self]
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is a design to use."""
+        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED)
+
+
+_SENTENCES = {
+    Status.CONVERGED: "Converged to a local optimum that keeps every limit on the fine grid.",
+    Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
+    Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
+    "raise max_iterations to go on.",
+    Status.TIME_LIMIT: "Stopped at the time limit with the best design so far; raise time_limit to go on.",
+    Status.INTERRUPTED: "Interrupted; this is the best design found until then.",
+    Status.SCORED: "Scored as given; nothing was optimised.",
+    Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
+    Status.SINGULAR: "No drive found tells all parameters apart; "
+    "allow more motion, more segments or another regressor.",
+    Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
+}
+
+
+@dataclass(frozen=True)
+class Start:
+    """One local search: the objective it reached (None without a feasible design) and its effort."""
+
+    objective: float | None
+    status: Status
+    wall_seconds: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solver's best design.
+
+    Attributes:
+        name, kind: of the solver.
+        trajectory: the best design, None where there is none.
+        evaluation: what `evaluate` says of it.
+        status: how the search ended.
+        starts: every local search.
+        wall_seconds: of the whole search.
+        seed: of every random draw.
+        detail: what the status' sentence cannot know, e.g. which limits conflict.
+        stages: objective reached after each stage of the search, by name.
+    """
+
+    name: str
+    kind: str
+    trajectory: Trajectory | None
+    evaluation: Evaluation | None
+    status: Status
+    starts: tuple[Start, ...] = ()
+    wall_seconds: float = 0.0
+    seed: int = 0
+    detail: str = ""
+    stages: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def message(self) -> str:
+        """The status in words, with what is special to this search."""
+        return f"{self.status.sentence} {self.detail}".strip()

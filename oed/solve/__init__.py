@@ -1,0 +1,36 @@
+"""Searches for the best drive. A new solver is a file here and a name in `SOLVERS`."""
+
+from __future__ import annotations
+
+from oed.problem import Problem
+from oed.solution import Solution
+from oed.solve.ipopt import Ipopt
+from oed.solve.parallel import default_workers
+from oed.solve.progress import Progress, Silent
+from oed.solve.solver import Context, Solver
+
+SOLVERS: tuple[type[Solver], ...] = (Ipopt,)
+
+
+def solve(
+    problem: Problem,
+    solver: Solver | None = None,
+    *,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """The best drive that `solver` (by default `Ipopt()`) finds for `problem`.
+
+    Args:
+        problem: what to design for.
+        solver: a frozen set of options, e.g. `Ipopt(starts=12)`.
+        seed: of every random draw; the same seed gives the same design.
+        workers: processes; by default one per processor. Does not change the result.
+        progress: told how far the search is.
+    """
+    context = Context(seed, workers or default_workers(), progress or Silent())
+    return (solver or Ipopt()).search(problem, context)
+
+
+__all__ = ["SOLVERS", "Context", "Ipopt", "Progress", "Silent", "Solver", "default_workers", "solve"]

@@ -1,0 +1,65 @@
+"""Why no feasible drive was found: which limits stand against each other, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.solve.program import DesignExpressions, Program
+
+Array = npt.NDArray[np.float64]
+
+NEGLIGIBLE = 1e-4
+"""Relaxation, as a share of a limit's size, below which the limit counts as kept."""
+
+
+def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
+    """A sentence naming the limits of which one has to give way, and how far each alone would have to.
+
+    Every limit in turn is relaxed as little as possible while the others hold. "" where the limits turn
+    out to agree.
+    """
+    relaxation = ca.SX.sym("relaxation", len(design.rows))
+    program = Program(
+        design,
+        objective=-ca.sum1(relaxation) - 1e-6 * ca.sumsqr(design.unknowns),
+        auxiliary=relaxation,
+        equalities=ca.SX(0, 1),
+        floors=ca.SX(0, 1),
+        relaxed=ca.vertsplit(relaxation),
+        options={"ipopt.max_iter": 300},
+    )
+    needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.rows))]
+    if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
+        return ""
+    limits = design.problem.limits
+    phrases = [
+        f"{limit.name} (by {amount * rows.size:.3g} {rows.unit})"
+        for limit, rows, amount in zip(limits, design.rows, needed, strict=True)
+        if amount is not None
+    ]
+    if not phrases:
+        names = ", ".join(limit.name for limit in limits)
+        return f"The limits {names} conflict; loosening a single one was not found to be enough."
+    if len(phrases) == 1:
+        return f"One limit is in the way and would have to be loosened: {phrases[0]}."
+    return f"These limits conflict, and loosening any one of them is enough: {', '.join(phrases)}."
+
+
+def _relaxed_alone(
+    program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
+) -> float | None:
+    # The least relaxation of one limit with the others kept, over the starts; None if none was found.
+    count = len(design.rows)
+    upper = np.zeros(count)
+    upper[index] = np.inf
+    amounts = []
+    for start in starts:
+        initial = np.where(upper > 0, 1.0, 0.0)
+        outcome = program.solve(start, initial, auxiliary_lower=np.zeros(count), auxiliary_upper=upper)
+        if outcome.return_status in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+            amounts.append(float(outcome.auxiliary[index]))
+    return min(amounts) if amounts else None

@@ -1,0 +1,215 @@
+"""Gradient search: Ipopt from many starts, perturbed and solved again, then settled among equal optima."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, PositiveInt
+
+from oed.problem import Problem
+from oed.quantities import Duration
+from oed.solution import Solution, Start, Status
+from oed.solve.conflict import describe_conflict
+from oed.solve.local import Local, Settings, local_search
+from oed.solve.parallel import run_tasks
+from oed.solve.program import DesignExpressions
+from oed.solve.solver import Context, Solver
+from oed.solve.starts import perturbed, random_drives, starting_points
+
+Array = npt.NDArray[np.float64]
+
+ROUND = 4
+"""Perturbations tried from one design before the best of them is perturbed in turn."""
+SINGULAR = 1e-9
+"""Share of lambda_max below which lambda_min counts as 0."""
+
+
+class Ipopt(Solver):
+    """Multi-start interior-point search with exact Hessians.
+
+    Attributes:
+        starts: local searches, half from screened random drives, half from small random coefficients.
+        perturbations: further searches from kicked copies of the best design.
+        second_stage: what decides among designs of practically equal objective: "logdet" (most
+            information in all directions), "shortest_path", or "none".
+        second_stage_share: share of the best objective that the second stage has to keep.
+        max_iterations, tolerance: of Ipopt, per local search.
+        time_limit: of the whole search [s]; None for none. A search that it ends depends on the machine.
+    """
+
+    kind: Literal["ipopt"] = "ipopt"
+    starts: PositiveInt = 12
+    perturbations: Annotated[int, Field(ge=0)] = 8
+    second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
+    second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
+    max_iterations: PositiveInt = 500
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+    time_limit: Annotated[Duration, Field(gt=0)] | None = None
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """The best design of all starts; interrupted, the best so far."""
+        return _Search(self, problem, context).run()
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One local search for a worker."""
+
+    token: str
+    problem: Problem
+    settings: Settings
+    unknowns: Array
+    share: float | None = None
+
+
+def _work(task: _Task) -> Local:
+    search = local_search(task.token, task.problem, task.settings)
+    return search.maximise(task.unknowns) if task.share is None else search.settle(task.unknowns, task.share)
+
+
+@dataclass
+class _Search:
+    options: Ipopt
+    problem: Problem
+    context: Context
+    began: float = field(default_factory=time.perf_counter)
+    best: Local | None = None
+    starts: list[Start] = field(default_factory=list)
+    stages: dict[str, float] = field(default_factory=dict)
+    stopped: Status | None = None
+
+    def __post_init__(self) -> None:
+        options = self.options
+        self.design = DesignExpressions(self.problem)
+        self.token = uuid.uuid4().hex
+        self.settings = Settings(
+            options.max_iterations, options.tolerance, options.time_limit, options.second_stage
+        )
+
+    def run(self) -> Solution:
+        try:
+            for stage in (self._multi_start, self._perturb, self._settle):
+                if self._out_of_time():
+                    self.stopped = Status.TIME_LIMIT
+                    break
+                stage()
+        except KeyboardInterrupt:
+            self.stopped = Status.INTERRUPTED
+        return self._solution()
+
+    def _multi_start(self) -> None:
+        points = starting_points(self.design, self.options.starts, self.context.rng(0))
+        results = self._solve_all(points, "starts", None)
+        self.starts = [_start(result) for result in results if result is not None]
+        self._note_stage("starts")
+
+    def _perturb(self) -> None:
+        left = self.options.perturbations
+        if not left or self.best is None or self.best.unknowns is None:
+            return
+        rng = self.context.rng(1)
+        self.context.progress.begin("perturb and solve again", left)
+        while left > 0:
+            base = self.best.unknowns
+            points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]
+            self._solve_all(points, None, None)
+            left -= len(points)
+        self._note_stage("perturbations")
+
+    def _settle(self) -> None:
+        options, best = self.options, self.best
+        if options.second_stage == "none" or best is None or best.unknowns is None or self._is_singular():
+            return
+        self.context.progress.begin("settle among equal optima", 1)
+        settled = _work(self._task(best.unknowns, options.second_stage_share))
+        self.context.progress.advance()
+        if settled.objective >= self.problem.criterion.concede(best.objective, options.second_stage_share) * (
+            1 - 1e-6
+        ):
+            self.best = settled
+        self._note_stage("second_stage")
+
+    def _solve_all(self, points: Sequence[Array], stage: str | None, share: float | None) -> list[Local | None]:
+        if stage is not None:
+            self.context.progress.begin(stage, len(points))
+        results: list[Local | None] = [None] * len(points)
+        tasks = [self._task(point, share) for point in points]
+        try:
+            for index, result in run_tasks(_work, tasks, self.context.workers):
+                results[index] = result
+                self.context.progress.advance(f"best {max(_objectives(results)):.6g}")
+        finally:
+            # In the order of the starts, so that ties fall alike whatever the workers' timing.
+            self._keep_best(results)
+            if stage is not None:
+                self.starts = [_start(result) for result in results if result is not None]
+        return results
+
+    def _task(self, unknowns: Array, share: float | None) -> _Task:
+        return _Task(self.token, self.problem, self.settings, unknowns, share)
+
+    def _keep_best(self, results: Sequence[Local | None]) -> None:
+        for result in results:
+            if result is None or result.unknowns is None:
+                continue
+            if self.best is None or result.objective > self.best.objective:
+                self.best = result
+
+    def _note_stage(self, name: str) -> None:
+        if self.best is not None:
+            self.stages[name] = self.best.objective
+
+    def _out_of_time(self) -> bool:
+        limit = self.options.time_limit
+        return limit is not None and time.perf_counter() - self.began > limit
+
+    def _is_singular(self) -> bool:
+        evaluation = self.best.evaluation if self.best is not None else None
+        return evaluation is None or evaluation.lambda_min <= SINGULAR * evaluation.lambda_max
+
+    def _solution(self) -> Solution:
+        best = self.best
+        status, detail = self._verdict()
+        usable = best is not None and best.unknowns is not None and status.usable
+        return Solution(
+            name="ipopt",
+            kind=self.options.kind,
+            trajectory=self.design.trajectory(best.unknowns) if usable and best and best.unknowns is not None else None,
+            evaluation=best.evaluation if usable and best else None,
+            status=status,
+            starts=tuple(self.starts),
+            wall_seconds=time.perf_counter() - self.began,
+            seed=self.context.seed,
+            detail=detail,
+            stages=self.stages,
+        )
+
+    def _verdict(self) -> tuple[Status, str]:
+        if self.best is None:
+            if self.stopped is not None:
+                return Status.FAILED, f"{self.stopped.sentence} No design had been found by then."
+            return self._why_nothing()
+        if self._is_singular():
+            return Status.SINGULAR, ""
+        return self.stopped or self.best.status, ""
+
+    def _why_nothing(self) -> tuple[Status, str]:
+        rng = self.context.rng(2)
+        points = list(random_drives(self.design, np.array([0.25, 0.5, 1.0]), rng))
+        conflict = describe_conflict(self.design, points)
+        return (Status.INFEASIBLE, conflict) if conflict else (Status.FAILED, "")
+
+
+def _start(result: Local) -> Start:
+    reached = result.objective if result.evaluation is not None else None
+    return Start(reached, result.status, result.wall_seconds, result.iterations)
+
+
+def _objectives(results: Sequence[Local | None]) -> list[float]:
+    return [result.objective for result in results if result is not None]

@@ -1,0 +1,172 @@
+"""One local search: Ipopt from one start, repeated with tightened limits until the fine grid is satisfied."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.problem import Problem
+from oed.solution import Status
+from oed.solve.program import DesignExpressions, Outcome, Program
+
+Array = npt.NDArray[np.float64]
+
+TIGHTENINGS = 6
+"""Times that limits exceeded between the samples are tightened before the search is given up."""
+
+_STATUS = {
+    "Solve_Succeeded": Status.CONVERGED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.ACCEPTABLE,
+    "Search_Direction_Becomes_Too_Small": Status.ACCEPTABLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Restoration_Failed": Status.INFEASIBLE,
+}
+
+
+@dataclass(frozen=True)
+class Local:
+    """The result of one local search; `unknowns` and `evaluation` are None without a feasible design."""
+
+    unknowns: Array | None
+    evaluation: Evaluation | None
+    status: Status
+    iterations: int
+    wall_seconds: float
+
+    @property
+    def objective(self) -> float:
+        """The objective reached, minus infinity without a feasible design."""
+        return -np.inf if self.evaluation is None else self.evaluation.objective
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a local search needs to know of the solver's options."""
+
+    max_iterations: int
+    tolerance: float
+    time_limit: float | None
+    second_stage: str
+
+    @property
+    def ipopt(self) -> dict[str, object]:
+        """The options in Ipopt's names."""
+        options: dict[str, object] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
+        if self.time_limit is not None:
+            options["ipopt.max_wall_time"] = self.time_limit
+        return options
+
+
+class LocalSearch:
+    """The compiled programs of one problem: the criterion's, and the second stage's."""
+
+    def __init__(self, problem: Problem, settings: Settings) -> None:
+        """Write the expressions; programs are built when first used."""
+        self.problem = problem
+        self.settings = settings
+        self.design = DesignExpressions(problem)
+        self.scale = self.design.scale
+        scaled = [matrix / self.scale for matrix in self.design.matrices]
+        self._scaled = scaled
+        self._epigraph = problem.criterion.epigraph(scaled)
+        self._matrices = ca.Function("matrices", [self.design.unknowns], scaled)
+
+    @cached_property
+    def _first(self) -> Program:
+        return Program(
+            self.design,
+            objective=self._epigraph.objective,
+            auxiliary=self._epigraph.variables,
+            equalities=self._epigraph.equalities,
+            floors=ca.SX(0, 1),
+            options=self.settings.ipopt,
+        )
+
+    @cached_property
+    def _second(self) -> Program:
+        return Program(
+            self.design,
+            objective=self._secondary(),
+            auxiliary=self._epigraph.variables,
+            equalities=self._epigraph.equalities,
+            floors=self._epigraph.objective,
+            options=self.settings.ipopt,
+        )
+
+    def _secondary(self) -> ca.SX:
+        if self.settings.second_stage == "shortest_path":
+            longest = float(np.abs(self.problem.input_bounds).max()) * self.problem.design.duration
+            typical = ca.fabs(self.problem.model.twist(self.design.input_scale, self.problem.model.nominal)[0])
+            softening = 0.01 * max(float(ca.evalf(typical)), 1e-6 * longest)
+            return -self.design.drive.path_length(softening)
+        return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._scaled)
+
+    def maximise(self, unknowns: Array) -> Local:
+        """Maximise the criterion from a start."""
+        return self._tightened(self._first, unknowns, np.zeros(0))
+
+    def settle(self, unknowns: Array, share: float) -> Local:
+        """Among designs with at least `share` of this design's objective, the best by the second measure."""
+        level = self.problem.criterion.concede(float(self.problem.criterion.value(self._numeric(unknowns))), share)
+        return self._tightened(self._second, unknowns, np.array([level]))
+
+    def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
+        began = time.perf_counter()
+        backoff, iterations = np.zeros(len(self.problem.limits)), 0
+        for _ in range(TIGHTENINGS):
+            outcome = program.solve(unknowns, self.initial(unknowns), floors=floors, backoff=backoff)
+            iterations += outcome.iterations
+            unknowns = outcome.unknowns
+            evaluation = evaluate(self.problem, self.design.trajectory(unknowns))
+            excess = self._excess(evaluation)
+            if not excess.any():
+                break
+            backoff += 1.1 * excess
+        return self._judged(outcome, evaluation, iterations, time.perf_counter() - began)
+
+    def _judged(self, outcome: Outcome, evaluation: Evaluation, iterations: int, seconds: float) -> Local:
+        status = _STATUS.get(outcome.return_status, Status.FAILED)
+        if not evaluation.feasible or not np.isfinite(evaluation.objective):
+            lost = Status.INFEASIBLE if status is Status.INFEASIBLE else Status.FAILED
+            return Local(None, None, lost, iterations, seconds)
+        # A feasible end is a design, whatever made Ipopt stop there.
+        kept = Status.ACCEPTABLE if status in (Status.INFEASIBLE, Status.FAILED) else status
+        return Local(outcome.unknowns, evaluation, kept, iterations, seconds)
+
+    def initial(self, unknowns: Array) -> Array:
+        """The epigraph's auxiliary unknowns for a design."""
+        return self._epigraph.initial(self._numeric(unknowns))
+
+    def _numeric(self, unknowns: Array) -> list[Array]:
+        matrices = self._matrices.call([unknowns])
+        return [np.array(matrix) for matrix in matrices]
+
+    def _excess(self, evaluation: Evaluation) -> Array:
+        # Half the tolerance is left for rounding, so that the design passes other people's checks as well.
+        named = {margin.name: margin for margin in evaluation.margins}
+        shares = np.array([named[limit.name].violation / named[limit.name].size for limit in self.problem.limits])
+        return np.where(shares > TOLERANCE / 2, shares, 0.0)
+
+
+_CACHE: OrderedDict[str, LocalSearch] = OrderedDict()
+_CACHED = 4
+
+
+def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:
+    """The search of this token, built once in each process."""
+    if token not in _CACHE:
+        _CACHE[token] = LocalSearch(problem, settings)
+        if len(_CACHE) > _CACHED:
+            _CACHE.popitem(last=False)
+    return _CACHE[token]

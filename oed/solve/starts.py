@@ -1,0 +1,82 @@
+"""Where local searches begin: random drives, screened, and small random coefficients."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.limits.workspace import Workspace
+from oed.solve.program import DesignExpressions
+
+Array = npt.NDArray[np.float64]
+
+SCREENED = 2000
+"""Random drives simulated to choose starts from."""
+SMALL = 0.25
+"""Amplitude of the small random starts, as a share of each input's range."""
+DISCOUNT = 1.0
+"""Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
+KICK = 0.15
+"""Standard deviation of a perturbation, as a share of each input's largest value."""
+
+
+def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
+    """Unknowns (K, size) of random drives, each input uniform within its amplitude (K,) share of its range."""
+    bounds = design.problem.input_bounds / design.input_scale[:, None]
+    rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
+    per_input = design.coefficient_count // len(bounds)
+    low, high = (np.repeat(bounds[:, side], per_input) for side in (0, 1))
+    centre = np.repeat(rest, per_input)
+    draws = rng.uniform(low, high, (len(amplitudes), design.coefficient_count))
+    coefficients = centre + amplitudes[:, None] * (draws - centre)
+    poses = design.size - design.coefficient_count
+    if not poses:
+        return coefficients
+    return np.hstack([coefficients, random_poses(design, len(amplitudes), rng)])
+
+
+def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
+    """Random start states (count, states) within the workspace's bounding box."""
+    extents = [limit.extent for limit in design.problem.limits if isinstance(limit, Workspace)]
+    x_min, x_max, y_min, y_max = extents[0] if extents else (-1e-3, 1e-3, -1e-3, 1e-3)
+    poses = np.zeros((count, len(design.problem.model.states)))
+    poses[:, 0] = rng.uniform(x_min, x_max, count)
+    poses[:, 1] = rng.uniform(y_min, y_max, count)
+    poses[:, 2] = rng.uniform(-np.pi, np.pi, count)
+    return poses
+
+
+def starting_points(design: DesignExpressions, count: int, rng: np.random.Generator) -> list[Array]:
+    """Unknowns of `count` starts: half screened, half small.
+
+    Screening ranks random drives by criterion, discounted by how far they exceed the limits.
+    """
+    candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
+    values, violations = design.score_many(candidates)
+    order = np.argsort(-_merit(values, violations), kind="stable")
+    screened = candidates[order[: (count + 1) // 2]]
+    small = random_drives(design, np.full(count // 2, SMALL), rng)
+    # Taking turns, so that a search cut short has tried both sorts.
+    both: list[Array | None] = [None] * count
+    both[0::2], both[1::2] = list(screened), list(small)
+    return [start for start in both if start is not None]
+
+
+def _merit(values: Array, violations: Array) -> Array:
+    # Standard scores, so that criteria of any size and sign are discounted alike.
+    finite = np.isfinite(values)
+    if not finite.any():
+        return -violations.sum(axis=1)
+    spread = float(values[finite].std()) or 1.0
+    scores = np.where(finite, (values - values[finite].mean()) / spread, -1e3)
+    return np.asarray(scores - DISCOUNT * violations.sum(axis=1))
+
+
+def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
+    """A neighbour of a design: every coefficient kicked, within the inputs' bounds."""
+    bounds = design.problem.input_bounds / design.input_scale[:, None]
+    per_input = design.coefficient_count // len(bounds)
+    kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
+    head = kicked[: design.coefficient_count]
+    np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
+    return kicked
