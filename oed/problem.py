@@ -22,6 +22,7 @@ from oed.trajectory import DesignSpace
 
 Array = npt.NDArray[np.float64]
 
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What to design for: a robot, the drives allowed, a measurement, limits and a criterion.

@@ -135,7 +135,9 @@ class _Search:
             self.best = settled
         self._note_stage("second_stage")
 
-    def _solve_all(self, points: Sequence[Array], stage: str | None, share: float | None) -> list[Local | None]:
+    def _solve_all(
+        self, points: Sequence[Array], stage: str | None, share: float | None
+    ) -> list[Local | None]:
         if stage is not None:
             self.context.progress.begin(stage, len(points))
         results: list[Local | None] = [None] * len(points)
@@ -180,7 +182,9 @@ class _Search:
         return Solution(
             name="ipopt",
             kind=self.options.kind,
-            trajectory=self.design.trajectory(best.unknowns) if usable and best and best.unknowns is not None else None,
+            trajectory=self.design.trajectory(best.unknowns)
+            if usable and best and best.unknowns is not None
+            else None,
             evaluation=best.evaluation if usable and best else None,
             status=status,
             starts=tuple(self.starts),

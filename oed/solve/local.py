@@ -20,6 +20,8 @@ Array = npt.NDArray[np.float64]
 
 TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
+HOPELESS = 0.1
+"""Excess, as a share of a limit's size, that no tightening mends: the search has not found the inside."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -107,7 +109,9 @@ class LocalSearch:
     def _secondary(self) -> ca.SX:
         if self.settings.second_stage == "shortest_path":
             longest = float(np.abs(self.problem.input_bounds).max()) * self.problem.design.duration
-            typical = ca.fabs(self.problem.model.twist(self.design.input_scale, self.problem.model.nominal)[0])
+            typical = ca.fabs(
+                self.problem.model.twist(self.design.input_scale, self.problem.model.nominal)[0]
+            )
             softening = 0.01 * max(float(ca.evalf(typical)), 1e-6 * longest)
             return -self.design.drive.path_length(softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._scaled)
@@ -118,7 +122,9 @@ class LocalSearch:
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        level = self.problem.criterion.concede(float(self.problem.criterion.value(self._numeric(unknowns))), share)
+        level = self.problem.criterion.concede(
+            float(self.problem.criterion.value(self._numeric(unknowns))), share
+        )
         return self._tightened(self._second, unknowns, np.array([level]))
 
     def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
@@ -130,7 +136,7 @@ class LocalSearch:
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.design.trajectory(unknowns))
             excess = self._excess(evaluation)
-            if not excess.any():
+            if not excess.any() or excess.max() > HOPELESS:
                 break
             backoff += 1.1 * excess
         return self._judged(outcome, evaluation, iterations, time.perf_counter() - began)
@@ -155,7 +161,9 @@ class LocalSearch:
     def _excess(self, evaluation: Evaluation) -> Array:
         # Half the tolerance is left for rounding, so that the design passes other people's checks as well.
         named = {margin.name: margin for margin in evaluation.margins}
-        shares = np.array([named[limit.name].violation / named[limit.name].size for limit in self.problem.limits])
+        shares = np.array(
+            [named[limit.name].violation / named[limit.name].size for limit in self.problem.limits]
+        )
         return np.where(shares > TOLERANCE / 2, shares, 0.0)
 
 
