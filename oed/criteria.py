@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.component import Component
+from oed.expression import Expression
 from oed.information import Scaling
 
 Array = npt.NDArray[np.float64]
@@ -32,9 +33,9 @@ class Epigraph:
         initial: values (k,) of the auxiliary unknowns for given numeric matrices.
     """
 
-    objective: ca.SX
-    variables: ca.SX
-    equalities: ca.SX
+    objective: Expression
+    variables: Expression
+    equalities: Expression
     initial: Callable[[Sequence[Array]], Array]
 
 
@@ -53,7 +54,7 @@ class Criterion(Component, ABC):
         return value - (1.0 - share) * abs(value)
 
     @abstractmethod
-    def epigraph(self, matrices: Sequence[ca.SX]) -> Epigraph:
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """The criterion of symbolic matrices in a form an interior-point solver can maximise."""
 
 
@@ -71,7 +72,7 @@ class E(Criterion):
         smallest = [np.linalg.eigvalsh(matrix)[..., 0] for matrix in matrices]
         return np.asarray(np.min(smallest, axis=0))
 
-    def epigraph(self, matrices: Sequence[ca.SX]) -> Epigraph:
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise t with F_b - t I = L_b L_b' for every block b."""
         level = ca.SX.sym("t")
         variables, equalities = [level], []

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -134,7 +135,7 @@ class _Scorer:
 
     def __init__(self, problem: Problem, samples: int, rates: int) -> None:
         model = problem.model
-        symbols = [
+        symbols: list[Any] = [
             ca.MX.sym("inputs", samples, len(model.inputs)),
             ca.MX.sym("start", len(model.states)),
             ca.MX.sym("parameters", len(model.parameters)),
@@ -151,7 +152,8 @@ class _Scorer:
         designs = [block.design_matrix for block in self.blocks]
         limits = [rows.expression for rows in self.rows]
         general = [drive.path_length(), drive.poses, drive.path]
-        self.function = ca.Function("score", symbols, [*general, *designs, *matrices, *limits])
+        outputs: list[Any] = [*general, *designs, *matrices, *limits]
+        self.function = ca.Function("score", symbols, outputs)
 
     def evaluation(self, trajectory: Trajectory, values: Array, rates: Array) -> Evaluation:
         problem, count = self.problem, len(self.blocks)

@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import Flaw
+from oed.expression import Expression
 from oed.measurements.measurement import Block
 
 Scaling = Literal["relative", "none"] | Mapping[str, float]
 
 
-def information(block: Block, scaling: Scaling) -> ca.SX:
+def information(block: Block, scaling: Scaling) -> Expression:
     """F = D W' W D / sigma^2 (p, p), with D the parameters' scales.
 
     `relative` scales by the nominal values, so that lambda_min^(-1/2) is the worst relative standard

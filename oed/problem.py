@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from oed.criteria import Criterion
 from oed.errors import Flaw, ProblemError
+from oed.expression import Expression
 from oed.information import information, scaling_flaws
 from oed.limits.limit import Limit
 from oed.measurements.measurement import Block, Measurement
@@ -55,7 +55,7 @@ class Problem:
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
 
-    def matrices(self, drive: Drive) -> tuple[tuple[Block, ...], list[ca.SX]]:
+    def matrices(self, drive: Drive) -> tuple[tuple[Block, ...], list[Expression]]:
         """The measurement's regressions of a drive, and the information matrices the criterion judges."""
         blocks = self.measurement.blocks(drive)
         return blocks, [information(block, self.criterion.scaling) for block in blocks]

@@ -11,6 +11,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from oed.expression import Expression
 from oed.models.model import Integration, Model, chord, step
 
 FINE = 10
@@ -37,22 +38,22 @@ class Drive:
     """
 
     model: Model
-    parameters: ca.SX
-    period: ca.SX
-    inputs: ca.SX
-    effective_inputs: ca.SX
-    twist: ca.SX
-    gain: ca.SX
-    direction: ca.SX
-    poses: ca.SX
-    path: ca.SX
-    input_values: ca.SX
-    input_rates: ca.SX
+    parameters: Expression
+    period: Expression
+    inputs: Expression
+    effective_inputs: Expression
+    twist: Expression
+    gain: Expression
+    direction: Expression
+    poses: Expression
+    path: Expression
+    input_values: Expression
+    input_rates: Expression
 
-    def path_length(self, softening: float = 1e-9) -> ca.SX:
+    def path_length(self, softening: float = 1e-9) -> Expression:
         """Distance travelled by the robot's origin [m].
 
-        `softening` [m/s] rounds the speed's corner at rest, where an optimiser needs curvature that is finite.
+        `softening` [m/s] rounds the speed's corner at rest, for optimisers that need finite curvature.
         """
         speed = ca.sqrt(self.twist[:, 0] ** 2 + self.twist[:, 1] ** 2 + softening**2)
         return ca.sum1(speed - softening) * self.period
@@ -73,12 +74,12 @@ def roll_out(
     model: Model,
     integration: Integration,
     *,
-    inputs: ca.SX,
-    start: ca.SX,
-    parameters: ca.SX,
-    period: ca.SX,
-    input_values: ca.SX,
-    input_rates: ca.SX,
+    inputs: Expression,
+    start: Expression,
+    parameters: Expression,
+    period: Expression,
+    input_values: Expression,
+    input_rates: Expression,
     refine: int = 1,
 ) -> Drive:
     """The drive that holds `inputs` (N, inputs) from `start`, with `refine` path points per sample."""
@@ -108,8 +109,13 @@ def roll_out(
 
 
 def _refined_path(
-    advance: ca.Function, poses: ca.SX, held: ca.SX, parameters: ca.SX, period: ca.SX, refine: int
-) -> ca.SX:
+    advance: ca.Function,
+    poses: Expression,
+    held: Expression,
+    parameters: Expression,
+    period: Expression,
+    refine: int,
+) -> Expression:
     if refine == 1:
         return poses
     count = held.shape[1]

@@ -18,6 +18,11 @@ from oed.quantities import Angle, Duration, Length
 Array = npt.NDArray[np.float64]
 
 
+def middles(duration: float, samples: int) -> Array:
+    """Times (N,) [s] of the middles of N equal periods."""
+    return np.asarray((np.arange(samples, dtype=np.float64) + 0.5) * (duration / samples))
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """A drive: splines of the inputs over time, held sample by sample, from a start pose.
@@ -58,7 +63,7 @@ class Trajectory:
     def from_samples(
         cls, inputs: npt.ArrayLike, duration: float, start: npt.ArrayLike, *, rest_to_rest: bool = True
     ) -> Trajectory:
-        """The drive that holds `inputs` (N, inputs) in N equal periods: polygons through the periods' middles.
+        """The drive that holds `inputs` (N, inputs) in N equal periods: polygons through their middles.
 
         Args:
             inputs: one row per period.
@@ -67,9 +72,8 @@ class Trajectory:
             rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
         """
         rows = np.asarray(inputs, dtype=float)
-        middles = (np.arange(len(rows)) + 0.5) * duration / len(rows)
         ends = np.zeros((2, rows.shape[1])) if rest_to_rest else rows[[0, -1]]
-        knots = np.concatenate([[0.0, 0.0], middles, [duration, duration]])
+        knots = np.concatenate([[0.0, 0.0], middles(duration, len(rows)), [duration, duration]])
         return cls(knots, 1, np.vstack([ends[:1], rows, ends[1:]]), np.asarray(start, dtype=float), len(rows))
 
     @property
@@ -85,7 +89,7 @@ class Trajectory:
     @property
     def inputs(self) -> Array:
         """Inputs held in each period, (N, inputs)."""
-        return self.inputs_at((np.arange(self.samples) + 0.5) * self.period)
+        return self.inputs_at(middles(self.duration, self.samples))
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""
@@ -142,8 +146,8 @@ class DesignSpace(Component):
     @property
     def sampling_matrix(self) -> Array:
         """(N, n): takes coefficients to the inputs held in each period."""
-        middles = (np.arange(self.samples) + 0.5) * self.period
-        return np.asarray(spline.basis(self.knots, self.spline.degree, middles).toarray())
+        times = middles(self.duration, self.samples)
+        return np.asarray(spline.basis(self.knots, self.spline.degree, times).toarray())
 
     @property
     def rate_matrix(self) -> Array:

@@ -15,6 +15,7 @@ from pydantic_core import CoreSchema
 
 from oed.component import Component
 from oed.errors import Flaw
+from oed.expression import Expression
 from oed.models.model import Model
 from oed.quantities import parse_quantity
 from oed.rollout import Drive
@@ -34,7 +35,7 @@ class Rows:
         unit: SI unit of the rows.
     """
 
-    expression: ca.SX
+    expression: Expression
     lower: Array
     upper: Array
     size: float
@@ -115,7 +116,7 @@ class InputLimit(Limit, ABC):
         """Which of the model's inputs are limited."""
         return [index for index, entry in enumerate(model.inputs) if entry.quantity == self.quantity]
 
-    def bounded(self, columns: ca.SX, unit: str) -> Rows:
+    def bounded(self, columns: Expression, unit: str) -> Rows:
         """`bounds` on every entry of `columns`; the size is the larger bound's magnitude."""
         count = columns.numel()
         low, high = self.bounds

@@ -66,7 +66,7 @@ class Rectangle(Workspace):
         return (*self.x, *self.y)
 
     def rows(self, drive: Drive) -> Rows:
-        """x and y of every path point; the size is the shorter half-side."""
+        """X and y of every path point; the size is the shorter half-side."""
         count = drive.path.shape[0]
         lower = np.repeat([self.x[0], self.y[0]], count)
         upper = np.repeat([self.x[1], self.y[1]], count)

@@ -13,6 +13,7 @@ from scipy import sparse
 
 from oed.component import Component
 from oed.errors import Flaw
+from oed.expression import Expression
 from oed.measurements.measurement import Block, Measurement
 from oed.models.model import Model
 from oed.quantities import Angle, Length
@@ -93,7 +94,7 @@ class Displacements(Measurement):
         )
         return self._block(drive, 1, "position", matrix, self.noise.position)
 
-    def _block(self, drive: Drive, row: int, name: str, matrix: ca.SX, noise: float | None) -> Block:
+    def _block(self, drive: Drive, row: int, name: str, matrix: Expression, noise: float | None) -> Block:
         model = drive.model
         nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[row]
         return Block(name, matrix, model.coefficient_names[row], nominal, noise)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from oed.component import Component
 from oed.errors import Flaw
+from oed.expression import Expression
 from oed.models.model import Model
 from oed.rollout import Drive
 
@@ -28,7 +28,7 @@ class Block:
     """
 
     name: str
-    design_matrix: ca.SX
+    design_matrix: Expression
     parameters: tuple[str, ...]
     nominal: npt.NDArray[np.float64]
     noise: float | None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-import casadi as ca
-
+from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
 from oed.models.wheels import COEFFICIENT_NAMES, TWO_WHEEL_SPEEDS, TwoSidedGeometry, two_sided_coefficients
 
@@ -22,10 +21,10 @@ class DifferentialDrive(TwoSidedGeometry, Model):
         """wheel_radius_right, wheel_radius_left, track [m]."""
         return self.geometry_parameters
 
-    def coefficients(self, parameters: ca.SX) -> ca.SX:
+    def coefficients(self, parameters: Expression) -> Expression:
         """Matrix c (2, 2) of the paper [Choi, eq. 6]."""
         return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
 
-    def twist(self, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed, 0, yaw rate [Choi, eqs 2, 4 with no slip]."""
         return coefficient_twist(self, inputs, parameters)

@@ -14,6 +14,7 @@ from typing import ClassVar, Literal
 import casadi as ca
 
 from oed.component import Component
+from oed.expression import Expression
 
 Integration = Literal["arc", "midpoint"]
 
@@ -51,7 +52,7 @@ class Model(Component, ABC):
         """The kinematic parameters with their nominal values, in the order `twist` takes them."""
 
     @abstractmethod
-    def twist(self, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Body twist (3,): forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s].
 
         Args:
@@ -59,7 +60,7 @@ class Model(Component, ABC):
             parameters: parameter values, (len(self.parameters),), SI.
         """
 
-    def coefficients(self, parameters: ca.SX) -> ca.SX:
+    def coefficients(self, parameters: Expression) -> Expression:
         """Coefficient matrix c of [yaw rate; forward speed] = c @ effective inputs [Choi, eqs 5, 6].
 
         Raises:
@@ -67,7 +68,7 @@ class Model(Component, ABC):
         """
         raise NotImplementedError(f"the twist of {self.kind} is not linear in coefficients")
 
-    def effective_inputs(self, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Inputs as they act on the ground, e.g. wheel speeds less slip; the inputs themselves by default."""
         return inputs
 
@@ -82,13 +83,13 @@ class Model(Component, ABC):
         return tuple(entry.name for entry in self.inputs)
 
 
-def coefficient_twist(model: Model, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
     """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5]."""
     product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
     return ca.vertcat(product[1], 0, product[0])
 
 
-def sinc(angle: ca.SX) -> ca.SX:
+def sinc(angle: Expression) -> Expression:
     """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
     small = ca.fabs(angle) < 0.02
     square = angle * angle
@@ -96,7 +97,9 @@ def sinc(angle: ca.SX) -> ca.SX:
     return ca.if_else(small, series, ca.sin(angle) / ca.if_else(small, 1, angle))
 
 
-def chord(yaw_rate: ca.SX, heading: ca.SX, period: ca.SX, integration: Integration) -> tuple[ca.SX, ca.SX]:
+def chord(
+    yaw_rate: Expression, heading: Expression, period: Expression, integration: Integration
+) -> tuple[Expression, Expression]:
     """How a sample's speed moves the pose: (gain [s], direction [rad]); displacement = gain * R(direction) v.
 
     `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).

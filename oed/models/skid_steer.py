@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import casadi as ca
 from pydantic import Field
 
+from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
 from oed.models.wheels import COEFFICIENT_NAMES, TWO_WHEEL_SPEEDS, TwoSidedGeometry, two_sided_coefficients
 from oed.quantities import AngularSpeed, Ratio
@@ -35,11 +36,11 @@ class SkidSteer(TwoSidedGeometry, Model):
         slips = (Parameter("slip_outer", self.slip_outer, ""), Parameter("slip_inner", self.slip_inner, ""))
         return self.geometry_parameters + slips
 
-    def coefficients(self, parameters: ca.SX) -> ca.SX:
+    def coefficients(self, parameters: Expression) -> Expression:
         """Matrix c (2, 2) of the paper [Choi, eq. 6]."""
         return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
 
-    def effective_inputs(self, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Wheel speeds less slip, w (1 - i), right and left [rad/s] [Choi, eq. 5]."""
         outer, inner = parameters[3], parameters[4]
         right_is_outer = self._right_is_outer(inputs)
@@ -47,12 +48,12 @@ class SkidSteer(TwoSidedGeometry, Model):
         slip_left = outer + (inner - outer) * right_is_outer
         return ca.vertcat(inputs[0] * (1 - slip_right), inputs[1] * (1 - slip_left))
 
-    def twist(self, inputs: ca.SX, parameters: ca.SX) -> ca.SX:
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed V [Choi, eq. 4], 0, yaw rate Omega' [Choi, eq. 2]."""
         return coefficient_twist(self, inputs, parameters)
 
-    def turning_radius(self, wheel_speeds: ca.SX) -> ca.SX:
-        """Turning radius R' [m] at nominal parameters, positive where the centre is on the left [Choi, eq. 1].
+    def turning_radius(self, wheel_speeds: Expression) -> Expression:
+        """Turning radius R' [m] at nominal parameters, positive for a centre on the left [Choi, eq. 1].
 
         Args:
             wheel_speeds: (2,) right and left [rad/s]. Infinite on a straight.
@@ -60,14 +61,14 @@ class SkidSteer(TwoSidedGeometry, Model):
         forward, _, yaw_rate = ca.vertsplit(self.twist(wheel_speeds, ca.DM(self.nominal)))
         return forward / yaw_rate
 
-    def speed_ratio(self, wheel_speeds: ca.SX) -> ca.SX:
+    def speed_ratio(self, wheel_speeds: Expression) -> Expression:
         """K_s = w_o / w_i, outer over inner wheel speed [Choi, eq. 3]."""
         right_over_left = wheel_speeds[0] / wheel_speeds[1]
         return ca.if_else(
             ca.fabs(wheel_speeds[0]) >= ca.fabs(wheel_speeds[1]), right_over_left, 1 / right_over_left
         )
 
-    def _right_is_outer(self, inputs: ca.SX) -> ca.SX:
+    def _right_is_outer(self, inputs: Expression) -> Expression:
         # 1 where the right side is outer, 0 where the left is; the magnitudes are smooth at 0 as well.
         width = self.slip_transition
         magnitude = ca.sqrt(inputs * inputs + width * width)

@@ -8,6 +8,7 @@ import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.component import Component
+from oed.expression import Expression
 from oed.models.model import Input, Parameter
 from oed.quantities import Length
 
@@ -61,8 +62,10 @@ class TwoSidedGeometry(Component):
         )
 
 
-def two_sided_coefficients(radius_right: ca.SX, radius_left: ca.SX, track: ca.SX) -> ca.SX:
-    """c = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
+def two_sided_coefficients(
+    radius_right: Expression, radius_left: Expression, track: Expression
+) -> Expression:
+    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
     return ca.vertcat(
         ca.horzcat(radius_right / track, -radius_left / track),
         ca.horzcat(radius_right / 2, radius_left / 2),

@@ -6,12 +6,14 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from oed.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.expression import Expression
 from oed.problem import Problem
 from oed.solution import Status
 from oed.solve.program import DesignExpressions, Outcome, Program
@@ -62,9 +64,9 @@ class Settings:
     second_stage: str
 
     @property
-    def ipopt(self) -> dict[str, object]:
+    def ipopt(self) -> dict[str, Any]:
         """The options in Ipopt's names."""
-        options: dict[str, object] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
+        options: dict[str, Any] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
         if self.time_limit is not None:
             options["ipopt.max_wall_time"] = self.time_limit
         return options
@@ -106,7 +108,7 @@ class LocalSearch:
             options=self.settings.ipopt,
         )
 
-    def _secondary(self) -> ca.SX:
+    def _secondary(self) -> Expression:
         if self.settings.second_stage == "shortest_path":
             longest = float(np.abs(self.problem.input_bounds).max()) * self.problem.design.duration
             typical = ca.fabs(

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.expression import Expression
 from oed.limits.limit import Rows
 from oed.problem import Problem
 from oed.rollout import Drive, roll_out
@@ -49,14 +51,14 @@ class DesignExpressions:
         self.blocks, self.matrices = problem.matrices(self.drive)
         self.rows = [_dependent(limit.rows(self.drive), self.unknowns) for limit in problem.limits]
 
-    def _coefficients(self) -> ca.SX:
+    def _coefficients(self) -> Expression:
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self._free), inputs)
         table = ca.SX.zeros(self.problem.design.spline.coefficients, inputs)
         table[self._free.tolist(), :] = free @ ca.diag(ca.DM(self.input_scale))
         return table
 
-    def _start(self) -> ca.SX:
+    def _start(self) -> Expression:
         start = self.problem.design.fixed_start
         return self.unknowns[self.coefficient_count :] if start is None else ca.SX(ca.DM(start))
 
@@ -70,7 +72,7 @@ class DesignExpressions:
         return space.trajectory(table, unknowns[self.coefficient_count :] if start is None else start)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
-        """z of a drive of this design space.
+        """Z of a drive of this design space.
 
         Raises:
             ValueError: the drive's splines are not this space's.
@@ -88,7 +90,7 @@ class DesignExpressions:
 
     @cached_property
     def scores(self) -> ca.Function:
-        """z -> every information matrix, then for every limit its largest violation over its size."""
+        """Maps z to every information matrix, then for every limit its largest violation over its size."""
         worst = [
             ca.fmax(0, ca.mmax(ca.vertcat(rows.expression - rows.upper, rows.lower - rows.expression)))
             / rows.size
@@ -142,7 +144,7 @@ def _finite(rows: Rows) -> Rows:
     )
 
 
-def _dependent(rows: Rows, unknowns: ca.SX) -> Rows:
+def _dependent(rows: Rows, unknowns: Expression) -> Rows:
     # Rows that no unknown moves (coefficients that rest fixes) would only burden the solver.
     moved = np.array(ca.which_depends(rows.expression, unknowns, 1, True), dtype=bool)
     chosen = np.flatnonzero(moved)
@@ -167,7 +169,7 @@ Searches held away from saturated accelerations first end in better optima: on t
 mean over starts rises from 67 to 76 (of at most 85.8).
 """
 
-IPOPT_OPTIONS = {
+IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "detect_simple_bounds": True,
     "error_on_fail": False,
@@ -195,13 +197,13 @@ class Program:
         self,
         design: DesignExpressions,
         *,
-        objective: ca.SX,
-        auxiliary: ca.SX,
-        equalities: ca.SX,
-        floors: ca.SX,
-        relaxed: Sequence[ca.SX] | None = None,
-        parameters: ca.SX | None = None,
-        options: dict[str, object] | None = None,
+        objective: Expression,
+        auxiliary: Expression,
+        equalities: Expression,
+        floors: Expression,
+        relaxed: Sequence[Expression] | None = None,
+        parameters: Expression | None = None,
+        options: dict[str, Any] | None = None,
     ) -> None:
         """Build the solver and its derivatives."""
         self.design = design

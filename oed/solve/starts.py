@@ -21,7 +21,7 @@ KICK = 0.15
 
 
 def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
-    """Unknowns (K, size) of random drives, each input uniform within its amplitude (K,) share of its range."""
+    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range."""
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
     per_input = design.coefficient_count // len(bounds)
@@ -31,7 +31,7 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
     coefficients = centre + amplitudes[:, None] * (draws - centre)
     poses = design.size - design.coefficient_count
     if not poses:
-        return coefficients
+        return np.asarray(coefficients)
     return np.hstack([coefficients, random_poses(design, len(amplitudes), rng)])
 
 
@@ -79,4 +79,4 @@ def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generat
     kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
     head = kicked[: design.coefficient_count]
     np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
-    return kicked
+    return np.asarray(kicked)
