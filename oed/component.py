@@ -31,12 +31,12 @@ class OneOf:
 
     def __init__(self, members: tuple[type[Component], ...]) -> None:
         """Keep the listed classes."""
-        self._members = members
+        self.members = members
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """A tagged union over the listed kinds, passed by for ready instances."""
-        union = reduce(operator.or_, self._members)
-        listed = handler(Annotated[union, Field(discriminator="kind")] if len(self._members) > 1 else union)
+        union = reduce(operator.or_, self.members)
+        listed = handler(Annotated[union, Field(discriminator="kind")] if len(self.members) > 1 else union)
 
         def take(value: Any, validate: core_schema.ValidatorFunctionWrapHandler) -> Any:
             return value if isinstance(value, source) else validate(value)
@@ -49,8 +49,8 @@ class OneOf:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         """The tagged union's schema."""
-        return handler(schema["schema"])  # type: ignore[typeddict-item]
+        return handler(schema["schema"])
 
 
 def _dump(value: Component) -> Any:
-    return value.model_dump(mode="json")
+    return value.model_dump(mode="json", exclude_none=True)

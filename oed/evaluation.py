@@ -130,6 +130,15 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     return scorer.evaluation(trajectory, trajectory.inputs_at(fine_times), rates)
 
 
+def parameter_table(problem: Problem) -> list[dict[str, Any]]:
+    """The estimated parameters: name, nominal value (SI), the block that tells it, that block's noise."""
+    return [
+        {"name": name, "nominal": float(nominal), "block": block.name, "noise": block.noise}
+        for block in problem.parameter_blocks()
+        for name, nominal in zip(block.parameters, block.nominal, strict=True)
+    ]
+
+
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 

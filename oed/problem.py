@@ -60,6 +60,10 @@ class Problem:
         blocks = self.measurement.blocks(drive)
         return blocks, [information(block, self.criterion.scaling) for block in blocks]
 
+    def parameter_blocks(self) -> tuple[Block, ...]:
+        """The measurement's regressions of any drive: for their parameters and noise, not their values."""
+        return self.measurement.blocks(_any_drive(self))
+
     def __getstate__(self) -> dict[str, Any]:
         """The parts only: caches are made again where they are needed."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
@@ -87,7 +91,7 @@ def _flaws(problem: Problem) -> list[Flaw]:
             flaws.append(Flaw(("limits",), text))
     flaws += problem.measurement.flaws(model, space.samples)
     # Blocks exist only for a measurement that fits the robot.
-    return flaws or scaling_flaws(problem.measurement.blocks(_any_drive(problem)), problem.criterion.scaling)
+    return flaws or scaling_flaws(problem.parameter_blocks(), problem.criterion.scaling)
 
 
 def _any_drive(problem: Problem) -> Drive:

@@ -1,0 +1,188 @@
+"""Everything a study produced, as plain data: saved as JSON, and a report's only input."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oed.errors import FileFlaw, RecordError
+from oed.evaluation import Evaluation
+from oed.files import write_text
+from oed.solution import Solution, Start
+from oed.trajectory import Trajectory
+
+FORMAT = 1
+FILE = "record.json"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none."""
+
+    data: Mapping[str, Any]
+
+    @property
+    def results(self) -> list[Mapping[str, Any]]:
+        """One entry per solver and baseline."""
+        return list(self.data["results"])
+
+    @property
+    def best(self) -> Mapping[str, Any] | None:
+        """The feasible result of largest objective, None where nothing is feasible."""
+        feasible = [entry for entry in self.results if entry["feasible"]]
+        return max(feasible, key=lambda entry: float(entry["objective"]), default=None)
+
+    def to_json(self) -> str:
+        """The text of record.json."""
+        return json.dumps(self.data, indent=1, allow_nan=False) + "\n"
+
+
+def save_record(record: Record, folder: str | Path) -> Path:
+    """Write record.json into `folder`; returns the file."""
+    path = Path(folder) / FILE
+    write_text(path, record.to_json())
+    return path
+
+
+def load_record(folder: str | Path) -> Record:
+    """Read the record in `folder` (or the record file itself).
+
+    Raises:
+        RecordError: no record there, or not one of this format.
+    """
+    path = Path(folder)
+    path = path / FILE if path.is_dir() else path
+    name = str(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordError([FileFlaw(name, 0, 0, "", "no record there; make one with `oed run`")]) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
+    except json.JSONDecodeError as error:
+        raise RecordError([FileFlaw(name, error.lineno, error.colno, "", f"not JSON: {error.msg}")]) from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT or "results" not in data:
+        text = f"expected a record of format {FORMAT}; make it again with `oed run`"
+        raise RecordError([FileFlaw(name, 0, 0, "", text)])
+    return Record(data)
+
+
+def finite(value: float | None) -> float | None:
+    """The value where JSON can hold it, else None."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def result_data(solution: Solution, trajectory_file: str | None) -> dict[str, Any]:
+    """One entry of a record's `results`."""
+    evaluation, trajectory = solution.evaluation, solution.trajectory
+    return {
+        "name": solution.name,
+        "kind": solution.kind,
+        "status": solution.status.value,
+        "message": solution.message,
+        **_evaluation_data(evaluation),
+        "wall_seconds": round(solution.wall_seconds, 6),
+        "starts": [_start_data(start) for start in solution.starts],
+        "stages": {name: finite(value) for name, value in solution.stages.items()},
+        "seed": solution.seed,
+        "trajectory": trajectory_file if trajectory is not None else None,
+        "drive": None if trajectory is None or evaluation is None else _drive_data(trajectory, evaluation),
+    }
+
+
+def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
+    if evaluation is None:
+        numbers = (
+            "objective",
+            "lambda_min",
+            "lambda_max",
+            "condition_number",
+            "smallest_singular_value",
+            "norm_y",
+            "path_length",
+        )
+        return {
+            "feasible": False,
+            "violations": {},
+            **dict.fromkeys(numbers),
+            "singular_values": [],
+            "standard_deviations": {},
+            "margins": [],
+        }
+    return {
+        "feasible": evaluation.feasible,
+        "violations": evaluation.violations,
+        "objective": finite(evaluation.objective),
+        "lambda_min": finite(evaluation.lambda_min),
+        "lambda_max": finite(evaluation.lambda_max),
+        "condition_number": finite(evaluation.condition_number),
+        "smallest_singular_value": evaluation.smallest_singular_value,
+        "norm_y": evaluation.norm_y,
+        "path_length": evaluation.path_length,
+        "singular_values": evaluation.singular_values.tolist(),
+        "standard_deviations": {
+            name: finite(value) for name, value in evaluation.standard_deviations.items()
+        },
+        "margins": [
+            {
+                "limit": margin.name,
+                "margin": margin.margin,
+                "size": margin.size,
+                "unit": margin.unit,
+                "active": margin.active,
+                "kept": margin.kept,
+            }
+            for margin in evaluation.margins
+        ],
+    }
+
+
+def _start_data(start: Start) -> dict[str, Any]:
+    return {
+        "objective": finite(start.objective),
+        "status": start.status.value,
+        "wall_seconds": round(start.wall_seconds, 6),
+        "iterations": start.iterations,
+    }
+
+
+def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any]:
+    # The exact splines, so that nothing is lost with the record; the poses, so that a report need not integrate.
+    return {
+        "degree": trajectory.degree,
+        "knots": trajectory.knots.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        "start": trajectory.start.tolist(),
+        "samples": trajectory.samples,
+        "poses": rounded(evaluation.poses, 9),
+    }
+
+
+def rounded(values: Any, digits: int) -> Any:
+    """Nested lists of an array's values, rounded: for series that are drawn, not computed with."""
+    return np.round(np.asarray(values, dtype=float), digits).tolist()
+
+
+def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
+    """The trajectory of a record's result, None where it has none."""
+    drive = entry["drive"]
+    if drive is None:
+        return None
+    return Trajectory(
+        np.array(drive["knots"]),
+        drive["degree"],
+        np.array(drive["coefficients"]),
+        np.array(drive["start"]),
+        drive["samples"],
+    )
+
+
+def feasible_names(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Names of the results that keep every limit."""
+    return [str(entry["name"]) for entry in entries if entry["feasible"]]

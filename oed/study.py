@@ -1,0 +1,136 @@
+"""The study file: a Problem and what to do with it, read from YAML with every mistake named by its line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, create_model
+
+from oed.component import Component, OneOf
+from oed.criteria import CRITERIA, Criterion, E
+from oed.errors import ProblemError, StudyError
+from oed.limits import LIMITS, Limit
+from oed.measurements import MEASUREMENTS, Measurement
+from oed.models import MODELS, Model
+from oed.problem import Problem
+from oed.solve import SOLVERS, Ipopt, Solver
+from oed.study_errors import explain
+from oed.trajectory import DesignSpace
+from oed.yaml_source import YamlSource, parse_yaml, read_yaml
+
+FORMAT = 1
+
+_LimitTable: type[Component] = create_model(
+    "LimitTable",
+    __base__=Component,
+    __doc__="The limits of a study, by name.",
+    **{name: (kind | None if isinstance(kind, type) else kind, None) for name, kind in LIMITS.items()},
+)
+
+
+class StudyFile(Component):
+    """The keys of a study file."""
+
+    format: Literal[1]
+    name: Annotated[str, Field(min_length=1)]
+    robot: Annotated[Model, OneOf(MODELS)]
+    trajectory: DesignSpace
+    measurement: Annotated[Measurement, OneOf(MEASUREMENTS)]
+    limits: _LimitTable  # type: ignore[valid-type]
+    criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
+    solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
+    bound: bool = False
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study: the problem, and what to do with it.
+
+    Attributes:
+        problem: what to design for.
+        file: the checked study file.
+        text: the YAML it was read from.
+        source: the file's name.
+    """
+
+    problem: Problem
+    file: StudyFile
+    text: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.file.name
+
+    @property
+    def solvers(self) -> tuple[Solver, ...]:
+        """The searches asked for."""
+        return self.file.solvers
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random draw."""
+        return self.file.seed
+
+    def echo(self) -> dict[str, Any]:
+        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
+        plain: dict[str, Any] = self.file.model_dump(mode="json", exclude_none=True)
+        return plain
+
+
+def load_study(file: str | Path) -> Study:
+    """Read and cross-check a study file.
+
+    Raises:
+        StudyError: every mistake in the file, each with its line and key.
+    """
+    return _study(read_yaml(file))
+
+
+def parse_study(text: str, source: str = "study") -> Study:
+    """The study that YAML text describes; `source` stands for the file's name in errors.
+
+    Raises:
+        StudyError: every mistake in the text, each with its line and key.
+    """
+    return _study(parse_yaml(text, source))
+
+
+def _study(source: YamlSource) -> Study:
+    if not isinstance(source.data, dict):
+        raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
+    try:
+        file = StudyFile.model_validate(source.data)
+    except ValidationError as error:
+        raise StudyError(explain(error, StudyFile, source)) from None
+    try:
+        problem = Problem(
+            model=file.robot,
+            design=file.trajectory,
+            measurement=file.measurement,
+            limits=_limits(file),
+            criterion=file.criterion,
+            name=file.name,
+        )
+    except ProblemError as error:
+        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+    return Study(problem, file, source.text, source.file)
+
+
+def _limits(file: StudyFile) -> tuple[Limit, ...]:
+    given = (getattr(file.limits, name) for name in LIMITS)
+    return tuple(limit for limit in given if limit is not None)
+
+
+@cache
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a study file, for editors."""
+    schema = StudyFile.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "oed study"
+    return schema

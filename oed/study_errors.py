@@ -1,0 +1,129 @@
+"""Validation errors of a study file in words: what was expected, what came, what exists, and where."""
+
+from __future__ import annotations
+
+import difflib
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from oed.component import Component, OneOf
+from oed.errors import FileFlaw
+from oed.yaml_source import YamlSource
+
+
+def explain(error: ValidationError, root: type[Component], source: YamlSource) -> list[FileFlaw]:
+    """One flaw per place in the file, in the order of the lines.
+
+    Where a value fits none of several forms, the reasons are joined.
+    """
+    reasons: dict[tuple[int, int, str], list[str]] = {}
+    for detail in error.errors():
+        path = detail["loc"]
+        missing = detail["type"] == "missing"
+        place = source.flaw(path[:-1] if missing else path, "", missing=str(path[-1]) if missing else "")
+        texts = reasons.setdefault((place.line, place.column, place.key), [])
+        text = _sentence(detail, root)
+        if text not in texts:
+            texts.append(text)
+    # A flaw deeper down says more than "none of the forms fits" about the whole.
+    keys = {key for _, _, key in reasons}
+    return [
+        FileFlaw(source.file, line, column, key, "; or ".join(texts))
+        for (line, column, key), texts in sorted(reasons.items())
+        if not any(key and other.startswith(f"{key}.") for other in keys)
+    ]
+
+
+def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
+    context = detail.get("ctx", {})
+    got = f"got {_short(detail['input'])}"
+    bounds = {
+        "greater_than": ("gt", "more than"),
+        "greater_than_equal": ("ge", "at least"),
+        "less_than": ("lt", "less than"),
+        "less_than_equal": ("le", "at most"),
+    }
+    kind = detail["type"]
+    if kind == "missing":
+        return "missing"
+    if kind == "extra_forbidden":
+        return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
+    if kind == "value_error":
+        return str(context["error"])
+    if kind in bounds:
+        key, words = bounds[kind]
+        return f"expected {words} {context[key]}, {got}"
+    if kind in ("literal_error", "union_tag_invalid"):
+        expected = context.get("expected") or context.get("expected_tags")
+        came = f"got {context['tag']!r}" if "tag" in context else got
+        return f"expected {expected}, {came}"
+    if kind == "union_tag_not_found":
+        return "the key kind is missing, which says what this is"
+    plain = {
+        "model_type": "keys and values",
+        "model_attributes_type": "keys and values",
+        "int_parsing": "a whole number",
+        "int_type": "a whole number",
+        "int_from_float": "a whole number",
+        "float_parsing": "a number",
+        "float_type": "a number",
+        "bool_parsing": "true or false",
+        "bool_type": "true or false",
+        "string_type": "text",
+        "tuple_type": "a list",
+        "list_type": "a list",
+        "dict_type": "keys and values",
+    }
+    return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
+
+
+def _unknown_key(key: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
+    candidates = [root]
+    for part in path:
+        tagged = [one for one in candidates if _kind(one) == part]
+        if tagged:
+            candidates = tagged
+            continue
+        fields = [one.model_fields[part] for one in candidates if part in one.model_fields]
+        inner = [
+            found for field in fields for found in _components(field.rebuild_annotation(), field.metadata)
+        ]
+        # A list's index or a union's label leads nowhere new.
+        candidates = inner or candidates
+    return sorted({name for one in candidates for name in one.model_fields})
+
+
+def _kind(component: type[Component]) -> object:
+    field = component.model_fields.get("kind")
+    return None if field is None else field.default
+
+
+def _components(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[Component]]:
+    listed = [entry for entry in metadata if isinstance(entry, OneOf)]
+    for entry in listed:
+        yield from entry.members
+    if listed:
+        return
+    if typing.get_origin(annotation) is typing.Annotated:
+        inner, *extra = typing.get_args(annotation)
+        yield from _components(inner, extra)
+    elif isinstance(annotation, type) and issubclass(annotation, Component):
+        yield annotation
+    else:
+        for argument in typing.get_args(annotation):
+            yield from _components(argument)
