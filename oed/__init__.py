@@ -1,1 +1,92 @@
-"""x"""
+"""Optimal experiment design for the kinematic calibration of mobile robots.
+
+The names below are the public interface; they are loaded when first used, so that importing `oed` (and
+`oed --help`) costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from oed.criteria import Criterion as Criterion
+    from oed.criteria import E as E
+    from oed.errors import Failure as Failure
+    from oed.errors import OedError as OedError
+    from oed.errors import ProblemError as ProblemError
+    from oed.errors import StudyError as StudyError
+    from oed.errors import UserMistake as UserMistake
+    from oed.evaluation import Evaluation as Evaluation
+    from oed.evaluation import Margin as Margin
+    from oed.evaluation import evaluate as evaluate
+    from oed.limits import Limit as Limit
+    from oed.limits import Rectangle as Rectangle
+    from oed.limits import Rows as Rows
+    from oed.limits import WheelAcceleration as WheelAcceleration
+    from oed.limits import WheelSpeed as WheelSpeed
+    from oed.limits import Workspace as Workspace
+    from oed.measurements import Block as Block
+    from oed.measurements import Displacements as Displacements
+    from oed.measurements import Measurement as Measurement
+    from oed.measurements import PoseNoise as PoseNoise
+    from oed.models import DifferentialDrive as DifferentialDrive
+    from oed.models import Model as Model
+    from oed.models import SkidSteer as SkidSteer
+    from oed.path_file import read_trajectory as read_trajectory
+    from oed.path_file import write_trajectory as write_trajectory
+    from oed.problem import Problem as Problem
+    from oed.record import Record as Record
+    from oed.record import load_record as load_record
+    from oed.record import save_record as save_record
+    from oed.report import write_report as write_report
+    from oed.rollout import Drive as Drive
+    from oed.runner import run as run
+    from oed.solution import Solution as Solution
+    from oed.solution import Status as Status
+    from oed.solve import Ipopt as Ipopt
+    from oed.solve import Solver as Solver
+    from oed.solve import solve as solve
+    from oed.study import Study as Study
+    from oed.study import load_study as load_study
+    from oed.study import parse_study as parse_study
+    from oed.trajectory import DesignSpace as DesignSpace
+    from oed.trajectory import Spline as Spline
+    from oed.trajectory import StartPose as StartPose
+    from oed.trajectory import Trajectory as Trajectory
+
+_HOMES = {
+    "oed.criteria": ("Criterion", "E"),
+    "oed.errors": ("Failure", "OedError", "ProblemError", "StudyError", "UserMistake"),
+    "oed.evaluation": ("Evaluation", "Margin", "evaluate"),
+    "oed.limits": ("Limit", "Rectangle", "Rows", "WheelAcceleration", "WheelSpeed", "Workspace"),
+    "oed.measurements": ("Block", "Displacements", "Measurement", "PoseNoise"),
+    "oed.models": ("DifferentialDrive", "Model", "SkidSteer"),
+    "oed.path_file": ("read_trajectory", "write_trajectory"),
+    "oed.problem": ("Problem",),
+    "oed.record": ("Record", "load_record", "save_record"),
+    "oed.report": ("write_report",),
+    "oed.rollout": ("Drive",),
+    "oed.runner": ("run",),
+    "oed.solution": ("Solution", "Status"),
+    "oed.solve": ("Ipopt", "Solver", "solve"),
+    "oed.study": ("Study", "load_study", "parse_study"),
+    "oed.trajectory": ("DesignSpace", "Spline", "StartPose", "Trajectory"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its module."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'oed' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

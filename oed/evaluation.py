@@ -131,9 +131,15 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
-    """The estimated parameters: name, nominal value (SI), the block that tells it, that block's noise."""
+    """The estimated parameters: name, nominal value (SI), unit, the block that tells it, that block's noise."""
     return [
-        {"name": name, "nominal": float(nominal), "block": block.name, "noise": block.noise}
+        {
+            "name": name,
+            "nominal": float(nominal),
+            "unit": block.unit,
+            "block": block.name,
+            "noise": block.noise,
+        }
         for block in problem.parameter_blocks()
         for name, nominal in zip(block.parameters, block.nominal, strict=True)
     ]

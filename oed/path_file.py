@@ -31,9 +31,7 @@ def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> st
     inputs = trajectory.inputs
     for index, time in enumerate(times):
         held = (
-            [repr(float(value)) for value in inputs[index]]
-            if index < len(inputs)
-            else [""] * inputs.shape[1]
+            [repr(float(value)) for value in inputs[index]] if index < len(inputs) else [""] * inputs.shape[1]
         )
         writer.writerow([_time_text(float(time)), *held, *(repr(float(value)) for value in poses[index])])
     return buffer.getvalue()
@@ -134,8 +132,6 @@ def _start(name: str, rows: list[list[str]], header: Sequence[str], problem: Pro
     states = problem.model.states
     if all(state in header for state in states):
         first = [rows[0], rows[1]]
-        return [
-            float(_column(name, first, header, state, last_may_be_empty=False)[0]) for state in states
-        ]
+        return [float(_column(name, first, header, state, last_may_be_empty=False)[0]) for state in states]
     fixed = problem.design.fixed_start
     return [0.0] * len(states) if fixed is None else list(fixed)

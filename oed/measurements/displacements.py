@@ -80,7 +80,7 @@ class Displacements(Measurement):
     def _heading_block(self, drive: Drive) -> Block:
         rows = drive.period * drive.effective_inputs
         matrix = self._segment_sums(drive, every=1, offset=0) @ rows
-        return self._block(drive, 0, "heading", matrix, self.noise.heading)
+        return self._block(drive, "heading", matrix)
 
     def _position_block(self, drive: Drive) -> Block:
         # Rows x, y of each segment alternate, as they are stacked in [Choi, eq. 14].
@@ -92,12 +92,17 @@ class Displacements(Measurement):
         ) + self._segment_sums(drive, every=2, offset=1) @ (
             ca.repmat(along_y, 1, columns) * drive.effective_inputs
         )
-        return self._block(drive, 1, "position", matrix, self.noise.position)
+        return self._block(drive, "position", matrix)
 
-    def _block(self, drive: Drive, row: int, name: str, matrix: Expression, noise: float | None) -> Block:
+    def _block(self, drive: Drive, name: str, matrix: Expression) -> Block:
+        # The heading row of c turns wheel angles into an angle, the forward row into a length.
+        row, unit, noise = {
+            "heading": (0, "", self.noise.heading),
+            "position": (1, "m", self.noise.position),
+        }[name]
         model = drive.model
         nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[row]
-        return Block(name, matrix, model.coefficient_names[row], nominal, noise)
+        return Block(name, matrix, model.coefficient_names[row], nominal, unit, noise)
 
     def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
         # (every * P, N): row every * i + offset adds up the samples of segment i.

@@ -24,6 +24,7 @@ class Block:
         design_matrix: W (rows, parameters), an expression.
         parameters: the parameters' names.
         nominal: their nominal values, (parameters,), SI.
+        unit: their SI unit ("" for a ratio).
         noise: standard deviation of one row's noise, or None where it is not known.
     """
 
@@ -31,6 +32,7 @@ class Block:
     design_matrix: Expression
     parameters: tuple[str, ...]
     nominal: npt.NDArray[np.float64]
+    unit: str
     noise: float | None
 
 
