@@ -131,7 +131,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
-    """The estimated parameters: name, nominal value (SI), unit, the block that tells it, that block's noise."""
+    """The estimated parameters: name, nominal value, SI unit, the block that tells it, its noise."""
     return [
         {
             "name": name,

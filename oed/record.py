@@ -153,7 +153,7 @@ def _start_data(start: Start) -> dict[str, Any]:
 
 
 def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any]:
-    # The exact splines, so that nothing is lost with the record; the poses, so that a report need not integrate.
+    # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
     return {
         "degree": trajectory.degree,
         "knots": trajectory.knots.tolist(),

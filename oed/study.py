@@ -23,12 +23,15 @@ from oed.yaml_source import YamlSource, parse_yaml, read_yaml
 
 FORMAT = 1
 
-_LimitTable: type[Component] = create_model(
-    "LimitTable",
-    __base__=Component,
-    __doc__="The limits of a study, by name.",
-    **{name: (kind | None if isinstance(kind, type) else kind, None) for name, kind in LIMITS.items()},
-)
+
+def _limit_table() -> Any:
+    fields: dict[str, Any] = {
+        name: (kind | None if isinstance(kind, type) else kind, None) for name, kind in LIMITS.items()
+    }
+    return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
+
+
+_Limits = _limit_table()
 
 
 class StudyFile(Component):
@@ -39,7 +42,7 @@ class StudyFile(Component):
     robot: Annotated[Model, OneOf(MODELS)]
     trajectory: DesignSpace
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS)]
-    limits: _LimitTable  # type: ignore[valid-type]
+    limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     bound: bool = False

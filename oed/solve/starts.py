@@ -54,19 +54,18 @@ def starting_points(design: DesignExpressions, count: int, rng: np.random.Genera
     candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
     values, violations = design.score_many(candidates)
     order = np.argsort(-_merit(values, violations), kind="stable")
-    screened = candidates[order[: (count + 1) // 2]]
-    small = random_drives(design, np.full(count // 2, SMALL), rng)
     # Taking turns, so that a search cut short has tried both sorts.
-    both: list[Array | None] = [None] * count
-    both[0::2], both[1::2] = list(screened), list(small)
-    return [start for start in both if start is not None]
+    starts = np.empty((count, design.size))
+    starts[0::2] = candidates[order[: (count + 1) // 2]]
+    starts[1::2] = random_drives(design, np.full(count // 2, SMALL), rng)
+    return list(starts)
 
 
 def _merit(values: Array, violations: Array) -> Array:
     # Standard scores, so that criteria of any size and sign are discounted alike.
     finite = np.isfinite(values)
     if not finite.any():
-        return -violations.sum(axis=1)
+        return np.asarray(-violations.sum(axis=1))
     spread = float(values[finite].std()) or 1.0
     scores = np.where(finite, (values - values[finite].mean()) / spread, -1e3)
     return np.asarray(scores - DISCOUNT * violations.sum(axis=1))

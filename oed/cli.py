@@ -1,0 +1,222 @@
+"""The command line: parse, call, map errors to exit codes. It computes nothing.
+
+Exit codes: 0 done, 1 failed (no feasible design, interrupted), 2 the user's mistake.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from oed.record import Record
+
+DONE, FAILED, MISTAKE = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    options = _parser().parse_args(arguments)
+    if options.command is None:
+        _parser().print_help()
+        return MISTAKE
+    from oed.errors import FileError, OedError, UserMistake
+
+    command: Callable[[argparse.Namespace], int] = options.run
+    try:
+        return command(options)
+    except OedError as error:
+        flaws = error.flaws if isinstance(error, FileError) else ()
+        mistake = isinstance(error, UserMistake)
+        _report_error(options, str(error), [vars(flaw) for flaw in flaws])
+        return MISTAKE if mistake else FAILED
+    except KeyboardInterrupt:
+        _report_error(options, "interrupted; nothing was written", [])
+        return FAILED
+    except BrokenPipeError:
+        # The reader of our output has left (`oed ... | head`): nothing more to say.
+        sys.stderr.close()
+        return DONE
+
+
+def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:
+    from oed.console import print_json, say
+
+    say(message)
+    if options.json:
+        print_json({"error": message, "flaws": flaws})
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="oed",
+        description="Design the drive that makes a robot's kinematic parameters best estimable.",
+    )
+    parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--json", action="store_true", help="one JSON object on stdout, all else on stderr")
+    working = argparse.ArgumentParser(add_help=False)
+    working.add_argument("--seed", type=_whole, help="seed of every random draw, instead of the study's")
+    working.add_argument("--workers", type=_positive, help="processes (default: one per processor)")
+    working.add_argument("--quiet", action="store_true", help="show no progress")
+
+    def add(name: str, run: Callable[[argparse.Namespace], int], text: str, *parents: Any) -> Any:
+        command = commands.add_parser(name, help=text, description=text, parents=[common, *parents])
+        command.set_defaults(run=run)
+        return command
+
+    command = add("run", _run, "do everything a study asks for; write the record and the report", working)
+    command.add_argument("study", metavar="STUDY")
+    command.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+    command = add("check", _check, "read and cross-check studies; solve nothing")
+    command.add_argument("studies", metavar="STUDY", nargs="+")
+    command = add("solve", _solve, "search for the best drive; write nothing unless --out is given", working)
+    command.add_argument("study", metavar="STUDY")
+    command.add_argument("--out", metavar="DIR", help="where to write the record and the trajectories")
+    command = add("evaluate", _evaluate, "score any path (CSV) with a study's problem")
+    command.add_argument("study", metavar="STUDY")
+    command.add_argument("path", metavar="PATH.csv")
+    command = add("report", _report, "make the report again from a saved record")
+    command.add_argument("folder", metavar="DIR")
+    add("schema", _schema, "print the JSON schema of study files, for editors")
+    return parser
+
+
+class _ShowVersion(argparse.Action):
+    """Print the version, looked up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print it and leave."""
+        from importlib.metadata import version
+
+        print(f"oed {version('oed')}")
+        parser.exit()
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
+    return value
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {value}")
+    return value
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.console import print_json, print_results, say
+    from oed.report import write_report
+
+    out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
+    record = _searched(options, out)
+    page = write_report(record, out)
+    if options.json:
+        print_json({**record.data, "directory": str(out)})
+    else:
+        print_results(record.results)
+        print(f"report: {page}")
+    for note in record.data["notes"]:
+        say(f"note: {note}")
+    return _verdict(record)
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from oed.console import print_json, print_results
+
+    record = _searched(options, Path(options.out) if options.out else None)
+    if options.json:
+        kept = ("format", "oed_version", "seed", "parameters", "results")
+        print_json({key: record.data[key] for key in kept})
+    else:
+        print_results(record.results)
+    return _verdict(record)
+
+
+def _searched(options: argparse.Namespace, out: Path | None) -> Record:
+    from oed.console import progress
+    from oed.runner import run
+    from oed.study import load_study
+
+    study = load_study(options.study)
+    with progress(options.quiet) as listener:
+        return run(study, out, seed=options.seed, workers=options.workers, progress=listener)
+
+
+def _verdict(record: Record) -> int:
+    # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
+    searched = [entry for entry in record.results if entry["kind"] != "baseline"]
+    if any(entry["status"] == "interrupted" for entry in searched):
+        return FAILED
+    return DONE if any(entry["feasible"] for entry in searched) else FAILED
+
+
+def _check(options: argparse.Namespace) -> int:
+    from oed.console import print_json, say
+    from oed.errors import StudyError
+    from oed.study import load_study
+
+    entries, flawed = [], False
+    for file in options.studies:
+        try:
+            study = load_study(file)
+        except StudyError as error:
+            flawed = True
+            say(str(error))
+            entries.append({"file": file, "ok": False, "flaws": [vars(flaw) for flaw in error.flaws]})
+        else:
+            entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
+            if not options.json:
+                print(f"{file}: ok ({study.name})")
+    if options.json:
+        print_json({"studies": entries})
+    return MISTAKE if flawed else DONE
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from oed.console import print_json, print_results
+    from oed.path_file import read_trajectory
+    from oed.record import result_data
+    from oed.runner import score
+    from oed.study import load_study
+
+    study = load_study(options.study)
+    trajectory = read_trajectory(options.path, study.problem)
+    entry = result_data(score(study, trajectory, Path(options.path).stem), options.path)
+    if options.json:
+        print_json(entry)
+    else:
+        print_results([entry])
+    return DONE
+
+
+def _report(options: argparse.Namespace) -> int:
+    from oed.console import print_json
+    from oed.record import load_record
+    from oed.report import write_report
+
+    page = write_report(load_record(options.folder), options.folder)
+    if options.json:
+        print_json({"report": str(page)})
+    else:
+        print(f"report: {page}")
+    return DONE
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from oed.console import print_json
+    from oed.study import json_schema
+
+    print_json(json_schema())
+    return DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""What the command line shows: progress, tables and errors, all on standard error but for results."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as RichProgress
+from rich.table import Table
+from rich.text import Text
+
+from oed.solve import Progress, Silent
+
+
+class _Bars:
+    """Progress of long work as rich bars, one per stage."""
+
+    def __init__(self, bars: RichProgress) -> None:
+        self._bars = bars
+        self._task: TaskID | None = None
+
+    def begin(self, description: str, total: int) -> None:
+        self._task = self._bars.add_task(description, total=total, note="")
+
+    def advance(self, note: str = "") -> None:
+        if self._task is not None:
+            self._bars.update(self._task, advance=1, note=note)
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Progress]:
+    """A listener that draws bars on standard error while the context lasts; silent when `quiet`."""
+    if quiet:
+        yield Silent()
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with RichProgress(*columns, console=Console(stderr=True)) as bars:
+        yield _Bars(bars)
+
+
+def print_json(data: Mapping[str, Any]) -> None:
+    """One JSON object on standard output."""
+    sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def say(text: str) -> None:
+    """A line on standard error."""
+    sys.stderr.write(f"{text}\n")
+
+
+def print_results(results: Sequence[Mapping[str, Any]]) -> None:
+    """Results as a table and their messages, on standard output."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
+        # Text, for rich would take "[m]" for markup.
+        table.add_column(Text(heading), justify="left" if heading == "name" else "right")
+    for entry in results:
+        table.add_row(
+            entry["name"],
+            number(entry["objective"]),
+            number(entry["smallest_singular_value"]),
+            number(entry["condition_number"]),
+            number(entry["norm_y"]),
+            number(entry["path_length"]),
+            "yes" if entry["feasible"] else "no",
+            number(entry["wall_seconds"], 3),
+        )
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    for entry in results:
+        console.print(f"{entry['name']}: {entry['message']}", highlight=False, markup=False)
+        for limit, amount in entry["violations"].items():
+            console.print(f"  exceeds {limit} by {amount:.4g} (SI)", highlight=False)
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """A number with so many significant digits; a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
