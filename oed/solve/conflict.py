@@ -19,7 +19,7 @@ NEGLIGIBLE = 1e-4
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
     """A sentence naming the limits of which one has to give way, and how far each alone would have to.
 
-    Every limit in turn is relaxed as little as possible while the others hold. "" where the limits turn
+    Every limit in turn is relaxed as little as a local search finds possible while the others hold. "" where the limits turn
     out to agree.
     """
     relaxation = ca.SX.sym("relaxation", len(design.rows))
@@ -30,14 +30,14 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
         equalities=ca.SX(0, 1),
         floors=ca.SX(0, 1),
         relaxed=ca.vertsplit(relaxation),
-        options={"ipopt.max_iter": 300},
+        options={"ipopt.max_iter": 150},
     )
     needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.rows))]
     if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
         return ""
     limits = design.problem.limits
     phrases = [
-        f"{limit.name} (by {amount * rows.size:.3g} {rows.unit})"
+        f"{limit.name} (by at most {amount * rows.size:.3g} {rows.unit})"
         for limit, rows, amount in zip(limits, design.rows, needed, strict=True)
         if amount is not None
     ]
@@ -52,14 +52,15 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
 def _relaxed_alone(
     program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
 ) -> float | None:
-    # The least relaxation of one limit with the others kept, over the starts; None if none was found.
+    # A small relaxation of one limit with the others kept, from the first start that finds one.
     count = len(design.rows)
     upper = np.zeros(count)
     upper[index] = np.inf
-    amounts = []
     for start in starts:
         initial = np.where(upper > 0, 1.0, 0.0)
         outcome = program.solve(start, initial, auxiliary_lower=np.zeros(count), auxiliary_upper=upper)
-        if outcome.return_status in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-            amounts.append(float(outcome.auxiliary[index]))
-    return min(amounts) if amounts else None
+        # Wherever Ipopt stopped: if all other limits hold there, it is a witness.
+        _, violations = design.score_many(outcome.unknowns[None, :])
+        if np.delete(violations[0], index).max(initial=0.0) < NEGLIGIBLE:
+            return float(violations[0, index])
+    return None

@@ -6,6 +6,7 @@ import time
 import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -26,6 +27,8 @@ Array = npt.NDArray[np.float64]
 
 ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""
+TRIAL = 4
+"""Starts tried before a search that has found nothing asks whether the limits conflict."""
 SINGULAR = 1e-9
 """Share of lambda_max below which lambda_min counts as 0."""
 
@@ -105,60 +108,69 @@ class _Search:
 
     def _multi_start(self) -> None:
         points = starting_points(self.design, self.options.starts, self.context.rng(0))
-        results = self._solve_all(points, "starts", None)
-        self.starts = [_start(result) for result in results if result is not None]
+        self.context.progress.begin("starts", len(points))
+        # Where the first few find nothing, asking why comes before trying the others.
+        self._try_starts(points[:TRIAL])
+        if self.best is None and self._conflict:
+            return
+        self._try_starts(points[TRIAL:])
         self._note_stage("starts")
+
+    def _try_starts(self, points: Sequence[Array]) -> None:
+        results: list[Local | None] = []
+        try:
+            self._solve_all(points, results)
+        finally:
+            self.starts += [_start(result) for result in results if result is not None]
 
     def _perturb(self) -> None:
         left = self.options.perturbations
-        if not left or self.best is None or self.best.unknowns is None:
+        if self.best is None:
             return
         rng = self.context.rng(1)
         self.context.progress.begin("perturb and solve again", left)
         while left > 0:
             base = self.best.unknowns
             points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]
-            self._solve_all(points, None, None)
+            self._solve_all(points, [])
             left -= len(points)
         self._note_stage("perturbations")
 
     def _settle(self) -> None:
         options, best = self.options, self.best
-        if options.second_stage == "none" or best is None or best.unknowns is None or self._is_singular():
+        if options.second_stage == "none" or best is None or self._is_singular(best):
             return
         self.context.progress.begin("settle among equal optima", 1)
         settled = _work(self._task(best.unknowns, options.second_stage_share))
         self.context.progress.advance()
-        if settled.objective >= self.problem.criterion.concede(best.objective, options.second_stage_share) * (
-            1 - 1e-6
-        ):
+        # Less than was asked for only by rounding; anything worse is no gain.
+        asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
+        if settled.objective >= asked - 1e-6 * abs(asked):
             self.best = settled
         self._note_stage("second_stage")
 
-    def _solve_all(
-        self, points: Sequence[Array], stage: str | None, share: float | None
-    ) -> list[Local | None]:
-        if stage is not None:
-            self.context.progress.begin(stage, len(points))
-        results: list[Local | None] = [None] * len(points)
-        tasks = [self._task(point, share) for point in points]
+    def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
+        results += [None] * len(points)
         try:
-            for index, result in run_tasks(_work, tasks, self.context.workers):
+            for index, result in run_tasks(
+                _work, [self._task(point) for point in points], self.context.workers
+            ):
                 results[index] = result
-                self.context.progress.advance(f"best {max(_objectives(results)):.6g}")
+                self.context.progress.advance(self._standing(results))
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
-            if stage is not None:
-                self.starts = [_start(result) for result in results if result is not None]
-        return results
 
-    def _task(self, unknowns: Array, share: float | None) -> _Task:
+    def _standing(self, results: Sequence[Local | None]) -> str:
+        reached = [one.objective for one in (*results, self.best) if one is not None]
+        return f"best {max(reached):.6g}" if reached and np.isfinite(max(reached)) else ""
+
+    def _task(self, unknowns: Array, share: float | None = None) -> _Task:
         return _Task(self.token, self.problem, self.settings, unknowns, share)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
-            if result is None or result.unknowns is None:
+            if result is None or result.evaluation is None:
                 continue
             if self.best is None or result.objective > self.best.objective:
                 self.best = result
@@ -171,21 +183,19 @@ class _Search:
         limit = self.options.time_limit
         return limit is not None and time.perf_counter() - self.began > limit
 
-    def _is_singular(self) -> bool:
-        evaluation = self.best.evaluation if self.best is not None else None
+    @staticmethod
+    def _is_singular(best: Local) -> bool:
+        evaluation = best.evaluation
         return evaluation is None or evaluation.lambda_min <= SINGULAR * evaluation.lambda_max
 
     def _solution(self) -> Solution:
-        best = self.best
         status, detail = self._verdict()
-        usable = best is not None and best.unknowns is not None and status.usable
+        best = self.best if status.usable else None
         return Solution(
             name="ipopt",
             kind=self.options.kind,
-            trajectory=self.design.trajectory(best.unknowns)
-            if usable and best and best.unknowns is not None
-            else None,
-            evaluation=best.evaluation if usable and best else None,
+            trajectory=None if best is None else self.design.trajectory(best.unknowns),
+            evaluation=None if best is None else best.evaluation,
             status=status,
             starts=tuple(self.starts),
             wall_seconds=time.perf_counter() - self.began,
@@ -198,22 +208,21 @@ class _Search:
         if self.best is None:
             if self.stopped is not None:
                 return Status.FAILED, f"{self.stopped.sentence} No design had been found by then."
-            return self._why_nothing()
-        if self._is_singular():
+            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
+        if self._is_singular(self.best):
             return Status.SINGULAR, ""
         return self.stopped or self.best.status, ""
 
-    def _why_nothing(self) -> tuple[Status, str]:
-        rng = self.context.rng(2)
-        points = list(random_drives(self.design, np.array([0.25, 0.5, 1.0]), rng))
-        conflict = describe_conflict(self.design, points)
-        return (Status.INFEASIBLE, conflict) if conflict else (Status.FAILED, "")
+    @cached_property
+    def _conflict(self) -> str:
+        # Which limits conflict, in words; "" if they were found to agree.
+        self.context.progress.begin("find out which limits conflict", 1)
+        points = random_drives(self.design, np.array([0.25, 0.5, 1.0]), self.context.rng(2))
+        conflict = describe_conflict(self.design, list(points))
+        self.context.progress.advance()
+        return conflict
 
 
 def _start(result: Local) -> Start:
     reached = result.objective if result.evaluation is not None else None
     return Start(reached, result.status, result.wall_seconds, result.iterations)
-
-
-def _objectives(results: Sequence[Local | None]) -> list[float]:
-    return [result.objective for result in results if result is not None]

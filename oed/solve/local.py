@@ -40,9 +40,9 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Local:
-    """The result of one local search; `unknowns` and `evaluation` are None without a feasible design."""
+    """The result of one local search: where it ended, and its evaluation if that is a feasible design."""
 
-    unknowns: Array | None
+    unknowns: Array
     evaluation: Evaluation | None
     status: Status
     iterations: int
@@ -147,7 +147,7 @@ class LocalSearch:
         status = _STATUS.get(outcome.return_status, Status.FAILED)
         if not evaluation.feasible or not np.isfinite(evaluation.objective):
             lost = Status.INFEASIBLE if status is Status.INFEASIBLE else Status.FAILED
-            return Local(None, None, lost, iterations, seconds)
+            return Local(outcome.unknowns, None, lost, iterations, seconds)
         # A feasible end is a design, whatever made Ipopt stop there.
         kept = Status.ACCEPTABLE if status in (Status.INFEASIBLE, Status.FAILED) else status
         return Local(outcome.unknowns, evaluation, kept, iterations, seconds)

@@ -20,6 +20,7 @@ from oed.expression import Expression
 from oed.limits.limit import Rows
 from oed.problem import Problem
 from oed.rollout import Drive, roll_out
+from oed.solve.interrupts import interrupts_kept
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -202,7 +203,6 @@ class Program:
         equalities: Expression,
         floors: Expression,
         relaxed: Sequence[Expression] | None = None,
-        parameters: Expression | None = None,
         options: dict[str, Any] | None = None,
     ) -> None:
         """Build the solver and its derivatives."""
@@ -222,8 +222,6 @@ class Program:
             "f": -objective,
             "g": ca.vertcat(*constraints),
         }
-        if parameters is not None:
-            program["p"] = parameters
         self._solver = ca.nlpsol("design", "ipopt", program, {**IPOPT_OPTIONS, **(options or {})})
 
     def solve(
@@ -235,7 +233,6 @@ class Program:
         backoff: Array | None = None,
         auxiliary_lower: Array | None = None,
         auxiliary_upper: Array | None = None,
-        parameters: Array | None = None,
     ) -> Outcome:
         """Solve from a start. `backoff` tightens each limit by that share of its size."""
         lower, upper = self._bounds(floors, np.zeros(len(self.design.rows)) if backoff is None else backoff)
@@ -243,18 +240,15 @@ class Program:
         open_unknowns = np.full(len(unknowns), np.inf)
         low = -open_side if auxiliary_lower is None else auxiliary_lower
         high = open_side if auxiliary_upper is None else auxiliary_upper
-        result = self._solver(
-            x0=np.concatenate([unknowns, auxiliary]),
-            lbg=lower,
-            ubg=upper,
-            lbx=np.concatenate([-open_unknowns, low]),
-            ubx=np.concatenate([open_unknowns, high]),
-            p=np.zeros(0) if parameters is None else parameters,
-        )
+        with interrupts_kept():
+            result = self._solver(
+                x0=np.concatenate([unknowns, auxiliary]),
+                lbg=lower,
+                ubg=upper,
+                lbx=np.concatenate([-open_unknowns, low]),
+                ubx=np.concatenate([open_unknowns, high]),
+            )
         stats = self._solver.stats()
-        # CasADi swallows Ctrl-C inside a solve and lets Ipopt stop; pass it on.
-        if stats["return_status"] == "User_Requested_Stop":
-            raise KeyboardInterrupt
         values = np.array(result["x"]).ravel()
         size = self.design.size
         return Outcome(values[:size], values[size:], stats["return_status"], int(stats["iter_count"]))
