@@ -19,8 +19,8 @@ NEGLIGIBLE = 1e-4
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
     """A sentence naming the limits of which one has to give way, and how far each alone would have to.
 
-    Every limit in turn is relaxed as little as a local search finds possible while the others hold. "" where the limits turn
-    out to agree.
+    Every limit in turn is relaxed as little as a local search finds possible while the others hold. ""
+    where the limits turn out to agree.
     """
     relaxation = ca.SX.sym("relaxation", len(design.rows))
     program = Program(
