@@ -1,0 +1,112 @@
+"""The pages: sections rendered as Markdown with figures beside it, and as one self-contained HTML file."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from oed.files import write_text
+from oed.record import Record
+from oed.report.section import Section
+from oed.report.sections import SECTIONS
+from oed.report.wording import slug
+
+HTML = "report.html"
+MARKDOWN = "report.md"
+FIGURES = "figures"
+
+
+def write_report(record: Record, folder: str | Path) -> Path:
+    """Write report.html, report.md and figures/*.svg into `folder`; returns report.html.
+
+    Raises:
+        UserMistake: the folder cannot be written to.
+    """
+    target = Path(folder)
+    sections = sections_of(record)
+    drawings = _drawings(sections)
+    title = str(record.data["study"]["name"])
+    content = {"title": title, "sections": sections, "svg": drawings}
+    templates = _environment()
+    pages = {name: templates.get_template(f"{name}.jinja").render(content) for name in (MARKDOWN, HTML)}
+    for name, text in drawings.items():
+        write_text(target / FIGURES / f"{name}.svg", text)
+    for name, text in pages.items():
+        write_text(target / name, text)
+    return target / HTML
+
+
+def sections_of(record: Record) -> list[Section]:
+    """The sections that the record has something for, in order."""
+    made = (make(record) for make in SECTIONS)
+    return [section for section in made if section is not None]
+
+
+def _drawings(sections: list[Section]) -> dict[str, str]:
+    # The drawing library is loaded here and in the pictures' own functions, only when there is one to draw.
+    pictures = [picture for section in sections for picture in section.figures]
+    if not pictures:
+        return {}
+    from oed.report.panels import svg_text
+
+    return {picture.name: svg_text(picture.draw) for picture in pictures}
+
+
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("oed.report"),
+        autoescape=jinja2.select_autoescape(("html", "html.jinja")),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    filters: dict[str, Any] = {
+        "html": html_text,
+        "markdown": markdown_text,
+        "cell": table_text,
+        "fence": fence,
+        "inline": inline_svg,
+        "slug": slug,
+    }
+    environment.filters.update(filters)
+    return environment
+
+
+def html_text(text: str) -> Markup:
+    """Plain text with `backticks`, as HTML."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text)))  # noqa: S704 - escaped above
+
+
+def markdown_text(text: str) -> str:
+    """Plain text with `backticks`, as Markdown: everything outside of the backticks means itself."""
+    parts = re.split(r"(`[^`]+`)", " ".join(text.split()))
+    return "".join(part if part.startswith("`") else _escaped(part) for part in parts)
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_\[\]<>#~|$])", r"\\\1", text)
+
+
+def table_text(text: str) -> str:
+    """A table's cell as Markdown."""
+    return _escaped(" ".join(text.split()))
+
+
+def fence(code: str) -> str:
+    """The fence that encloses a code block: longer than any run of backticks in it."""
+    longest = max((len(run) for run in re.findall(r"`+", code)), default=0)
+    return "`" * max(3, longest + 1)
+
+
+def inline_svg(svg: str, name: str, alt: str) -> Markup:
+    """An SVG file's text as an element of a page, its ids made unique to the figure."""
+    element = svg[svg.index("<svg") :]
+    element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
+    label = f'<svg role="img" aria-label="{escape(alt)}"'
+    return Markup(element.replace("<svg", label, 1))  # noqa: S704 - the package's own drawing

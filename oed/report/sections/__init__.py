@@ -1,0 +1,25 @@
+"""The sections of a report. A new one is a function here in a file and its name in `SECTIONS`."""
+
+from collections.abc import Callable
+
+from oed.record import Record
+from oed.report.section import Section
+from oed.report.sections.deviations import deviations
+from oed.report.sections.drives import paths, wheels
+from oed.report.sections.limits import limits
+from oed.report.sections.paper import paper
+from oed.report.sections.provenance import provenance
+from oed.report.sections.starts import starts
+from oed.report.sections.summary import summary
+
+SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
+    summary,
+    paths,
+    wheels,
+    paper,
+    limits,
+    starts,
+    deviations,
+    provenance,
+)
+"""In the order of the page; a function returns None where the record has nothing for its section."""

@@ -1,0 +1,256 @@
+"""Reports: every record gets a whole page, and the page says what the record says."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+import sample_records
+from sample_records import RECORDS
+
+import oed.report
+from oed.errors import UserMistake
+from oed.record import Record, load_record, save_record
+from oed.report import write_report
+from oed.report.page import html_text, markdown_text, sections_of
+from oed.report.section import Section
+from oed.report.tables import Table
+
+
+def section(record: Record, title: str) -> Section:
+    return next(part for part in sections_of(record) if part.title == title)
+
+
+def column(table: Table, title: str) -> list[object]:
+    index = [entry.title for entry in table.columns].index(title)
+    return [row[index] for row in table.rows]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a report on `full`."""
+    folder = tmp_path_factory.mktemp("report")
+    write_report(sample_records.full(), folder)
+    return folder
+
+
+class Page(HTMLParser):
+    """Links, ids and unclosed elements of a page."""
+
+    VOID = frozenset({"meta", "br", "link", "img", "hr"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_startendtag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for key, value in attrs:
+            if key == "id":
+                self.ids.append(value or "")
+            if key in ("src", "href", "xlink:href", "srcset"):
+                self.links.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("kind", RECORDS)
+def test_every_record_gets_a_whole_report(kind: str, tmp_path: Path) -> None:
+    record = RECORDS[kind]()
+    path = write_report(record, tmp_path)
+    assert path == tmp_path / "report.html"
+
+    page = Page(path.read_text(encoding="utf-8"))
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+    assert not {"script", "link", "img", "iframe", "image"} & set(page.tags)
+    assert "@import" not in path.read_text(encoding="utf-8")
+
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    files = {file.relative_to(tmp_path).as_posix() for file in (tmp_path / "figures").glob("*")}
+    assert set(re.findall(r"!\[[^\n]*\]\(([^)]*)\)", text)) == files
+    assert page.tags.count("svg") == len(files)
+    for name in files:
+        assert (tmp_path / name).stat().st_size < 150_000
+        ElementTree.parse(tmp_path / name)
+    assert "nan" not in re.findall(r"[a-z]+", text)
+    assert "None" not in text
+
+
+def test_same_record_same_bytes(tmp_path: Path) -> None:
+    save_record(sample_records.single(), tmp_path)
+    contents = []
+    for name in ("first", "second"):
+        write_report(load_record(tmp_path), tmp_path / name)
+        files = sorted(file for file in (tmp_path / name).rglob("*") if file.is_file())
+        contents.append({file.relative_to(tmp_path / name): file.read_bytes() for file in files})
+    assert contents[0] == contents[1]
+
+
+def test_markdown_tables_keep_their_shape(written: Path) -> None:
+    text = (written / "report.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    blocks = re.findall(r"(?:^\|.*\n)+", text, flags=re.M)
+    tables = [table for part in sections_of(sample_records.full()) for table in part.tables]
+    assert len(blocks) == len(tables)
+    assert len(rows) == sum(2 + len(table.rows) for table in tables)
+    for block, table in zip(blocks, tables, strict=True):
+        for line in block.splitlines():
+            assert len(re.findall(r"(?<!\\)\|", line)) == len(table.columns) + 1
+
+
+def test_names_from_the_study_are_text_not_markup(written: Path) -> None:
+    html = (written / "report.html").read_text(encoding="utf-8")
+    assert "<h1>Small &lt;robot&gt; | study</h1>" in html
+    assert "<code>bound: true</code> is read, but &lt;not&gt; computed." in html
+    text = (written / "report.md").read_text(encoding="utf-8")
+    assert text.startswith(r"# Small \<robot\> \| study")
+
+
+def test_paper_table_holds_the_records_numbers() -> None:
+    record = sample_records.full()
+    (table,) = section(record, "The paper's figures").tables
+    for title, key in (
+        ("objective", "objective"),
+        ("λ_min", "lambda_min"),
+        ("λ_max", "lambda_max"),
+        ("cond(W)", "condition_number"),
+        ("s_min(W)", "smallest_singular_value"),
+        ("path length", "path_length"),
+        ("keeps every limit", "feasible"),
+    ):
+        assert column(table, title) == [entry[key] for entry in record.results]
+    first = record.results[0]
+    assert column(table, "|y|")[0] == pytest.approx(100 * first["norm_y"])
+    factor = first["condition_number"] / (100 * first["norm_y"])
+    assert column(table, "cond(W)/|y|")[0] == pytest.approx(factor)
+    assert table.columns[6].heading == "|y| [cm]"
+
+
+def test_heading_response_is_in_radians_and_a_mixed_one_is_left_out() -> None:
+    heading = section(sample_records.full(regressor="heading"), "The paper's figures").tables[0]
+    assert "|y| [rad]" in [entry.heading for entry in heading.columns]
+    both = section(sample_records.full(regressor="both"), "The paper's figures").tables[0]
+    assert not any("|y|" in entry.title for entry in both.columns)
+
+
+def test_deviations_in_cm_with_their_interval() -> None:
+    record = sample_records.single()
+    (table,) = section(record, "Predicted standard deviations").tables
+    known = record.results[0]["standard_deviations"]
+    for row, name in zip(table.rows, ("c21", "c22"), strict=True):
+        deviation = known[name]
+        assert row[:3] == (name, "cm", pytest.approx(2.45))
+        assert row[3:] == (
+            pytest.approx(100 * deviation),
+            pytest.approx(100 * deviation / 0.0245),
+            pytest.approx(196 * deviation, rel=1e-4),
+        )
+
+
+def test_infinite_numbers_are_said() -> None:
+    record = sample_records.unbounded_numbers()
+    assert section(record, "The paper's figures").tables[0].cells[0][4] == "∞"
+    assert section(record, "Predicted standard deviations").tables[0].cells[0][3] == "∞"
+
+
+def test_limits_in_words() -> None:
+    record = sample_records.full()
+    by_limit, side_by_side = section(record, "Limits").tables
+    states = {str(row[0]): str(row[4]) for row in by_limit.rows}
+    assert states["rest to rest"] == "met"
+    assert states["wheel speed"] == "kept with room"
+    fast = dict(zip([entry.title for entry in side_by_side.columns], side_by_side.rows[3], strict=True))
+    exceeded = next(margin for margin in record.results[3]["margins"] if margin["limit"] == "wheel_speed")
+    assert fast["wheel speed"] == f"exceeded by {-exceeded['margin']:.1f} rad/s"
+
+
+def test_spread_counts_starts_within_one_percent() -> None:
+    record = sample_records.single()
+    part = section(record, "Spread over the starts")
+    assert "1 of 3 starts end within 1 % of the best one; 1 found no feasible design." in part.paragraphs[0]
+    assert "keeps 99.9 % of the objective" in part.paragraphs[1]
+    best = record.results[0]["objective"]
+    assert part.tables[0].rows[0] == (
+        "ipopt",
+        3,
+        1,
+        0.9 * best,
+        pytest.approx(0.95 * best),
+        best,
+        20,
+        30,
+        1.5,
+    )
+
+
+def test_summary_of_nothing_feasible_says_what_is_in_the_way() -> None:
+    part = section(sample_records.without_drive(), "Summary")
+    assert "wheel_speed (by 2.86 rad/s)" in part.notices[0]
+    assert "no design to use" in part.paragraphs[1]
+
+
+def test_summary_names_the_best_and_shows_the_notes() -> None:
+    record = sample_records.full()
+    part = section(record, "Summary")
+    assert part.notices == tuple(record.data["notes"])
+    assert "The result ipopt, the best of 4 results" in part.paragraphs[1]
+    assert f"{record.results[0]['path_length']:.3f} m" in part.paragraphs[1]
+
+
+def test_without_noise_nothing_is_predicted() -> None:
+    record = sample_records.full(noise="{}")
+    part = section(record, "Predicted standard deviations")
+    assert part.tables == ()
+    assert "no noise" in part.paragraphs[0]
+    assert "no noise" in section(record, "Summary").paragraphs[1]
+
+
+def test_study_is_echoed() -> None:
+    record = sample_records.single()
+    assert section(record, "Provenance").code == record.data["study_text"]
+
+
+def test_unwritable_folder_is_the_users_mistake(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserMistake):
+        write_report(sample_records.empty(), tmp_path / "file")
+
+
+def test_text_filters() -> None:
+    assert html_text("a < `b_c`") == "a &lt; <code>b_c</code>"
+    assert markdown_text("x_y `a_b` *") == r"x\_y `a_b` \*"
+
+
+def test_reports_only_read() -> None:
+    allowed = {"oed.record", "oed.files", "oed.report"}
+    for file in Path(oed.report.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert name.split(".")[0] not in ("casadi", "pymoo", "scipy", "joblib"), file
+                assert "pyplot" not in name, file
+                assert not name.startswith("oed") or ".".join(name.split(".")[:2]) in allowed, file
+
+
+def test_drawing_is_loaded_late() -> None:
+    code = "import sys, oed.report; assert not any(name.startswith('matplotlib') for name in sys.modules)"
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)

@@ -1,0 +1,48 @@
+"""Numbers and words as they are printed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from oed.report.tables import Column, Table, fixed, significant
+from oed.report.wording import count, listing, quantity, readable, slug
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (269.6176, "269.6"),
+        (0.0175432, "0.01754"),
+        (1.33e16, "1.330e16"),
+        (-4.5e-13, "-4.500e-13"),
+        (12345.6, "12346"),
+        (0.0, "0"),
+        (math.inf, "∞"),
+    ],
+)
+def test_four_significant_digits(value: float, text: str) -> None:
+    assert significant(4)(value) == text
+
+
+def test_fixed_decimals_never_show_minus_zero() -> None:
+    assert fixed(3)(-0.0) == "0.000"
+    assert fixed(3)(-1e-9) == "0.000"
+    assert fixed(2)(-1.239) == "-1.24"
+
+
+def test_cells_as_printed() -> None:
+    table = Table((Column("result"), Column("length", "m", fixed(1)), Column("kept")), (("a", 2.0, True),))
+    assert [column.heading for column in table.columns] == ["result", "length [m]", "kept"]
+    assert table.cells == [["a", "2.0", "yes"]]
+    assert Column("length", "m", fixed(1)).text(None) == "–"
+
+
+def test_words() -> None:
+    assert readable(0.0245, "m") == (pytest.approx(2.45), "cm")
+    assert readable(0.27, "") == (0.27, "")
+    assert quantity(20.0, "rad/s^2") == "20.0 rad/s²"
+    assert (listing([]), listing(["a"]), listing(["a", "b", "c"])) == ("", "a", "a, b and c")
+    assert (count(1, "start"), count(12, "start")) == ("1 start", "12 starts")
+    assert slug("The paper's figures") == "the-paper-s-figures"
