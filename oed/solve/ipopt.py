@@ -13,15 +13,16 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
+from oed.errors import Failure, Flaw, ProblemError
 from oed.problem import Problem
 from oed.quantities import Duration
-from oed.solution import Solution, Start, Status
+from oed.solution import HistoryPoint, Solution, Start, Status
 from oed.solve.conflict import describe_conflict
 from oed.solve.local import Local, Settings, local_search
 from oed.solve.parallel import run_tasks
 from oed.solve.program import DesignExpressions
 from oed.solve.solver import Context, Solver
-from oed.solve.starts import perturbed, random_drives, starting_points
+from oed.solve.starts import SCREENED, perturbed, random_drives, starting_points
 
 Array = npt.NDArray[np.float64]
 
@@ -29,8 +30,6 @@ ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""
 TRIAL = 4
 """Starts tried before a search that has found nothing asks whether the limits conflict."""
-SINGULAR = 1e-9
-"""Share of lambda_max below which lambda_min counts as 0."""
 
 
 class Ipopt(Solver):
@@ -42,6 +41,7 @@ class Ipopt(Solver):
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
+        start_from: name of an earlier search of the study whose design takes the place of the first start.
         max_iterations, tolerance: of Ipopt, per local search.
         time_limit: of the whole search [s]; None for none. A search that it ends depends on the machine.
     """
@@ -51,6 +51,7 @@ class Ipopt(Solver):
     perturbations: Annotated[int, Field(ge=0)] = 8
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
+    start_from: str | None = None
     max_iterations: PositiveInt = 500
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
@@ -86,6 +87,8 @@ class _Search:
     starts: list[Start] = field(default_factory=list)
     stages: dict[str, float] = field(default_factory=dict)
     stopped: Status | None = None
+    evaluations: int = 0
+    history: list[HistoryPoint] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         options = self.options
@@ -108,6 +111,9 @@ class _Search:
 
     def _multi_start(self) -> None:
         points = starting_points(self.design, self.options.starts, self.context.rng(0))
+        self.evaluations += SCREENED
+        if self.options.start_from is not None:
+            points[0] = self._earlier_design(self.options.start_from)
         self.context.progress.begin("starts", len(points))
         # Where the first few find nothing, asking why comes before trying the others.
         self._try_starts(points[:TRIAL])
@@ -138,7 +144,7 @@ class _Search:
 
     def _settle(self) -> None:
         options, best = self.options, self.best
-        if options.second_stage == "none" or best is None or self._is_singular(best):
+        if options.second_stage == "none" or best is None or best.singular:
             return
         self.context.progress.begin("settle among equal optima", 1)
         settled = _work(self._task(best.unknowns, options.second_stage_share))
@@ -151,15 +157,34 @@ class _Search:
 
     def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
         results += [None] * len(points)
+
+        def take(index: int, result: Local) -> None:
+            results[index] = result
+            self._note_history(result)
+            self.context.progress.advance(self._standing(results))
+
         try:
-            for index, result in run_tasks(
-                _work, [self._task(point) for point in points], self.context.workers
-            ):
-                results[index] = result
-                self.context.progress.advance(self._standing(results))
+            run_tasks(_work, [self._task(point) for point in points], self.context.workers, take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
+
+    def _note_history(self, result: Local) -> None:
+        self.evaluations += result.evaluations
+        risen = not self.history or result.objective > self.history[-1].objective
+        if result.evaluation is not None and risen:
+            seconds = time.perf_counter() - self.began
+            self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
+
+    def _earlier_design(self, name: str) -> Array:
+        solution = self.context.earlier.get(name)
+        if solution is None:
+            known = ", ".join(self.context.earlier) or "none"
+            text = f"expected the name of an earlier search ({known}), got {name!r}"
+            raise ProblemError([Flaw(("solvers", "start_from"), text)])
+        if solution.trajectory is None:
+            raise Failure(f"{name} found no design to start from: {solution.message}")
+        return self.design.unknowns_of(solution.trajectory)
 
     def _standing(self, results: Sequence[Local | None]) -> str:
         reached = [one.objective for one in (*results, self.best) if one is not None]
@@ -183,16 +208,11 @@ class _Search:
         limit = self.options.time_limit
         return limit is not None and time.perf_counter() - self.began > limit
 
-    @staticmethod
-    def _is_singular(best: Local) -> bool:
-        evaluation = best.evaluation
-        return evaluation is None or evaluation.lambda_min <= SINGULAR * evaluation.lambda_max
-
     def _solution(self) -> Solution:
         status, detail = self._verdict()
         best = self.best if status.usable else None
         return Solution(
-            name="ipopt",
+            name=self.options.label,
             kind=self.options.kind,
             trajectory=None if best is None else self.design.trajectory(best.unknowns),
             evaluation=None if best is None else best.evaluation,
@@ -202,6 +222,7 @@ class _Search:
             seed=self.context.seed,
             detail=detail,
             stages=self.stages,
+            history=tuple(self.history),
         )
 
     def _verdict(self) -> tuple[Status, str]:
@@ -209,7 +230,7 @@ class _Search:
             if self.stopped is not None:
                 return Status.FAILED, f"{self.stopped.sentence} No design had been found by then."
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
-        if self._is_singular(self.best):
+        if self.best.singular:
             return Status.SINGULAR, ""
         return self.stopped or self.best.status, ""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -46,7 +47,13 @@ class Local:
     evaluation: Evaluation | None
     status: Status
     iterations: int
+    evaluations: int
     wall_seconds: float
+
+    @property
+    def singular(self) -> bool:
+        """Whether there is no design, or one that leaves parameters undetermined."""
+        return self.evaluation is None or self.evaluation.singular
 
     @property
     def objective(self) -> float:
@@ -131,26 +138,18 @@ class LocalSearch:
 
     def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
         began = time.perf_counter()
-        backoff, iterations = np.zeros(len(self.problem.limits)), 0
+        backoff = np.zeros(len(self.problem.limits))
+        outcomes = []
         for _ in range(TIGHTENINGS):
             outcome = program.solve(unknowns, self.initial(unknowns), floors=floors, backoff=backoff)
-            iterations += outcome.iterations
+            outcomes.append(outcome)
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.design.trajectory(unknowns))
             excess = self._excess(evaluation)
             if not excess.any() or excess.max() > HOPELESS:
                 break
             backoff += 1.1 * excess
-        return self._judged(outcome, evaluation, iterations, time.perf_counter() - began)
-
-    def _judged(self, outcome: Outcome, evaluation: Evaluation, iterations: int, seconds: float) -> Local:
-        status = _STATUS.get(outcome.return_status, Status.FAILED)
-        if not evaluation.feasible or not np.isfinite(evaluation.objective):
-            lost = Status.INFEASIBLE if status is Status.INFEASIBLE else Status.FAILED
-            return Local(outcome.unknowns, None, lost, iterations, seconds)
-        # A feasible end is a design, whatever made Ipopt stop there.
-        kept = Status.ACCEPTABLE if status in (Status.INFEASIBLE, Status.FAILED) else status
-        return Local(outcome.unknowns, evaluation, kept, iterations, seconds)
+        return _judged(outcomes, evaluation, time.perf_counter() - began)
 
     def initial(self, unknowns: Array) -> Array:
         """The epigraph's auxiliary unknowns for a design."""
@@ -167,6 +166,25 @@ class LocalSearch:
             [named[limit.name].violation / named[limit.name].size for limit in self.problem.limits]
         )
         return np.where(shares > TOLERANCE / 2, shares, 0.0)
+
+
+def _judged(outcomes: Sequence[Outcome], evaluation: Evaluation, seconds: float) -> Local:
+    last = outcomes[-1]
+    status = _STATUS.get(last.return_status, Status.FAILED)
+    found = evaluation.feasible and bool(np.isfinite(evaluation.objective))
+    if not found:
+        status = status if status is Status.INFEASIBLE else Status.FAILED
+    elif status in (Status.INFEASIBLE, Status.FAILED):
+        # A feasible end is a design, whatever made Ipopt stop there.
+        status = Status.ACCEPTABLE
+    return Local(
+        last.unknowns,
+        evaluation if found else None,
+        status,
+        sum(outcome.iterations for outcome in outcomes),
+        sum(outcome.evaluations for outcome in outcomes),
+        seconds,
+    )
 
 
 _CACHE: OrderedDict[str, LocalSearch] = OrderedDict()

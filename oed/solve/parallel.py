@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import joblib
@@ -19,19 +20,29 @@ def default_workers() -> int:
 
 
 def run_tasks(
-    function: Callable[[Task], Result], tasks: Sequence[Task], workers: int
-) -> Iterator[tuple[int, Result]]:
-    """(index, result) of every task, as they end; in this process when one worker is enough.
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    workers: int,
+    take: Callable[[int, Result], None],
+) -> None:
+    """Call `take(index, function(task))` for every task, as they end; here when one worker is enough.
 
-    An interrupt reaches the caller as KeyboardInterrupt; the workers are then stopped.
+    What `take` raises, and KeyboardInterrupt, reaches the caller; the workers' unfinished tasks are given up.
     """
     if min(workers, len(tasks)) <= 1:
         for index, task in enumerate(tasks):
-            yield index, function(task)
+            take(index, function(task))
         return
     pool = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
-    calls = (joblib.delayed(_worker)(function, index, task) for index, task in enumerate(tasks))
-    yield from pool(calls)
+    outputs = pool(joblib.delayed(_worker)(function, index, task) for index, task in enumerate(tasks))
+    try:
+        for index, result in outputs:
+            take(index, result)
+    finally:
+        with warnings.catch_warnings():
+            # Leaving early is meant: an interrupt keeps what is done and gives up the rest.
+            warnings.filterwarnings("ignore", message=".*tasks.*", category=UserWarning)
+            outputs.close()
 
 
 def _worker(function: Callable[[Any], Any], index: int, task: Any) -> tuple[int, Any]:

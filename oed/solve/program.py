@@ -21,15 +21,19 @@ from oed.limits.limit import Rows
 from oed.problem import Problem
 from oed.rollout import Drive, roll_out
 from oed.solve.interrupts import interrupts_kept
+from oed.solve.threads import one_thread
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
 
 class DesignExpressions:
-    """A problem's drive, information and limits as expressions of the unknowns z."""
+    """A problem's drive, information and limits as expressions of the unknowns z.
 
-    def __init__(self, problem: Problem) -> None:
+    Positions are limited at `refine` points per sample.
+    """
+
+    def __init__(self, problem: Problem, refine: int = 1) -> None:
         """Write the expressions; nothing is solved."""
         space, model = problem.design, problem.model
         self.problem = problem
@@ -48,6 +52,7 @@ class DesignExpressions:
             period=ca.SX(space.period),
             input_values=coefficients,
             input_rates=_sparse(space.rate_matrix) @ coefficients,
+            refine=refine,
         )
         self.blocks, self.matrices = problem.matrices(self.drive)
         self.rows = [_dependent(limit.rows(self.drive), self.unknowns) for limit in problem.limits]
@@ -160,6 +165,7 @@ class Outcome:
     auxiliary: Array
     return_status: str
     iterations: int
+    evaluations: int
 
 
 LINEAR_WEIGHT = 20.0
@@ -240,7 +246,7 @@ class Program:
         open_unknowns = np.full(len(unknowns), np.inf)
         low = -open_side if auxiliary_lower is None else auxiliary_lower
         high = open_side if auxiliary_upper is None else auxiliary_upper
-        with interrupts_kept():
+        with interrupts_kept(), one_thread():
             result = self._solver(
                 x0=np.concatenate([unknowns, auxiliary]),
                 lbg=lower,
@@ -251,7 +257,13 @@ class Program:
         stats = self._solver.stats()
         values = np.array(result["x"]).ravel()
         size = self.design.size
-        return Outcome(values[:size], values[size:], stats["return_status"], int(stats["iter_count"]))
+        return Outcome(
+            values[:size],
+            values[size:],
+            stats["return_status"],
+            int(stats["iter_count"]),
+            int(stats["n_call_nlp_f"]),
+        )
 
     def _bounds(self, floors: Array | None, backoff: Array) -> tuple[Array, Array]:
         zero = np.zeros(self._equalities)
