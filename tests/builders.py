@@ -1,0 +1,53 @@
+"""One valid problem, and drives for it, to be varied in tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from oed.criteria import E
+from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.measurements import Displacements
+from oed.models import DifferentialDrive
+from oed.problem import Problem
+from oed.trajectory import DesignSpace, Spline, Trajectory
+
+RADIUS, TRACK = 0.049, 0.18
+
+SPEED = WheelSpeed(bounds=10)
+ACCELERATION = WheelAcceleration(bounds=20)
+BOX = Rectangle(x=(-1, 1), y=(-1, 1))
+
+
+def make_problem(**overrides: Any) -> Problem:
+    """The paper's robot with small numbers (10 s, 40 samples, 4 segments), parts replaced at will."""
+    parts: dict[str, Any] = {
+        "model": DifferentialDrive(wheel_radius=RADIUS, track=TRACK),
+        "design": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8)),
+        "measurement": Displacements(segments=4),
+        "limits": (SPEED, ACCELERATION, BOX),
+        "criterion": E(scaling="none"),
+    }
+    return Problem(**{**parts, **overrides})
+
+
+def make_flagship(**overrides: Any) -> Problem:
+    """The paper's robot at full size: 20 s, 200 samples, 10 segments, a 2 m box."""
+    parts = {"design": DesignSpace(duration=20), "measurement": Displacements(segments=10)}
+    return make_problem(**{**parts, **overrides})
+
+
+def random_drive(problem: Problem, seed: int, amplitude: float = 8.0) -> Trajectory:
+    """A drive of the problem's space with uniform random coefficients, at rest where rest is asked."""
+    rng, space = np.random.default_rng(seed), problem.design
+    coefficients = np.zeros((space.spline.coefficients, len(problem.model.inputs)))
+    rows = coefficients[space.free_rows]
+    rows[:] = rng.uniform(-amplitude, amplitude, rows.shape)
+    start = space.fixed_start
+    return space.trajectory(coefficients, rng.uniform(-1, 1, 3) if start is None else start)
+
+
+def cap(segments: int, radius: float = RADIUS, track: float = TRACK) -> float:
+    """The largest lambda_min(W'W) of the position regressor with P segments: 2 P (B / r)^2."""
+    return 2 * segments * (track / radius) ** 2

@@ -1,0 +1,49 @@
+"""Settings of property tests, and solutions that several tests look at."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+from builders import make_flagship
+from hypothesis import settings
+
+from oed.measurements import Displacements
+from oed.problem import Problem
+from oed.solution import Solution
+from oed.solve import Ipopt, solve
+
+settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=60)
+settings.load_profile("seeded")
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C answered as at a prompt, even where the tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="session")
+def flagship() -> Problem:
+    return make_flagship()
+
+
+@pytest.fixture(scope="session")
+def flagship_solution(flagship: Problem) -> Solution:
+    """Twelve starts, nothing else."""
+    options = Ipopt(starts=12, perturbations=0, second_stage="none")
+    return solve(flagship, options, seed=0, workers=1)
+
+
+@pytest.fixture(scope="session")
+def three_segments() -> Problem:
+    return make_flagship(measurement=Displacements(segments=3))
+
+
+@pytest.fixture(scope="session")
+def three_segment_solution(three_segments: Problem) -> Solution:
+    """The segment number of the paper's table."""
+    return solve(three_segments, Ipopt(starts=3, perturbations=0), seed=0, workers=1)

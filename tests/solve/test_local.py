@@ -1,0 +1,41 @@
+"""Local searches: what the fine grid finds exceeded between the samples is mended."""
+
+from __future__ import annotations
+
+import pytest
+from builders import SPEED, make_problem
+
+from oed.evaluation import evaluate
+from oed.limits import Rectangle
+from oed.measurements import Displacements
+from oed.problem import Problem
+from oed.solution import Solution
+from oed.solve import Ipopt, solve
+from oed.trajectory import DesignSpace, Spline
+
+OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
+
+
+@pytest.fixture(scope="module")
+def coarse() -> Problem:
+    """Few samples at high speed: the box is easily left and entered again between two of them."""
+    return make_problem(
+        design=DesignSpace(duration=10, samples=20, spline=Spline(coefficients=10)),
+        measurement=Displacements(segments="samples"),
+        limits=(SPEED, Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))),
+    )
+
+
+def feasible_starts(solution: Solution) -> int:
+    return sum(start.objective is not None for start in solution.starts)
+
+
+def test_limits_exceeded_between_the_samples_are_tightened(coarse: Problem):
+    solution = solve(coarse, OPTIONS, seed=0, workers=1)
+    assert feasible_starts(solution) >= 3
+    assert evaluate(coarse, solution.trajectory).feasible
+
+
+def test_without_tightening_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
+    monkeypatch.setattr("oed.solve.local.TIGHTENINGS", 1)
+    assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1

@@ -1,0 +1,170 @@
+"""The assembled nonlinear program, before and apart from any search."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+
+from oed.evaluation import evaluate
+from oed.limits import WheelSpeed
+from oed.measurements import Displacements
+from oed.models import SkidSteer
+from oed.solve.program import DesignExpressions, Program
+from oed.trajectory import DesignSpace, Spline
+
+SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
+
+VARIANTS = {
+    "fixed start": {},
+    "free start": {"design": DesignSpace(**SPACE, start="free")},
+    "free start, no rest": {"design": DesignSpace(**SPACE, start="free", rest_to_rest=False)},
+    "midpoint": {"design": DesignSpace(**SPACE, integration="midpoint")},
+    "both regressors": {"measurement": Displacements(segments=4, regressor="both")},
+    "per sample": {"measurement": Displacements(segments="samples")},
+    "slip": {"model": SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)},
+    "uneven limits": {"limits": (WheelSpeed(bounds=(-2, 8)), ACCELERATION, BOX)},
+}
+variants = pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS.keys())
+
+
+def make_design(overrides: dict) -> DesignExpressions:
+    return DesignExpressions(make_problem(**{"design": DesignSpace(**SPACE), **overrides}))
+
+
+def random_unknowns(design: DesignExpressions, seed: int = 0, share: float = 0.5) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-share, share, design.size)
+
+
+def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
+    """All matrices and limit rows of z, and their Jacobian."""
+    everything = ca.vertcat(
+        *(ca.vec(matrix) for matrix in design.matrices), *(rows.expression for rows in design.rows)
+    )
+    values = ca.Function("values", [design.unknowns], [everything])
+    return values, ca.Function("jacobian", [design.unknowns], [ca.jacobian(everything, design.unknowns)])
+
+
+@variants
+def test_jacobian_is_the_finite_difference(overrides):
+    design = make_design(overrides)
+    values, jacobian = stacked(design)
+    point = random_unknowns(design)
+    expected = oracle.central_difference(lambda z: np.array(values(z)), point, 1e-5)
+    np.testing.assert_allclose(np.array(jacobian(point)), expected, rtol=1e-5, atol=1e-6)
+
+
+@variants
+def test_gradient_of_the_scored_criterion_is_the_finite_difference(overrides):
+    design = make_design(overrides)
+    weight = np.array([[1.0, 0.3], [0.3, 2.0]])
+    *matrices, _ = design.scores(design.unknowns)
+    merit = sum(ca.trace(ca.DM(weight) @ matrix) for matrix in matrices)
+    function = ca.Function("merit", [design.unknowns], [merit])
+    gradient = ca.Function("gradient", [design.unknowns], [ca.gradient(merit, design.unknowns)])
+    point = random_unknowns(design, 1)
+    expected = oracle.central_difference(lambda z: np.array(function(z)), point, 1e-5).ravel()
+    np.testing.assert_allclose(np.array(gradient(point)).ravel(), expected, rtol=1e-6, atol=1e-6)
+
+
+@variants
+@pytest.mark.parametrize("share", [0.3, 2.0])
+def test_the_program_says_what_evaluate_says(overrides, share: float):
+    design = make_design(overrides)
+    point = random_unknowns(design, 2, share)
+    evaluation = evaluate(design.problem, design.trajectory(point))
+    *matrices, violations = design.scores(point)
+    for matrix, name in zip(matrices, evaluation.information, strict=True):
+        np.testing.assert_allclose(np.array(matrix), evaluation.information[name], rtol=1e-10, atol=1e-10)
+    # Coefficients bound the curve, so speeds count for more here; positions are seen at the samples only.
+    named = {margin.name: margin.violation / margin.size for margin in evaluation.margins}
+    for limit, violation in zip(design.problem.limits, np.array(violations).ravel(), strict=True):
+        if limit.name == "workspace":
+            assert violation <= named[limit.name] + 1e-12
+        else:
+            assert violation >= named[limit.name] - 1e-12
+
+
+@variants
+def test_a_drive_and_its_unknowns_are_one_to_one(overrides):
+    design = make_design(overrides)
+    point = random_unknowns(design, 3)
+    drive = design.trajectory(point)
+    np.testing.assert_allclose(design.unknowns_of(drive), point, rtol=0, atol=1e-14)
+    assert evaluate(design.problem, drive).violations.keys().isdisjoint({"duration", "start", "rest_to_rest"})
+    again = design.trajectory(design.unknowns_of(drive))
+    np.testing.assert_array_equal(again.coefficients, drive.coefficients)
+
+
+def test_unknowns_of_another_spline_are_refused():
+    design = make_design({})
+    other = make_problem(design=DesignSpace(duration=6, samples=24, spline=Spline(degree=2, coefficients=7)))
+    with pytest.raises(ValueError, match="not those of the design space"):
+        design.unknowns_of(random_drive(other, 0))
+
+
+@variants
+def test_many_candidates_score_as_each_does(overrides):
+    design = make_design(overrides)
+    candidates = np.array([random_unknowns(design, seed) for seed in range(5)])
+    values, violations = design.score_many(candidates)
+    for candidate, value, violation in zip(candidates, values, violations, strict=True):
+        *matrices, single = design.scores(candidate)
+        expected = design.problem.criterion.value([np.array(matrix) for matrix in matrices])
+        assert value == pytest.approx(float(expected), rel=1e-12)
+        np.testing.assert_allclose(violation, np.array(single).ravel(), rtol=1e-12)
+    assert 0 < design.scale < np.inf
+
+
+def test_speeds_and_accelerations_are_linear_and_positions_are_not():
+    design = make_design({})
+    linear = [design.is_linear(rows) for rows in design.rows]
+    assert linear == [True, True, False]
+
+
+def test_rows_that_rest_fixes_are_left_out():
+    moved = make_design({"design": DesignSpace(**SPACE, rest_to_rest=False)})
+    rest = make_design({})
+    assert moved.rows[0].expression.shape[0] == 14
+    assert rest.rows[0].expression.shape[0] == 10
+
+
+class TestProgram:
+    """A program whose optimum is known: drive as far along x as the box allows."""
+
+    limits = (SPEED, BOX)
+
+    def program(self, sign: int = 1, floors: bool = False) -> tuple[Program, ca.Function]:
+        design = make_design({"limits": self.limits})
+        reached = design.drive.poses[-1, 0]
+        nothing = ca.SX(0, 1)
+        program = Program(
+            design,
+            objective=sign * reached - 1e-9 * ca.sumsqr(design.unknowns),
+            auxiliary=nothing,
+            equalities=nothing,
+            floors=reached if floors else nothing,
+        )
+        return program, ca.Function("reached", [design.unknowns], [reached])
+
+    @pytest.mark.parametrize("backoff", [0.0, 0.1])
+    def test_backoff_tightens_a_limit_by_its_share(self, backoff: float):
+        program, reached = self.program()
+        start = np.full(program.design.size, 0.1)
+        outcome = program.solve(start, np.zeros(0), backoff=np.array([0.0, backoff]))
+        assert outcome.return_status == "Solve_Succeeded"
+        assert float(reached(outcome.unknowns)) == pytest.approx(1 - backoff, abs=1e-5)
+
+    def test_floors_are_kept(self):
+        program, reached = self.program(sign=-1, floors=True)
+        outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0), floors=np.array([0.4]))
+        assert outcome.return_status == "Solve_Succeeded"
+        assert float(reached(outcome.unknowns)) == pytest.approx(0.4, abs=1e-5)
+
+    def test_no_limit_is_exceeded_at_the_samples(self):
+        program, _ = self.program()
+        outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0))
+        *_, violations = program.design.scores(outcome.unknowns)
+        assert np.array(violations).max() <= 1e-7

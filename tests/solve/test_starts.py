@@ -1,0 +1,74 @@
+"""Where searches begin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, make_problem
+
+from oed.limits import Rectangle, WheelSpeed
+from oed.solve.program import DesignExpressions
+from oed.solve.starts import perturbed, random_drives, starting_points
+from oed.trajectory import DesignSpace, Spline
+
+TIGHT = Rectangle(x=(-0.2, 0.2), y=(-0.2, 0.2))
+SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
+
+
+@pytest.fixture(scope="module", params=[(-10, 10), (0, 8), (2, 8)], ids=str)
+def design(request) -> DesignExpressions:
+    box = Rectangle(x=(3, 4), y=(-2, 0))
+    space = DesignSpace(**SPACE, start="free", rest_to_rest=False)
+    limits = (WheelSpeed(bounds=request.param), ACCELERATION, box)
+    return DesignExpressions(make_problem(design=space, limits=limits))
+
+
+def assert_within_bounds(design: DesignExpressions, unknowns: np.ndarray) -> None:
+    drive, (low, high) = design.trajectory(unknowns), design.problem.input_bounds[0]
+    assert np.all(drive.coefficients >= low - 1e-12)
+    assert np.all(drive.coefficients <= high + 1e-12)
+
+
+def test_random_drives_are_within_the_input_bounds_and_start_in_the_box(design):
+    drives = random_drives(design, np.linspace(0.1, 1, 50), np.random.default_rng(0))
+    for unknowns in drives:
+        assert_within_bounds(design, unknowns)
+        x, y, _ = design.trajectory(unknowns).start
+        assert 3 <= x <= 4
+        assert -2 <= y <= 0
+
+
+def test_amplitude_is_a_share_of_the_range_about_rest(design):
+    bounds = design.problem.input_bounds[0]
+    rest = np.clip(0, *bounds)
+    drives = random_drives(design, np.full(200, 0.25), np.random.default_rng(0))
+    coefficients = np.array([design.trajectory(unknowns).coefficients for unknowns in drives])
+    assert coefficients.max() == pytest.approx(rest + 0.25 * (bounds[1] - rest), rel=0.02)
+    assert coefficients.min() == pytest.approx(rest + 0.25 * (bounds[0] - rest), rel=0.02, abs=0.02)
+
+
+def test_perturbed_drives_stay_within_the_bounds(design):
+    rng = np.random.default_rng(1)
+    base = random_drives(design, np.array([1.0]), rng)[0]
+    kicked = perturbed(design, base, rng)
+    assert_within_bounds(design, kicked)
+    assert 0.01 < np.abs(kicked - base).max() < 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 12])
+def test_starts_are_reproducible(count: int):
+    design = DesignExpressions(make_problem())
+    first, second = (starting_points(design, count, np.random.default_rng(7)) for _ in range(2))
+    assert len(first) == count
+    np.testing.assert_array_equal(first, second)
+    assert len({start.tobytes() for start in first}) == count
+
+
+def test_screened_starts_are_better_than_random_ones():
+    design = DesignExpressions(make_problem(limits=(WheelSpeed(bounds=10), TIGHT)))
+    rng = np.random.default_rng(0)
+    screened = np.array(starting_points(design, 12, rng)[0::2])
+    any_size, full_size = (random_drives(design, rng.uniform(low, 1, 200), rng) for low in (0.05, 1))
+    informative, kept = design.score_many(screened)
+    assert np.median(informative) > np.quantile(design.score_many(any_size)[0], 0.9)
+    assert kept.sum(axis=1).mean() < np.median(design.score_many(full_size)[1].sum(axis=1))

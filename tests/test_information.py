@@ -1,0 +1,98 @@
+"""Information matrices: the three scalings, and what keeps one from being applied."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oed.information import information, scale_factors, scaling_flaws
+from oed.measurements import Block
+
+DESIGN = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.25]])
+
+
+def make_block(**overrides) -> Block:
+    parts = {
+        "name": "position",
+        "design_matrix": ca.DM(DESIGN),
+        "parameters": ("c21", "c22"),
+        "nominal": np.array([0.02, -0.05]),
+        "unit": "m",
+        "noise": 0.1,
+    }
+    return Block(**{**parts, **overrides})
+
+
+@pytest.mark.parametrize(
+    ("scaling", "scales"),
+    [
+        ("none", [1.0, 1.0]),
+        ("relative", [0.2, 0.5]),
+        ({"c21": 3.0, "c22": 0.5}, [30.0, 5.0]),
+        ({"c22": 0.5, "c21": 3.0}, [30.0, 5.0]),
+    ],
+)
+def test_scaled_information(scaling, scales):
+    scaled = DESIGN * scales
+    np.testing.assert_allclose(np.array(information(make_block(), scaling)), scaled.T @ scaled, rtol=1e-14)
+    np.testing.assert_allclose(scale_factors(make_block(), scaling), scales, rtol=1e-15)
+
+
+def test_raw_information_needs_no_noise():
+    block = make_block(noise=None)
+    np.testing.assert_allclose(np.array(information(block, "none")), DESIGN.T @ DESIGN, rtol=1e-15)
+    assert scaling_flaws((block,), "none") == []
+
+
+def test_relative_scaling_gives_the_worst_relative_standard_deviation():
+    block = make_block()
+    covariance = block.noise**2 * np.linalg.inv(DESIGN.T @ DESIGN)
+    relative = covariance / np.outer(block.nominal, block.nominal)
+    smallest = np.linalg.eigvalsh(np.array(information(block, "relative")))[0]
+    assert smallest**-0.5 == pytest.approx(np.sqrt(np.linalg.eigvalsh(relative)[-1]), rel=1e-12)
+
+
+@given(factor=st.floats(0.01, 100))
+def test_relative_information_does_not_depend_on_the_units_of_parameters(factor: float):
+    # Parameters in other units: nominal values grow, columns of W shrink.
+    other = make_block(design_matrix=ca.DM(DESIGN / factor), nominal=make_block().nominal * factor)
+    found, expected = (np.array(information(block, "relative")) for block in (other, make_block()))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@given(factor=st.floats(0.01, 100), scaling=st.sampled_from(["relative", "user"]))
+def test_noise_divides_the_information(factor: float, scaling: str):
+    chosen = {"c21": 1.0, "c22": 2.0} if scaling == "user" else scaling
+    louder = information(make_block(noise=0.1 * factor), chosen)
+    expected = np.array(information(make_block(), chosen)) / factor**2
+    np.testing.assert_allclose(np.array(louder), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("scaling", ["relative", {"c21": 1.0, "c22": 1.0}])
+def test_missing_noise_is_a_flaw(scaling):
+    (flaw,) = scaling_flaws((make_block(noise=None),), scaling)
+    assert flaw.key == ("measurement", "noise")
+    assert "position noise is needed" in flaw.message
+
+
+def test_every_block_without_noise_is_named():
+    blocks = (make_block(noise=None), make_block(name="heading", parameters=("c11", "c12"), noise=None))
+    messages = [flaw.message for flaw in scaling_flaws(blocks, "relative")]
+    assert [message.split()[1] for message in messages] == ["position", "heading"]
+
+
+def test_a_nominal_zero_has_no_relative_precision():
+    (flaw,) = scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), "relative")
+    assert flaw.key == ("criterion", "scaling")
+    assert flaw.message.startswith("c21 is nominally 0")
+    assert scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0}) == []
+
+
+def test_unknown_and_missing_names_are_flaws():
+    flaws = {flaw.key: flaw.message for flaw in scaling_flaws((make_block(),), {"c21": 1.0, "track": 2.0})}
+    assert flaws[("criterion", "scaling")] == "the scale of c22 is missing"
+    assert flaws[("criterion", "scaling", "track")].endswith("the parameters are c21, c22")
+    assert len(flaws) == 2

@@ -1,0 +1,136 @@
+"""Unit strings become SI numbers; anything doubtful is refused with what was expected and what came."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from oed.component import Component
+from oed.quantities import Angle, AngularAcceleration, AngularSpeed, Duration, Length, Ratio, parse_quantity
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "expected"),
+    [
+        ("4.9 cm", "m", 0.049),
+        ("4.9cm", "m", 0.049),
+        ("49 mm", "m", 0.049),
+        ("1e3 um", "m", 1e-3),
+        ("2 in", "m", 0.0508),
+        ("-1 m", "m", -1.0),
+        ("+.5 km", "m", 500.0),
+        ("10 deg", "rad", math.radians(10)),
+        ("10°", "rad", math.radians(10)),
+        ("1 turn", "rad", 2 * math.pi),
+        ("2 min", "s", 120.0),
+        ("100 ms", "s", 0.1),
+        ("10 rad/s", "rad/s", 10.0),
+        ("60 rpm", "rad/s", 2 * math.pi),
+        ("180 deg/s", "rad/s", math.pi),
+        ("20 rad/s^2", "rad/s^2", 20.0),
+        ("20 rad/s**2", "rad/s^2", 20.0),
+        ("1 rev/s^2", "rad/s^2", 2 * math.pi),
+        ("3.6 km/h", "m/s", 1.0),
+        ("5 %", "", 0.05),
+        ("5%", "", 0.05),
+        ("0.05", "", 0.05),
+        ("0.5", "m", 0.5),
+        (0.049, "m", 0.049),
+        (2, "s", 2.0),
+    ],
+)
+def test_si_value(value, unit, expected):
+    assert parse_quantity(value, unit) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit"),
+    [
+        ("10 cm", "rad"),
+        ("10 rad", "m"),
+        ("10 Hz", "rad/s"),
+        ("10 1/s", "rad/s"),
+        ("10 rad/s", "rad/s^2"),
+        ("10 rad/s^2", "rad/s"),
+        ("5 %", "m"),
+        ("3 m", ""),
+    ],
+)
+def test_another_dimension_is_refused(value, unit):
+    with pytest.raises(ValueError, match="of another kind") as caught:
+        parse_quantity(value, unit)
+    assert repr(value) in str(caught.value)
+    assert "expected" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["4.9 parsnips", "4.9 m)", "4.9 cm cm/", "1 2 m", "3 __import__"])
+def test_unknown_units_are_refused(text):
+    with pytest.raises(ValueError, match=r"is not known|another kind"):
+        parse_quantity(text, "m")
+
+
+@pytest.mark.parametrize("text", ["", "cm", "about 3 cm", "4,9"])
+def test_text_that_is_no_quantity_is_refused(text):
+    with pytest.raises(ValueError, match=r"expected a length \[m\]"):
+        parse_quantity(text, "m")
+
+
+@pytest.mark.parametrize("value", [True, None, [1, "m"], {"value": 1}, 1j])
+def test_other_types_are_refused(value):
+    with pytest.raises(ValueError, match=r"expected a length \[m\], got"):
+        parse_quantity(value, "m")
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e999 m"])
+def test_values_that_are_not_finite_are_refused(value):
+    with pytest.raises(ValueError, match="finite"):
+        parse_quantity(value, "m")
+
+
+SCALES = [("cm", "m", 1e-2), ("deg", "rad", math.pi / 180), ("ms", "s", 1e-3), ("rpm", "rad/s", math.pi / 30)]
+
+
+@given(number=st.floats(-1e9, 1e9), scale=st.sampled_from(SCALES))
+def test_a_unit_is_a_factor(number, scale):
+    text, unit, factor = scale
+    assert parse_quantity(f"{number!r} {text}", unit) == pytest.approx(number * factor, rel=1e-12, abs=1e-300)
+
+
+@given(number=st.floats(allow_nan=False, allow_infinity=False))
+def test_bare_numbers_are_si(number):
+    assert parse_quantity(number, "m") == number
+    assert parse_quantity(repr(number), "m") == number
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "expected"),
+    [
+        (Length, "18 cm", 0.18),
+        (Angle, "90 deg", math.pi / 2),
+        (Duration, "20 s", 20.0),
+        (AngularSpeed, "10 rad/s", 10.0),
+        (AngularAcceleration, "20 rad/s^2", 20.0),
+        (Ratio, "5 %", 0.05),
+    ],
+)
+def test_annotated_fields(quantity, text, expected):
+    adapter = TypeAdapter(quantity)
+    assert adapter.validate_python(text) == pytest.approx(expected)
+    assert adapter.validate_python(adapter.dump_python(expected)) == expected
+    with pytest.raises(ValidationError, match="expected"):
+        adapter.validate_python("3 parsnips")
+    schema = adapter.json_schema()
+    assert {entry["type"] for entry in schema["anyOf"]} == {"number", "string"}
+
+
+def test_components_refuse_unknown_keys():
+    class Part(Component):
+        length: Length
+
+    assert Part(length="1 cm").length == pytest.approx(0.01)
+    with pytest.raises(ValidationError, match="width"):
+        Part(length=1, width=2)

@@ -1,0 +1,119 @@
+"""The drive as expressions, against the NumPy roll-out."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from robots import ROBOTS, Example, draw_inputs
+
+from oed.rollout import FINE, Drive, roll_out
+
+SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
+FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")
+
+robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
+rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
+
+
+def held_inputs(example: Example) -> np.ndarray:
+    inputs = draw_inputs(np.random.default_rng(7), SAMPLES, len(example.model.inputs))
+    inputs[4] = 0.0
+    return inputs
+
+
+def symbolic_drive(example: Example, rule: str, kind: type, refine: int) -> tuple[Drive, ca.Function]:
+    inputs = kind.sym("inputs", SAMPLES, len(example.model.inputs))
+    start, period = kind.sym("start", 3), kind.sym("period")
+    drive = roll_out(
+        example.model,
+        rule,
+        inputs=inputs,
+        start=start,
+        parameters=kind(ca.DM(example.model.nominal)),
+        period=period,
+        input_values=inputs,
+        input_rates=inputs,
+        refine=refine,
+    )
+    outputs = [getattr(drive, name) for name in FIELDS] + [drive.path_length()]
+    return drive, ca.Function("drive", [inputs, start, period], outputs)
+
+
+def numeric_drive(example: Example, rule: str, kind: type = ca.MX, refine: int = FINE) -> dict:
+    _, function = symbolic_drive(example, rule, kind, refine)
+    results = [np.array(value) for value in function(held_inputs(example), START, PERIOD)]
+    return dict(zip((*FIELDS, "path_length"), results, strict=True))
+
+
+@robots
+@rules
+def test_poses_and_path_are_the_oracles(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    twists = np.array([example.twist(row) for row in held_inputs(example)])
+    poses = oracle.roll_out(twists, START, PERIOD, rule)
+    path = oracle.fine_path(twists, START, PERIOD, rule, FINE)
+    np.testing.assert_allclose(found["poses"], poses, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found["path"], path, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found["twist"], twists, rtol=0, atol=1e-13)
+
+
+@robots
+@rules
+def test_chords_are_the_displacements(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    for pose, twist, gain, direction in zip(
+        found["poses"], found["twist"], found["gain"].ravel(), found["direction"].ravel(), strict=False
+    ):
+        ahead, _ = oracle.DISPLACEMENTS[rule](pose[2], twist[2], PERIOD)
+        chord = gain * np.array([np.cos(direction), np.sin(direction)])
+        np.testing.assert_allclose(chord, ahead, rtol=0, atol=1e-13)
+
+
+@robots
+def test_effective_inputs(example: Example):
+    expected = [example.effective(row) for row in held_inputs(example)]
+    np.testing.assert_allclose(numeric_drive(example, "arc")["effective_inputs"], expected, rtol=1e-13)
+
+
+@robots
+def test_path_length_is_the_sum_of_speeds(example: Example):
+    twists = np.array([example.twist(row) for row in held_inputs(example)])
+    expected = PERIOD * np.hypot(twists[:, 0], twists[:, 1]).sum()
+    assert numeric_drive(example, "arc")["path_length"].item() == pytest.approx(expected, abs=1e-7)
+
+
+@robots
+@rules
+def test_path_meets_the_samples(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    np.testing.assert_allclose(found["path"][::FINE], found["poses"], rtol=0, atol=1e-13)
+
+
+@robots
+def test_unrefined_path_is_the_poses(example: Example):
+    found = numeric_drive(example, "arc", refine=1)
+    np.testing.assert_array_equal(found["path"], found["poses"])
+
+
+@robots
+@rules
+def test_unrolled_and_compact_expressions_agree(example: Example, rule: str):
+    unrolled, compact = (numeric_drive(example, rule, kind) for kind in (ca.SX, ca.MX))
+    for name in unrolled:
+        np.testing.assert_allclose(unrolled[name], compact[name], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("softening", [1e-9, 1e-3, 0.1])
+def test_softened_length_is_a_lower_bound_within_the_softening(softening: float):
+    example = ROBOTS[0]
+    drive, _ = symbolic_drive(example, "arc", ca.SX, 1)
+    length = ca.Function(
+        "length", [drive.inputs], [ca.substitute(drive.path_length(softening), drive.period, PERIOD)]
+    )
+    inputs = held_inputs(example)
+    exact = PERIOD * sum(abs(example.twist(row)[0]) for row in inputs)
+    found = float(length(inputs))
+    assert exact - softening * PERIOD * SAMPLES - 1e-12 <= found <= exact + 1e-12
+    assert float(length(np.zeros_like(inputs))) == 0

@@ -1,0 +1,97 @@
+"""B-splines: the laws that make their coefficients usable as limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oed import spline
+
+DURATION = 3.0
+degrees = pytest.mark.parametrize("degree", range(6))
+
+
+@st.composite
+def curves(draw):
+    degree = draw(st.integers(0, 5))
+    count = degree + draw(st.integers(1, 8))
+    coefficients = draw(st.lists(st.floats(-10, 10), min_size=count, max_size=count))
+    return degree, spline.clamped_knots(DURATION, count, degree), np.array(coefficients)
+
+
+@given(curves())
+def test_basis_is_a_partition_of_unity(curve):
+    degree, knots, _ = curve
+    values = spline.basis(knots, degree, np.linspace(0, DURATION, 77)).toarray()
+    np.testing.assert_allclose(values.sum(axis=1), 1.0, rtol=0, atol=1e-14)
+    assert values.min() >= 0
+
+
+@given(curves())
+def test_curve_stays_within_the_hull_of_its_coefficients(curve):
+    degree, knots, coefficients = curve
+    values = spline.basis(knots, degree, np.linspace(0, DURATION, 301)) @ coefficients
+    assert coefficients.min() - 1e-12 <= values.min()
+    assert values.max() <= coefficients.max() + 1e-12
+
+
+@given(curves())
+def test_curve_stays_within_the_local_hull(curve):
+    degree, knots, coefficients = curve
+    for time in np.linspace(0, DURATION, 31):
+        span = min(np.searchsorted(knots, time, side="right"), len(coefficients)) - 1
+        active = coefficients[span - degree : span + 1]
+        value = (spline.basis(knots, degree, np.array([time])) @ coefficients).item()
+        assert active.min() - 1e-12 <= value <= active.max() + 1e-12
+
+
+@given(curves())
+def test_curve_begins_and_ends_at_its_outer_coefficients(curve):
+    degree, knots, coefficients = curve
+    ends = spline.basis(knots, degree, np.array([0.0, DURATION])) @ coefficients
+    np.testing.assert_allclose(ends, coefficients[[0, -1]], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("degree", range(1, 6))
+def test_derivative_is_the_finite_difference(degree: int):
+    count, step = degree + 6, 1e-5
+    knots = spline.clamped_knots(DURATION, count, degree)
+    coefficients = np.random.default_rng(degree).uniform(-5, 5, (count, 2))
+    matrix, inner_knots = spline.derivative(knots, degree)
+    assert matrix.shape == (count - 1, count)
+    times = np.random.default_rng(0).uniform(0.01, DURATION - 0.01, 60)
+    times = times[np.abs(times[:, None] - knots).min(axis=1) > 2 * step]
+    found = spline.basis(inner_knots, degree - 1, times) @ (matrix @ coefficients)
+    ahead, behind = (spline.basis(knots, degree, times + sign * step) @ coefficients for sign in (1, -1))
+    np.testing.assert_allclose(found, (ahead - behind) / (2 * step), rtol=0, atol=2e-6)
+
+
+@degrees
+def test_knots_are_uniform_and_clamped(degree: int):
+    knots = spline.clamped_knots(DURATION, degree + 5, degree)
+    assert len(knots) == 2 * degree + 6
+    assert np.all(knots[: degree + 1] == 0)
+    assert np.all(knots[-degree - 1 :] == DURATION)
+    np.testing.assert_allclose(np.diff(knots[degree : len(knots) - degree]), DURATION / 5)
+
+
+@degrees
+def test_a_polynomial_needs_degree_plus_one_coefficients(degree: int):
+    assert len(spline.clamped_knots(DURATION, degree + 1, degree)) == 2 * degree + 2
+    with pytest.raises(ValueError, match=f"at least {degree + 1} coefficients, got {degree}"):
+        spline.clamped_knots(DURATION, degree, degree)
+
+
+@degrees
+def test_times_outside_take_the_end_values(degree: int):
+    knots = spline.clamped_knots(DURATION, degree + 3, degree)
+    outside = spline.basis(knots, degree, np.array([-1e-9, DURATION + 1e-9])).toarray()
+    ends = spline.basis(knots, degree, np.array([0.0, DURATION])).toarray()
+    np.testing.assert_array_equal(outside, ends)
+
+
+def test_piecewise_constant_has_no_derivative():
+    with pytest.raises(ValueError, match="no derivative"):
+        spline.derivative(spline.clamped_knots(DURATION, 4, 0), 0)
