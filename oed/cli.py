@@ -112,11 +112,15 @@ def _positive(text: str) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results, say
+    from oed.console import print_json, print_results, progress, say
     from oed.report import write_report
+    from oed.runner import run
+    from oed.study import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
-    record = _searched(options, out)
+    study = load_study(options.study)
+    with progress(options.quiet) as listener:
+        record = run(study, out, seed=options.seed, workers=options.workers, progress=listener)
     page = write_report(record, out)
     if options.json:
         print_json({**record.data, "directory": str(out)})
@@ -129,9 +133,16 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results
+    from oed.console import print_json, print_results, progress
+    from oed.runner import record as record_of
+    from oed.runner import search
+    from oed.study import load_study
 
-    record = _searched(options, Path(options.out) if options.out else None)
+    study = load_study(options.study)
+    seed = study.seed if options.seed is None else options.seed
+    with progress(options.quiet) as listener:
+        solutions = search(study, seed=seed, workers=options.workers, progress=listener)
+    record = record_of(study, solutions, seed, Path(options.out) if options.out else None)
     if options.json:
         kept = ("format", "oed_version", "seed", "parameters", "results")
         print_json({key: record.data[key] for key in kept})
@@ -140,19 +151,9 @@ def _solve(options: argparse.Namespace) -> int:
     return _verdict(record)
 
 
-def _searched(options: argparse.Namespace, out: Path | None) -> Record:
-    from oed.console import progress
-    from oed.runner import run
-    from oed.study import load_study
-
-    study = load_study(options.study)
-    with progress(options.quiet) as listener:
-        return run(study, out, seed=options.seed, workers=options.workers, progress=listener)
-
-
 def _verdict(record: Record) -> int:
     # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
-    searched = [entry for entry in record.results if entry["kind"] != "baseline"]
+    searched = [entry for entry in record.results if entry["kind"] not in ("baseline", "path")]
     if any(entry["status"] == "interrupted" for entry in searched):
         return FAILED
     return DONE if any(entry["feasible"] for entry in searched) else FAILED

@@ -69,7 +69,8 @@ class E(Criterion):
 
     def value(self, matrices: Sequence[Array]) -> Array:
         """lambda_min, the smallest over the blocks."""
-        smallest = [np.linalg.eigvalsh(matrix)[..., 0] for matrix in matrices]
+        # Information is positive semidefinite: what is below 0 is rounding.
+        smallest = [np.maximum(np.linalg.eigvalsh(matrix)[..., 0], 0.0) for matrix in matrices]
         return np.asarray(np.min(smallest, axis=0))
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:

@@ -25,6 +25,9 @@ Array = npt.NDArray[np.float64]
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
 
+SINGULAR = 1e-9
+"""Share of lambda_max below which lambda_min counts as 0."""
+
 
 @dataclass(frozen=True)
 class Margin:
@@ -99,6 +102,17 @@ class Evaluation:
         """cond(W) = s_max / s_min; infinite for a singular design."""
         largest, smallest = float(self.singular_values[0]), self.smallest_singular_value
         return largest / smallest if smallest > 0 else np.inf
+
+    @property
+    def log_determinant(self) -> float:
+        """Log det of the information, all blocks together; minus infinity for a singular design."""
+        signs, logs = zip(*(np.linalg.slogdet(matrix) for matrix in self.information.values()), strict=True)
+        return float(np.sum(logs)) if min(signs) > 0 else -np.inf
+
+    @property
+    def singular(self) -> bool:
+        """Whether some combination of parameters is left undetermined, to rounding."""
+        return self.lambda_min <= SINGULAR * self.lambda_max
 
     @property
     def feasible(self) -> bool:
@@ -178,7 +192,7 @@ class _Scorer:
         )
         length, poses, path, *rest = (np.array(result) for result in results)
         designs, matrices, limits = rest[:count], rest[count : 2 * count], rest[2 * count :]
-        eigenvalues = np.concatenate([np.linalg.eigvalsh(matrix) for matrix in matrices])
+        eigenvalues = np.maximum(np.concatenate([np.linalg.eigvalsh(matrix) for matrix in matrices]), 0.0)
         singular = np.concatenate([np.linalg.svd(design, compute_uv=False) for design in designs])
         names = [block.name for block in self.blocks]
         margins = [
@@ -217,11 +231,14 @@ def _standard_deviations(blocks: tuple[Block, ...], designs: list[Array]) -> dic
     for block, design in zip(blocks, designs, strict=True):
         if block.noise is None:
             continue
-        _, singular, right = np.linalg.svd(design, full_matrices=True)
-        padded = np.zeros(len(block.parameters))
-        padded[: len(singular)] = singular
+        # W itself for many rows, padded for too few: the right vectors span all parameters either way.
+        few = max(0, len(block.parameters) - len(design))
+        _, singular, right = np.linalg.svd(np.pad(design, ((0, few), (0, 0))), full_matrices=False)
+        # A singular value within rounding of 0 determines nothing.
+        rounding = np.finfo(float).eps * max(design.shape) * singular[0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = np.where(right == 0, 0.0, (right / padded[:, None]) ** 2)
+            inverse = np.where(singular > rounding, 1.0 / singular, np.inf)
+            shares = np.where(np.abs(right) <= np.finfo(float).eps, 0.0, (right * inverse[:, None]) ** 2)
         sizes = block.noise * np.sqrt(shares.sum(axis=0))
         deviations.update(zip(block.parameters, map(float, sizes), strict=True))
     return deviations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from oed.evaluation import Evaluation
 from oed.files import write_text
 from oed.solution import Solution, Start
 from oed.trajectory import Trajectory
+from oed.validation import Validation
 
 FORMAT = 1
 FILE = "record.json"
@@ -34,9 +35,13 @@ class Record:
 
     @property
     def best(self) -> Mapping[str, Any] | None:
-        """The feasible result of largest objective, None where nothing is feasible."""
-        feasible = [entry for entry in self.results if entry["feasible"]]
-        return max(feasible, key=lambda entry: float(entry["objective"]), default=None)
+        """The best feasible result, None where nothing is feasible.
+
+        A record that does not name it was not made by this package: then the largest objective.
+        """
+        feasible = [one for one in self.results if one["feasible"] and one["objective"] is not None]
+        named = [one for one in feasible if one["name"] == self.data.get("best")]
+        return max(named or feasible, key=lambda entry: float(entry["objective"]), default=None)
 
     def to_json(self) -> str:
         """The text of record.json."""
@@ -90,6 +95,14 @@ def result_data(solution: Solution, trajectory_file: str | None) -> dict[str, An
         "wall_seconds": round(solution.wall_seconds, 6),
         "starts": [_start_data(start) for start in solution.starts],
         "stages": {name: finite(value) for name, value in solution.stages.items()},
+        "history": [
+            {
+                "evaluations": point.evaluations,
+                "seconds": round(point.seconds, 6),
+                "objective": finite(point.objective),
+            }
+            for point in solution.history
+        ],
         "seed": solution.seed,
         "trajectory": trajectory_file if trajectory is not None else None,
         "drive": None if trajectory is None or evaluation is None else _drive_data(trajectory, evaluation),
@@ -164,6 +177,34 @@ def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any
     }
 
 
+def validation_data(name: str, validation: Validation) -> dict[str, Any]:
+    """One result's entry in a record's `validation`."""
+    return {
+        "name": name,
+        "passed": validation.passed,
+        "verdict": validation.verdict,
+        "parameters": list(validation.parameters),
+        "true": validation.true.tolist(),
+        "mean": validation.mean.tolist(),
+        "promised_covariance": validation.promised.tolist(),
+        "sampled_covariance": validation.sampled.tolist(),
+        "paired_variance_ratio": validation.paired_ratio.tolist(),
+        "paired_standard_error": validation.paired_error.tolist(),
+        "checks": [
+            {
+                "name": check.name,
+                "question": check.question,
+                "statistic": check.statistic,
+                "expected": list(check.expected),
+                "p_value": check.p_value,
+                "passed": check.passed,
+            }
+            for check in validation.checks
+        ],
+        "estimates": rounded(validation.estimates, 7),
+    }
+
+
 def rounded(values: Any, digits: int) -> Any:
     """Nested lists of an array's values, rounded: for series that are drawn, not computed with."""
     return np.round(np.asarray(values, dtype=float), digits).tolist()
@@ -181,8 +222,3 @@ def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
         np.array(drive["start"]),
         drive["samples"],
     )
-
-
-def feasible_names(entries: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Names of the results that keep every limit."""
-    return [str(entry["name"]) for entry in entries if entry["feasible"]]

@@ -1,22 +1,25 @@
-"""Run a study: every search it asks for, into a record."""
+"""Run a study: every search, baseline and simulation it asks for, into a record."""
 
 from __future__ import annotations
 
 import platform
-from collections import Counter
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from oed.baselines import baselines
 from oed.evaluation import evaluate, parameter_table
-from oed.path_file import write_trajectory
-from oed.record import FORMAT, Record, result_data, save_record
+from oed.path_file import read_trajectory, write_trajectory
+from oed.record import FORMAT, Record, result_data, save_record, validation_data
 from oed.solution import Solution, Status
-from oed.solve import Progress, solve
-from oed.study import Study
+from oed.solve import Progress, Silent, solve
+from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
+from oed.validation import validate
 
+PRACTICALLY_EQUAL = 2e-3
+"""Share of the objective by which two designs may differ and still count as equally good."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
 
 
@@ -37,26 +40,53 @@ def run(
         workers: processes; does not change the result.
         progress: told how far the work is.
     """
-    chosen = study.seed if seed is None else seed
-    solutions = [
-        solve(study.problem, solver, seed=chosen, workers=workers, progress=progress)
-        for solver in study.solvers
-    ]
-    return record_solutions(study, _distinct(solutions), chosen, out)
+    chosen, listener = study.seed if seed is None else seed, progress or Silent()
+    solutions = search(study, seed=chosen, workers=workers, progress=listener)
+    interrupted = any(solution.status is Status.INTERRUPTED for solution in solutions)
+    validation = None
+    if not interrupted:
+        solutions += _baselines(study, solutions, chosen, listener)
+        validation = _validation(study, solutions, chosen, listener)
+    return record(study, solutions, chosen, out, validation)
 
 
-def record_solutions(
-    study: Study, solutions: list[tuple[str, Solution]], seed: int, out: str | Path | None
+def search(
+    study: Study, *, seed: int, workers: int | None = None, progress: Progress | None = None
+) -> list[Solution]:
+    """The study's searches, one after the other, each knowing those before it; interrupted, those done."""
+    done: dict[str, Solution] = {}
+    for solver in study.solvers:
+        solution = solve(study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done)
+        done[solution.name] = solution
+        if solution.status is Status.INTERRUPTED:
+            break
+    return list(done.values())
+
+
+def best_of(solutions: list[Solution]) -> Solution | None:
+    """The feasible solution of largest objective; among practically equal ones the most informative.
+
+    A search may give up a little of the objective to learn more in all other directions; one that did
+    not is no better for it.
+    """
+    feasible = [(one, one.evaluation) for one in solutions if one.evaluation and one.evaluation.feasible]
+    if not feasible:
+        return None
+    largest = max(evaluation.objective for _, evaluation in feasible)
+    equal = [pair for pair in feasible if pair[1].objective >= largest - PRACTICALLY_EQUAL * abs(largest)]
+    return max(equal, key=lambda pair: pair[1].log_determinant)[0]
+
+
+def record(
+    study: Study,
+    solutions: list[Solution],
+    seed: int,
+    out: str | Path | None = None,
+    validation: dict[str, Any] | None = None,
 ) -> Record:
-    """The record of named solutions, written to `out` where given."""
-    results = []
-    for name, solution in solutions:
-        entry = result_data(solution, f"{name}.csv" if out is not None else None)
-        results.append({**entry, "name": name})
-        if out is not None and solution.trajectory is not None and solution.evaluation is not None:
-            path = Path(out) / f"{name}.csv"
-            write_trajectory(path, study.problem, solution.trajectory, solution.evaluation.poses)
-    record = Record(
+    """The record of solutions, written to `out` where given, with their trajectories."""
+    results = [result_data(solution, _file(solution) if out is not None else None) for solution in solutions]
+    made = Record(
         {
             "format": FORMAT,
             "oed_version": _version("oed"),
@@ -65,15 +95,24 @@ def record_solutions(
             "seed": seed,
             "parameters": parameter_table(study.problem),
             "results": results,
+            "best": best.name if (best := best_of(solutions)) is not None else None,
             "certificate": None,
-            "validation": None,
+            "validation": validation,
             "notes": _notes(study),
             "provenance": provenance(),
         }
     )
     if out is not None:
-        save_record(record, out)
-    return record
+        for solution in solutions:
+            if solution.trajectory is not None and solution.evaluation is not None:
+                path = Path(out) / _file(solution)
+                write_trajectory(path, study.problem, solution.trajectory, solution.evaluation.poses)
+        save_record(made, out)
+    return made
+
+
+def _file(solution: Solution) -> str:
+    return f"{solution.name.replace(' ', '_')}.csv"
 
 
 def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
@@ -85,6 +124,48 @@ def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
         evaluation=evaluate(study.problem, trajectory),
         status=Status.SCORED,
     )
+
+
+def _baselines(study: Study, solutions: list[Solution], seed: int, progress: Progress) -> list[Solution]:
+    # Every everyday path as large as it can be, and again with the best design's length, as in the paper.
+    best, paths = best_of(solutions), study.file.baselines
+    if not paths:
+        return []
+    length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
+    progress.begin("score everyday paths", len(paths))
+    scored: list[Solution] = []
+    for path in paths:
+        if isinstance(path, PathFile):
+            trajectory = read_trajectory(study.folder / path.file, study.problem)
+            scored.append(score(study, trajectory, path.label))
+        else:
+            scored += baselines(study.problem, path, length=length, seed=seed)
+        progress.advance()
+    return scored
+
+
+def _validation(
+    study: Study, solutions: list[Solution], seed: int, progress: Progress
+) -> dict[str, Any] | None:
+    options = study.file.validation
+    if options is None:
+        return None
+    entries = []
+    for solution in solutions:
+        evaluation, trajectory = solution.evaluation, solution.trajectory
+        if trajectory is None or evaluation is None or not evaluation.feasible or evaluation.singular:
+            continue
+        result = validate(
+            study.problem,
+            trajectory,
+            replicates=options.replicates,
+            heading=options.heading,
+            alpha=options.alpha,
+            seed=seed,
+            progress=progress,
+        )
+        entries.append(validation_data(solution.name, result))
+    return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
 
 
 def provenance() -> dict[str, Any]:
@@ -100,17 +181,6 @@ def provenance() -> dict[str, Any]:
 def _notes(study: Study) -> list[str]:
     # What the study asks for and this version does not do is said, never passed over.
     return ["`bound: true` is read, but this version computes no bounds."] if study.file.bound else []
-
-
-def _distinct(solutions: list[Solution]) -> list[tuple[str, Solution]]:
-    # Two searches of one kind get names of their own: ipopt, ipopt_2, ...
-    seen: Counter[str] = Counter()
-    named = []
-    for solution in solutions:
-        seen[solution.name] += 1
-        count = seen[solution.name]
-        named.append((solution.name if count == 1 else f"{solution.name}_{count}", solution))
-    return named
 
 
 def _version(package: str) -> str:

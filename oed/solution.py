@@ -18,6 +18,7 @@ class Status(Enum):
     ITERATION_LIMIT = "iteration_limit"
     TIME_LIMIT = "time_limit"
     INTERRUPTED = "interrupted"
+    SEARCHED = "searched"
     SCORED = "scored"
     INFEASIBLE = "infeasible"
     SINGULAR = "singular"
@@ -41,12 +42,23 @@ _SENTENCES = {
     "raise max_iterations to go on.",
     Status.TIME_LIMIT: "Stopped at the time limit with the best design so far; raise time_limit to go on.",
     Status.INTERRUPTED: "Interrupted; this is the best design found until then.",
+    Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit on the fine grid, "
+    "but nothing says that it is an optimum.",
     Status.SCORED: "Scored as given; nothing was optimised.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
     Status.SINGULAR: "No drive found tells all parameters apart; "
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
 }
+
+
+@dataclass(frozen=True)
+class HistoryPoint:
+    """A search's best objective so far, after so many evaluations of the drive and seconds."""
+
+    evaluations: int
+    seconds: float
+    objective: float
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,7 @@ class Solution:
         seed: of every random draw.
         detail: what the status' sentence cannot know, e.g. which limits conflict.
         stages: objective reached after each stage of the search, by name.
+        history: the best objective so far, re-scored, each time it rose, and at the end.
     """
 
     name: str
@@ -85,6 +98,7 @@ class Solution:
     seed: int = 0
     detail: str = ""
     stages: Mapping[str, float] = field(default_factory=dict)
+    history: tuple[HistoryPoint, ...] = ()
 
     @property
     def message(self) -> str:

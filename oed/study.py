@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, create_model
 
+from oed.baselines import BaselineName
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import ProblemError, StudyError
+from oed.errors import Flaw, ProblemError, StudyError
 from oed.limits import LIMITS, Limit
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
@@ -19,6 +20,7 @@ from oed.problem import Problem
 from oed.solve import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
+from oed.validation.monte_carlo import ALPHA, Heading, missing_noise
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
 
 FORMAT = 1
@@ -34,6 +36,26 @@ def _limit_table() -> Any:
 _Limits = _limit_table()
 
 
+class PathFile(Component):
+    """A path of the user's own to compare with: a trajectory CSV, found from the study's folder."""
+
+    file: str
+    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+
+    @property
+    def label(self) -> str:
+        """The result's name."""
+        return self.name or Path(self.file).stem
+
+
+class ValidationOptions(Component):
+    """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
+
+    replicates: Annotated[int, Field(ge=100)] = 10_000
+    heading: Heading = "known"
+    alpha: Annotated[float, Field(gt=0, lt=1)] = ALPHA
+
+
 class StudyFile(Component):
     """The keys of a study file."""
 
@@ -45,7 +67,9 @@ class StudyFile(Component):
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
+    baselines: tuple[BaselineName | PathFile, ...] = ()
     bound: bool = False
+    validation: ValidationOptions | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
 
@@ -74,6 +98,11 @@ class Study:
     def solvers(self) -> tuple[Solver, ...]:
         """The searches asked for."""
         return self.file.solvers
+
+    @property
+    def folder(self) -> Path:
+        """Where the study's own files are looked for."""
+        return Path(self.source).parent
 
     @property
     def seed(self) -> int:
@@ -122,7 +151,37 @@ def _study(source: YamlSource) -> Study:
         )
     except ProblemError as error:
         raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+    flaws = [*_solver_flaws(file), *_validation_flaws(file, problem)]
+    if flaws:
+        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
     return Study(problem, file, source.text, source.file)
+
+
+def _solver_flaws(file: StudyFile) -> list[Flaw]:
+    # Names have to tell results apart, and a search can start only from one before it.
+    flaws, known = [], list[str]()
+    for index, solver in enumerate(file.solvers):
+        if solver.label in known:
+            text = f"a second search named {solver.label}; give each its own name"
+            flaws.append(Flaw(("solvers", index, "name"), text))
+        wanted = getattr(solver, "start_from", None)
+        if wanted is not None and wanted not in known:
+            text = (
+                f"expected the name of a search listed before ({', '.join(known) or 'none'}), got {wanted!r}"
+            )
+            flaws.append(Flaw(("solvers", index, "start_from"), text))
+        known.append(solver.label)
+    return flaws
+
+
+def _validation_flaws(file: StudyFile, problem: Problem) -> list[Flaw]:
+    if file.validation is None:
+        return []
+    missing = missing_noise(problem, file.validation.heading)
+    if not missing:
+        return []
+    text = f"simulating {file.validation.heading} headings needs the noise of {', '.join(missing)}"
+    return [Flaw(("measurement", "noise"), text)]
 
 
 def _limits(file: StudyFile) -> tuple[Limit, ...]:

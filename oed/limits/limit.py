@@ -59,6 +59,10 @@ class Limit(Component, ABC):
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
+    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Bounds that this limit sets directly on the inputs' rates, by input name."""
+        return {}
+
 
 @dataclass(frozen=True)
 class TwoSided:
@@ -115,6 +119,10 @@ class InputLimit(Limit, ABC):
     def indices(self, model: Model) -> list[int]:
         """Which of the model's inputs are limited."""
         return [index for index, entry in enumerate(model.inputs) if entry.quantity == self.quantity]
+
+    def bounds_by_name(self, model: Model) -> dict[str, tuple[float, float]]:
+        """`bounds` under the name of every input limited."""
+        return {model.input_names[index]: self.bounds for index in self.indices(model)}
 
     def bounded(self, columns: Expression, unit: str) -> Rows:
         """`bounds` on every entry of `columns`; the size is the larger bound's magnitude."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 from oed.limits.limit import InputLimit, Rows, TwoSided
+from oed.models.model import Model
 from oed.rollout import Drive
 
 
@@ -18,3 +19,7 @@ class WheelAcceleration(InputLimit):
     def rows(self, drive: Drive) -> Rows:
         """One row per wheel and value that bounds the acceleration."""
         return self.bounded(drive.input_rates[:, self.indices(drive.model)], "rad/s^2")
+
+    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+        """The bounds of every wheel."""
+        return self.bounds_by_name(model)

@@ -32,4 +32,4 @@ class WheelSpeed(InputLimit):
 
     def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """The bounds of every wheel."""
-        return {model.input_names[index]: self.bounds for index in self.indices(model)}
+        return self.bounds_by_name(model)

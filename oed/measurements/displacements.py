@@ -49,8 +49,12 @@ class Displacements(Measurement):
             "heading": self._heading_block,
             "position": self._position_block,
         }
-        chosen = ("heading", "position") if self.regressor == "both" else (self.regressor,)
-        return tuple(builders[name](drive) for name in chosen)
+        return tuple(builders[name](drive) for name in self.regressions)
+
+    @property
+    def regressions(self) -> tuple[str, ...]:
+        """The blocks' names: "heading", "position" or both."""
+        return ("heading", "position") if self.regressor == "both" else (self.regressor,)
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """Robots without coefficients, more segments than samples, too few to tell two parameters apart."""

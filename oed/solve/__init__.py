@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from oed.problem import Problem
 from oed.solution import Solution
+from oed.solve.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.solve.ipopt import Ipopt
 from oed.solve.parallel import default_workers
 from oed.solve.progress import Progress, Silent
 from oed.solve.solver import Context, Solver
 
-SOLVERS: tuple[type[Solver], ...] = (Ipopt,)
+SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
 
 
 def solve(
@@ -19,6 +22,7 @@ def solve(
     seed: int = 0,
     workers: int | None = None,
     progress: Progress | None = None,
+    earlier: Mapping[str, Solution] | None = None,
 ) -> Solution:
     """The best drive that `solver` (by default `Ipopt()`) finds for `problem`.
 
@@ -28,9 +32,24 @@ def solve(
         seed: of every random draw; the same seed gives the same design.
         workers: processes; by default one per processor. Does not change the result.
         progress: told how far the search is.
+        earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
     """
-    context = Context(seed, workers or default_workers(), progress or Silent())
-    return (solver or Ipopt()).search(problem, context)
+    options = solver or Ipopt()
+    chosen = seed if options.seed is None else options.seed
+    context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
+    return options.search(problem, context)
 
 
-__all__ = ["SOLVERS", "Context", "Ipopt", "Progress", "Silent", "Solver", "default_workers", "solve"]
+__all__ = [
+    "SOLVERS",
+    "CmaEs",
+    "Context",
+    "DifferentialEvolution",
+    "Genetic",
+    "Ipopt",
+    "Progress",
+    "Silent",
+    "Solver",
+    "default_workers",
+    "solve",
+]

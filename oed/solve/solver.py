@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from oed.component import Component
 from oed.problem import Problem
@@ -16,17 +19,19 @@ from oed.solve.progress import Progress, Silent
 
 @dataclass(frozen=True)
 class Context:
-    """The circumstances of a search, which must not change its result: seed apart.
+    """The circumstances of a search; of these only the seed and the earlier searches may change its result.
 
     Attributes:
         seed: of every random draw.
         workers: processes to use.
         progress: who is told how far it is.
+        earlier: solutions of the searches before this one, by name.
     """
 
     seed: int = 0
     workers: int = field(default_factory=default_workers)
     progress: Progress = field(default_factory=Silent)
+    earlier: Mapping[str, Solution] = field(default_factory=dict)
 
     def rng(self, stream: int) -> np.random.Generator:
         """An independent generator for each part of a search."""
@@ -34,9 +39,21 @@ class Context:
 
 
 class Solver(Component, ABC):
-    """Options of one kind of search."""
+    """Options of one kind of search.
+
+    Attributes:
+        name: of its result; the kind by default.
+        seed: instead of the study's.
+    """
 
     kind: str
+    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+    @property
+    def label(self) -> str:
+        """The result's name."""
+        return self.name or self.kind
 
     @abstractmethod
     def search(self, problem: Problem, context: Context) -> Solution:

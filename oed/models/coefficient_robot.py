@@ -1,0 +1,54 @@
+"""A robot seen through its coefficients: the same motion, with the matrix c as its parameters."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from oed.expression import Expression
+from oed.models.model import Input, Model, Parameter, coefficient_twist
+
+
+class CoefficientRobot(Model):
+    """The robot `base` with the entries of c [Choi, eq. 5] as parameters, its other constants nominal.
+
+    It answers what an estimate of c means for the motion, e.g. which headings it predicts.
+    """
+
+    kind: Literal["coefficients"] = "coefficients"
+    base: Model
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """The base robot's inputs."""
+        return self.base.inputs
+
+    @property
+    def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
+        """The base robot's coefficient names."""
+        return self.base.coefficient_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients, row by row: yaw rate [1], then forward speed [m]."""
+        nominal = np.asarray(ca.evalf(self.base.coefficients(ca.DM(self.base.nominal))))
+        return tuple(
+            Parameter(name, float(value), unit)
+            for names, values, unit in zip(self.coefficient_names, nominal, ("", "m"), strict=True)
+            for name, value in zip(names, values, strict=True)
+        )
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The parameters as the matrix c."""
+        rows, columns = len(self.coefficient_names), len(self.coefficient_names[0])
+        return ca.reshape(parameters, columns, rows).T
+
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.effective_inputs(inputs, ca.DM(self.base.nominal))
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward speed, 0, yaw rate [Choi, eq. 5]."""
+        return coefficient_twist(self, inputs, parameters)

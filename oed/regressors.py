@@ -1,0 +1,83 @@
+"""A drive's regressors as functions of the coefficients: what an estimator computes them from."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.measurements.displacements import Displacements
+from oed.models.coefficient_robot import CoefficientRobot
+from oed.models.model import Integration, Model
+from oed.rollout import roll_out
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+
+
+class Regressors:
+    """Phi_theta and Phi_xy of one drive [Choi, eqs 10, 14] at any coefficients, which predict its headings."""
+
+    def __init__(
+        self, model: Model, integration: Integration, measurement: Displacements, trajectory: Trajectory
+    ) -> None:
+        """Keep the parts; functions are compiled when first used."""
+        self.robot = CoefficientRobot(base=model)
+        self.trajectory = trajectory
+        self._integration: Integration = integration
+        self._measurement = measurement
+        self.nominal = np.array(self.robot.nominal)
+        self.names = dict(zip(("heading", "position"), self.robot.coefficient_names, strict=True))
+
+    @property
+    def true(self) -> dict[str, Array]:
+        """Nominal coefficients by regression."""
+        columns = len(self.names["heading"])
+        return {"heading": self.nominal[:columns], "position": self.nominal[columns:]}
+
+    @cached_property
+    def nominal_designs(self) -> dict[str, Array]:
+        """W of each regression at the nominal coefficients: "heading" (P, q), "position" (2 P, q)."""
+        heading, position = self._function(self._measurement)(self.nominal)
+        return {"heading": np.array(heading), "position": np.array(position)}
+
+    @cached_property
+    def per_sample(self) -> Array:
+        """Each sample's own rows x, y of Phi_xy at the nominal coefficients, (N, 2, q)."""
+        single = self._measurement.model_copy(update={"segments": "samples"})
+        rows = np.array(self._function(single)(self.nominal)[1])
+        return rows.reshape(self.trajectory.samples, 2, -1)
+
+    def predicted_positions(self, first_stage: Array) -> Array:
+        """Phi_xy with the headings that estimates (R, q) of c11, c12 predict, (R, 2 P, q) [Choi, eq. 16]."""
+        count = len(first_stage)
+        columns = np.tile(self.nominal[:, None], count)
+        columns[: first_stage.shape[1]] = first_stage.T
+        stacked = np.array(self._position.map(count)(columns))
+        return stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
+
+    @cached_property
+    def _position(self) -> ca.Function:
+        both, coefficients = self._function(self._measurement), ca.SX.sym("c", len(self.nominal))
+        return ca.Function("position", [coefficients], [both(coefficients)[1]])
+
+    def _function(self, measurement: Displacements) -> ca.Function:
+        coefficients, inputs = ca.SX.sym("c", len(self.nominal)), ca.SX(ca.DM(self.trajectory.inputs))
+        drive = roll_out(
+            self.robot,
+            self._integration,
+            inputs=inputs,
+            start=ca.SX(ca.DM(self.trajectory.start)),
+            parameters=coefficients,
+            period=ca.SX(self.trajectory.period),
+            input_values=inputs,
+            input_rates=inputs,
+        )
+        blocks = measurement.model_copy(update={"regressor": "both"}).blocks(drive)
+        return ca.Function("designs", [coefficients], [block.design_matrix for block in blocks])
+
+    def __getstate__(self) -> dict[str, object]:
+        """What workers need: compiled functions are made again there."""
+        return {key: value for key, value in vars(self).items() if key != "_position"}

@@ -1,0 +1,124 @@
+"""Statistical tests of a promised covariance against simulated estimates (STATISTICS: bias, size, shape)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+Array = npt.NDArray[np.float64]
+
+COVERAGE = 0.95
+
+
+@dataclass(frozen=True)
+class Check:
+    """One test: what it looks at, its statistic with the range expected, its p-value, and whether it passed.
+
+    `passed` is judged for all tests together (Holm), so that no single one alone decides too often.
+    """
+
+    name: str
+    question: str
+    statistic: float
+    expected: tuple[float, float]
+    p_value: float
+    passed: bool = True
+
+
+def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
+    """All tests of errors (R, p) against their promised covariance (p, p), at joint level `alpha`."""
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), errors.T).T
+    nees = np.einsum("ij,ij->i", whitened, whitened)
+    checks = (
+        bias(whitened, alpha),
+        likelihood_ratio(whitened, alpha),
+        mean_nees(nees, whitened.shape[1], alpha),
+        extreme_eigenvalues(whitened, alpha),
+        coverage(nees, whitened.shape[1], alpha),
+        nees_distribution(nees, whitened.shape[1]),
+    )
+    return holm(checks, alpha)
+
+
+def bias(whitened: Array, alpha: float) -> Check:
+    """R zbar'zbar against chi2_p: is the mean estimate the truth?"""
+    count, size = whitened.shape
+    mean = whitened.mean(axis=0)
+    statistic = float(count * mean @ mean)
+    expected = (0.0, float(stats.chi2.ppf(1 - alpha, size)))
+    return Check(
+        "bias", "is the mean estimate the truth?", statistic, expected, float(stats.chi2.sf(statistic, size))
+    )
+
+
+def likelihood_ratio(whitened: Array, alpha: float) -> Check:
+    """Bartlett-corrected likelihood ratio of the covariance against chi2_{p(p+1)/2}."""
+    count, size = whitened.shape
+    nu = count - 1
+    sample = np.cov(whitened, rowvar=False).reshape(size, size)
+    _, logdet = np.linalg.slogdet(sample)
+    raw = nu * (np.trace(sample) - logdet - size)
+    statistic = float(raw * (1 - (2 * size + 1 - 2 / (size + 1)) / (6 * nu - 1)))
+    degrees = size * (size + 1) / 2
+    expected = (0.0, float(stats.chi2.ppf(1 - alpha, degrees)))
+    p_value = float(stats.chi2.sf(statistic, degrees))
+    return Check("covariance", "are size and shape of the covariance right?", statistic, expected, p_value)
+
+
+def mean_nees(nees: Array, size: int, alpha: float) -> Check:
+    """Mean normalised squared error against its two-sided chi2 interval."""
+    degrees = len(nees) * size
+    total = float(nees.sum())
+    low, high = (float(value) / degrees for value in stats.chi2.ppf([alpha / 2, 1 - alpha / 2], degrees))
+    p_value = 2 * min(float(stats.chi2.cdf(total, degrees)), float(stats.chi2.sf(total, degrees)))
+    return Check("NEES", "is the variance right on average?", total / degrees, (low, high), min(1.0, p_value))
+
+
+def extreme_eigenvalues(whitened: Array, alpha: float) -> Check:
+    """The whitened sample covariance's eigenvalue farthest from 1, against a concentration bound."""
+    count, size = whitened.shape
+    nu = count - 1
+    values = np.linalg.eigvalsh(np.cov(whitened, rowvar=False).reshape(size, size))
+    roots = np.sqrt(values)
+    farthest = int(np.argmax(np.abs(roots - 1.0)))
+    reach = (math.sqrt(size) + math.sqrt(2 * math.log(2 / alpha))) / math.sqrt(nu)
+    excess = max(0.0, abs(float(roots[farthest]) - 1.0) * math.sqrt(nu) - math.sqrt(size))
+    p_value = min(1.0, 2 * math.exp(-(excess**2) / 2))
+    expected = (max(0.0, 1 - reach) ** 2, (1 + reach) ** 2)
+    question = "is the variance right in every direction?"
+    return Check("eigenvalues", question, float(values[farthest]), expected, p_value)
+
+
+def coverage(nees: Array, size: int, alpha: float) -> Check:
+    """Share of estimates inside the 95 % ellipsoid, by the exact binomial test."""
+    inside = int(np.count_nonzero(nees <= stats.chi2.ppf(COVERAGE, size)))
+    test = stats.binomtest(inside, len(nees), COVERAGE)
+    low, high = (
+        float(value) / len(nees) for value in stats.binom.ppf([alpha / 2, 1 - alpha / 2], len(nees), COVERAGE)
+    )
+    question = "does the 95 % ellipse hold 95 % of the estimates?"
+    return Check("coverage", question, inside / len(nees), (low, high), float(test.pvalue))
+
+
+def nees_distribution(nees: Array, size: int) -> Check:
+    """Kolmogorov-Smirnov distance of the normalised squared errors from chi2_p."""
+    result = stats.kstest(nees, stats.chi2(size).cdf)
+    limit = float(stats.kstwo.ppf(0.99, len(nees)))
+    question = "are the errors normal, as intervals assume?"
+    return Check("distribution", question, float(result.statistic), (0.0, limit), float(result.pvalue))
+
+
+def holm(checks: Sequence[Check], alpha: float) -> tuple[Check, ...]:
+    """The checks with `passed` set: together they fail wrongly at most so often as `alpha` [Holm, 1979]."""
+    order = sorted(range(len(checks)), key=lambda index: checks[index].p_value)
+    failed: set[int] = set()
+    for rank, index in enumerate(order):
+        if checks[index].p_value > alpha / (len(checks) - rank):
+            break
+        failed.add(index)
+    return tuple(replace(check, passed=index not in failed) for index, check in enumerate(checks))
