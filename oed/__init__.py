@@ -44,9 +44,12 @@ if TYPE_CHECKING:
     from oed.runner import run as run
     from oed.solution import Solution as Solution
     from oed.solution import Status as Status
-    from oed.solve import Ipopt as Ipopt
-    from oed.solve import Solver as Solver
-    from oed.solve import solve as solve
+    from oed.solvers import CmaEs as CmaEs
+    from oed.solvers import DifferentialEvolution as DifferentialEvolution
+    from oed.solvers import Genetic as Genetic
+    from oed.solvers import Ipopt as Ipopt
+    from oed.solvers import Solver as Solver
+    from oed.solvers import solve as solve
     from oed.study import Study as Study
     from oed.study import load_study as load_study
     from oed.study import parse_study as parse_study
@@ -54,6 +57,8 @@ if TYPE_CHECKING:
     from oed.trajectory import Spline as Spline
     from oed.trajectory import StartPose as StartPose
     from oed.trajectory import Trajectory as Trajectory
+    from oed.validation import Validation as Validation
+    from oed.validation import validate as validate
 
 _HOMES = {
     "oed.criteria": ("Criterion", "E"),
@@ -69,8 +74,9 @@ _HOMES = {
     "oed.rollout": ("Drive",),
     "oed.runner": ("run",),
     "oed.solution": ("Solution", "Status"),
-    "oed.solve": ("Ipopt", "Solver", "solve"),
+    "oed.solvers": ("CmaEs", "DifferentialEvolution", "Genetic", "Ipopt", "Solver", "solve"),
     "oed.study": ("Study", "load_study", "parse_study"),
+    "oed.validation": ("Validation", "validate"),
     "oed.trajectory": ("DesignSpace", "Spline", "StartPose", "Trajectory"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -14,7 +14,7 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 from rich.text import Text
 
-from oed.solve import Progress, Silent
+from oed.solvers import Progress, Silent
 
 
 class _Bars:

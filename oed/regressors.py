@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Regressors:
-    """Phi_theta and Phi_xy of one drive [Choi, eqs 10, 14] at any coefficients, which predict its headings."""
+    """Phi_theta and Phi_xy of one drive [Choi, eqs 10, 14] at coefficients that predict its headings."""
 
     def __init__(
         self, model: Model, integration: Integration, measurement: Displacements, trajectory: Trajectory

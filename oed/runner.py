@@ -13,7 +13,7 @@ from oed.evaluation import evaluate, parameter_table
 from oed.path_file import read_trajectory, write_trajectory
 from oed.record import FORMAT, Record, result_data, save_record, validation_data
 from oed.solution import Solution, Status
-from oed.solve import Progress, Silent, solve
+from oed.solvers import Progress, Silent, solve
 from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
 from oed.validation import validate

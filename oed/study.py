@@ -17,7 +17,7 @@ from oed.limits import LIMITS, Limit
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
 from oed.problem import Problem
-from oed.solve import SOLVERS, Ipopt, Solver
+from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
 from oed.validation.monte_carlo import ALPHA, Heading, missing_noise

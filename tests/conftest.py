@@ -12,7 +12,7 @@ from hypothesis import settings
 from oed.measurements import Displacements
 from oed.problem import Problem
 from oed.solution import Solution
-from oed.solve import Ipopt, solve
+from oed.solvers import Ipopt, solve
 
 settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=60)
 settings.load_profile("seeded")

@@ -22,7 +22,7 @@ FLOORS: tuple[set[str], ...] = (
     {"problem"},
     {"evaluation"},
     {"solution"},
-    {"solve", "bound", "baselines"},
+    {"solvers", "bound", "baselines"},
     {"estimate"},
     {"validate", "validation"},
     {"study", "study_errors", "yaml_source", "record", "path_file", "runner"},
@@ -32,7 +32,7 @@ FLOORS: tuple[set[str], ...] = (
 """Files and folders of the package, each importing only from its own floor and those above it here."""
 
 FLOOR = {part: level for level, parts in enumerate(FLOORS) for part in parts}
-CASADI_FLOORS = range(FLOOR["models"], FLOOR["solve"] + 1)
+CASADI_FLOORS = range(FLOOR["models"], FLOOR["solvers"] + 1)
 FIGURE_MODULES = {"oed.report.figures", "oed.report.panels"}
 
 
@@ -117,14 +117,14 @@ def test_no_module_imports_itself_in_a_circle():
 
 
 @every_module
-def test_casadi_is_imported_from_models_to_solve_only(module: str):
+def test_casadi_is_imported_from_models_to_solvers_only(module: str):
     allowed = FLOOR.get(part_of(module)) in CASADI_FLOORS
     assert allowed or "casadi" not in libraries(module, lazy=True)
 
 
 @every_module
 def test_pymoo_is_imported_by_the_genetic_solver_only(module: str):
-    assert module == "oed.solve.genetic" or "pymoo" not in libraries(module, lazy=True)
+    assert module == "oed.solvers.genetic" or "pymoo" not in libraries(module, lazy=True)
 
 
 @every_module

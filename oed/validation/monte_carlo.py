@@ -21,8 +21,8 @@ from oed.errors import Flaw, ProblemError
 from oed.measurements.displacements import Displacements
 from oed.problem import Problem
 from oed.regressors import Regressors
-from oed.solve.parallel import run_tasks
-from oed.solve.progress import Progress, Silent
+from oed.solvers.parallel import run_tasks
+from oed.solvers.progress import Progress, Silent
 from oed.trajectory import Trajectory
 from oed.validation.checks import Check, check_all
 

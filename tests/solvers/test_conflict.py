@@ -12,9 +12,9 @@ from builders import ACCELERATION, BOX, SPEED, make_problem
 from oed.limits import Rectangle, WheelSpeed
 from oed.measurements import Displacements
 from oed.problem import Problem
-from oed.solve.conflict import describe_conflict
-from oed.solve.program import DesignExpressions
-from oed.solve.starts import random_drives
+from oed.solvers.conflict import describe_conflict
+from oed.solvers.program import DesignExpressions
+from oed.solvers.starts import random_drives
 from oed.trajectory import DesignSpace, Spline
 
 

@@ -7,8 +7,8 @@ import pytest
 from builders import ACCELERATION, make_problem
 
 from oed.limits import Rectangle, WheelSpeed
-from oed.solve.program import DesignExpressions
-from oed.solve.starts import perturbed, random_drives, starting_points
+from oed.solvers.program import DesignExpressions
+from oed.solvers.starts import perturbed, random_drives, starting_points
 from oed.trajectory import DesignSpace, Spline
 
 TIGHT = Rectangle(x=(-0.2, 0.2), y=(-0.2, 0.2))

@@ -12,7 +12,7 @@ from oed.evaluation import evaluate
 from oed.limits import WheelSpeed
 from oed.measurements import Displacements
 from oed.models import SkidSteer
-from oed.solve.program import DesignExpressions, Program
+from oed.solvers.program import DesignExpressions, Program
 from oed.trajectory import DesignSpace, Spline
 
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}

@@ -13,8 +13,8 @@ from pydantic import Field
 from oed.component import Component
 from oed.problem import Problem
 from oed.solution import Solution
-from oed.solve.parallel import default_workers
-from oed.solve.progress import Progress, Silent
+from oed.solvers.parallel import default_workers
+from oed.solvers.progress import Progress, Silent
 
 
 @dataclass(frozen=True)

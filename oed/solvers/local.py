@@ -17,7 +17,7 @@ from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.solution import Status
-from oed.solve.program import DesignExpressions, Outcome, Program
+from oed.solvers.program import DesignExpressions, Outcome, Program
 
 Array = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.limits.workspace import Workspace
-from oed.solve.program import DesignExpressions
+from oed.solvers.program import DesignExpressions
 
 Array = npt.NDArray[np.float64]
 

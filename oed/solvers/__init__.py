@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from oed.problem import Problem
 from oed.solution import Solution
-from oed.solve.genetic import CmaEs, DifferentialEvolution, Genetic
-from oed.solve.ipopt import Ipopt
-from oed.solve.parallel import default_workers
-from oed.solve.progress import Progress, Silent
-from oed.solve.solver import Context, Solver
+from oed.solvers.genetic import CmaEs, DifferentialEvolution, Genetic
+from oed.solvers.ipopt import Ipopt
+from oed.solvers.parallel import default_workers
+from oed.solvers.progress import Progress, Silent
+from oed.solvers.solver import Context, Solver
 
 SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
 

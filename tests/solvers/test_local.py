@@ -10,7 +10,7 @@ from oed.limits import Rectangle
 from oed.measurements import Displacements
 from oed.problem import Problem
 from oed.solution import Solution
-from oed.solve import Ipopt, solve
+from oed.solvers import Ipopt, solve
 from oed.trajectory import DesignSpace, Spline
 
 OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
@@ -37,5 +37,5 @@ def test_limits_exceeded_between_the_samples_are_tightened(coarse: Problem):
 
 
 def test_without_tightening_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
-    monkeypatch.setattr("oed.solve.local.TIGHTENINGS", 1)
+    monkeypatch.setattr("oed.solvers.local.TIGHTENINGS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1

@@ -17,12 +17,12 @@ from oed.errors import Failure, Flaw, ProblemError
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import HistoryPoint, Solution, Start, Status
-from oed.solve.conflict import describe_conflict
-from oed.solve.local import Local, Settings, local_search
-from oed.solve.parallel import run_tasks
-from oed.solve.program import DesignExpressions
-from oed.solve.solver import Context, Solver
-from oed.solve.starts import SCREENED, perturbed, random_drives, starting_points
+from oed.solvers.conflict import describe_conflict
+from oed.solvers.local import Local, Settings, local_search
+from oed.solvers.parallel import run_tasks
+from oed.solvers.program import DesignExpressions
+from oed.solvers.solver import Context, Solver
+from oed.solvers.starts import SCREENED, perturbed, random_drives, starting_points
 
 Array = npt.NDArray[np.float64]
 

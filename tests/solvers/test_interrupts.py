@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from oed.solve.interrupts import interrupts_kept
+from oed.solvers.interrupts import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 

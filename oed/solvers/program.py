@@ -20,8 +20,8 @@ from oed.expression import Expression
 from oed.limits.limit import Rows
 from oed.problem import Problem
 from oed.rollout import Drive, roll_out
-from oed.solve.interrupts import interrupts_kept
-from oed.solve.threads import one_thread
+from oed.solvers.interrupts import interrupts_kept
+from oed.solvers.threads import one_thread
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]

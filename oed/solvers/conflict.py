@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.solve.program import DesignExpressions, Program
+from oed.solvers.program import DesignExpressions, Program
 
 Array = npt.NDArray[np.float64]
 

@@ -20,9 +20,9 @@ from oed.limits.workspace import Workspace
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import HistoryPoint, Solution, Status
-from oed.solve.program import DesignExpressions
-from oed.solve.solver import Context, Solver
-from oed.solve.starts import random_drives
+from oed.solvers.program import DesignExpressions
+from oed.solvers.solver import Context, Solver
+from oed.solvers.starts import random_drives
 
 Array = npt.NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from oed.measurements import Displacements
 from oed.models import DifferentialDrive, SkidSteer
 from oed.problem import Problem
 from oed.solution import Solution, Status
-from oed.solve import Ipopt, solve
+from oed.solvers import Ipopt, solve
 from oed.trajectory import DesignSpace, Spline
 
 QUICK = Ipopt(starts=3, perturbations=0, second_stage="none")
