@@ -13,7 +13,7 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from matplotlib.path import Path as Outline
 
-from oed.report.reading import Path, Series
+from oed.report.reading import Cloud, Path, Series
 from oed.report.wording import unit_text
 
 INK = "#222222"
@@ -180,6 +180,50 @@ def _label_bounds(ax: Axes, bounds: tuple[float, float], unit: str) -> None:
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
             zorder=4,
         )
+
+
+def plot_convergence(ax: Axes, points: Sequence[tuple[float, float]], line: Mapping[str, Any]) -> Axes:
+    """A search's shortfall [%] over its seconds, as steps, ending in a dot; both axes logarithmic."""
+    seconds, shortfall = zip(*points, strict=True)
+    ax.plot(seconds, shortfall, **line, drawstyle="steps-post", zorder=3)
+    ax.plot(seconds[-1], shortfall[-1], marker="o", markersize=5, color=line["color"], zorder=4)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    return ax
+
+
+def plot_cloud(ax: Axes, cloud: Cloud) -> Axes:
+    """Simulated estimates of two parameters, the truth, and the promised and sampled 95 % ellipses."""
+    ax.plot(*cloud.points.T, marker=".", markersize=3, color="#7a95ad", linestyle="none", zorder=2)
+    for covariance, line in ((cloud.promised, ELLIPSES[0]), (cloud.sampled, ELLIPSES[1])):
+        ax.plot(*ellipse(cloud.true, covariance), **line, zorder=3)
+    ax.plot(*cloud.true, **TRUTH)
+    ax.set_xlabel(cloud.labels[0])
+    ax.set_ylabel(cloud.labels[1])
+    return ax
+
+
+ELLIPSES = (
+    {"color": "#123f6d", "linestyle": "-", "linewidth": 1.6},
+    {"color": "#e07b00", "linestyle": (0, (4, 1.6)), "linewidth": 1.6},
+)
+TRUTH: dict[str, Any] = {
+    "marker": "+",
+    "markersize": 11,
+    "markeredgewidth": 1.8,
+    "color": INK,
+    "linestyle": "none",
+    "zorder": 5,
+}
+RADIUS_95 = 2.447747
+"""Mahalanobis radius that holds 95 % of a normal distribution in the plane: sqrt(-2 ln 0.05)."""
+
+
+def ellipse(centre: Any, covariance: Any) -> Any:
+    """Outline (2, 121) of the ellipse that holds 95 % of a normal distribution."""
+    angle = np.linspace(0.0, 2 * np.pi, 121)
+    circle = RADIUS_95 * np.array([np.cos(angle), np.sin(angle)])
+    return np.asarray(centre)[:, None] + np.linalg.cholesky(covariance) @ circle
 
 
 def plot_starts(ax: Axes, shortfalls: Sequence[float], failed: int) -> Axes:

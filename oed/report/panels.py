@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from oed.report import figures
-from oed.report.reading import Path, Series
+from oed.report.reading import Cloud, Path, Series
 from oed.report.wording import unit_text
 
 WIDTH = 7.2
@@ -235,4 +235,45 @@ def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> Figure:
             Line2D([], [], marker="x", color=figures.INK, linestyle="none", label="no feasible design")
         )
     grid.figure.legend(handles=handles, loc="outside upper center", ncols=3)
+    return grid.figure
+
+
+def convergence(lines: Sequence[tuple[str, Sequence[tuple[float, float]]]]) -> Figure:
+    """All searches on one pair of axes: shortfall from the best [%] against seconds."""
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
+    ax = figure.subplots()
+    for (_, points), line in zip(lines, _cycled(len(lines)), strict=True):
+        figures.plot_convergence(ax, points, line)
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel("below the best [%]")
+    handles = [
+        Line2D([], [], **line, label=name) for (name, _), line in zip(lines, _cycled(len(lines)), strict=True)
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.2)
+    return figure
+
+
+def _cycled(count: int) -> list[Mapping[str, Any]]:
+    return [figures.LINES[index % len(figures.LINES)] for index in range(count)]
+
+
+def clouds(drawn: Sequence[Cloud]) -> Figure:
+    """One panel per drive, all on one scale: simulated estimates and their ellipses."""
+    columns = min(len(drawn), 2)
+    grid = _grid(len(drawn), columns, WIDTH, 3.1)
+    reach = max(float(np.abs(figures.ellipse(0 * one.true, one.promised)).max()) for one in drawn)
+    for ax, cloud in zip(grid.axes, drawn, strict=True):
+        figures.plot_cloud(ax, cloud)
+        ax.set_xlim(cloud.true[0] - 1.25 * reach, cloud.true[0] + 1.25 * reach)
+        ax.set_ylim(cloud.true[1] - 1.25 * reach, cloud.true[1] + 1.25 * reach)
+        ax.set_aspect("equal")
+        ax.set_title(cloud.title)
+    grid.label(*drawn[0].labels)
+    handles = [
+        Line2D([], [], marker=".", color="#7a95ad", linestyle="none", label="estimate"),
+        Line2D([], [], **figures.TRUTH, label="true"),
+        Line2D([], [], **figures.ELLIPSES[0], label="95 %, promised"),
+        Line2D([], [], **figures.ELLIPSES[1], label="95 %, simulated"),
+    ]
+    grid.figure.legend(handles=handles, loc="outside upper center", ncols=4)
     return grid.figure

@@ -126,6 +126,26 @@ class Series:
     steps: bool = False
 
 
+@dataclass(frozen=True)
+class Cloud:
+    """Simulated estimates of two parameters.
+
+    Attributes:
+        title: the result's name.
+        labels: of the two axes, with units.
+        points: estimates, (k, 2).
+        true: (2,).
+        promised, sampled: covariances, (2, 2).
+    """
+
+    title: str
+    labels: tuple[str, ...]
+    points: Array
+    true: Array
+    promised: Array
+    sampled: Array
+
+
 def inputs_of(entry: Entry) -> Series:
     """The inputs of a result that has a drive."""
     drive = drive_of(entry)

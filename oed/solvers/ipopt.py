@@ -30,6 +30,10 @@ ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""
 TRIAL = 4
 """Starts tried before a search that has found nothing asks whether the limits conflict."""
+ROUNDING = 1e-9
+"""Share of the objective that a design must be better by to replace one found before."""
+POOL_SECONDS = 8.0
+"""Work left below which starting worker processes, each building its own program, takes longer."""
 
 
 class Ipopt(Solver):
@@ -115,8 +119,10 @@ class _Search:
         if self.options.start_from is not None:
             points[0] = self._earlier_design(self.options.start_from)
         self.context.progress.begin("starts", len(points))
+        # The first one here: it tells how long a start takes, and whether workers are worth starting.
+        self._try_starts(points[:1])
         # Where the first few find nothing, asking why comes before trying the others.
-        self._try_starts(points[:TRIAL])
+        self._try_starts(points[1:TRIAL])
         if self.best is None and self._conflict:
             return
         self._try_starts(points[TRIAL:])
@@ -128,6 +134,13 @@ class _Search:
             self._solve_all(points, results)
         finally:
             self.starts += [_start(result) for result in results if result is not None]
+
+    @property
+    def _workers(self) -> int:
+        # How many processes share the work decides only when a design is found, not which.
+        left = self.options.starts + self.options.perturbations - len(self.starts)
+        typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
+        return self.context.workers if left * typical > POOL_SECONDS else 1
 
     def _perturb(self) -> None:
         left = self.options.perturbations
@@ -164,7 +177,7 @@ class _Search:
             self.context.progress.advance(self._standing(results))
 
         try:
-            run_tasks(_work, [self._task(point) for point in points], self.context.workers, take)
+            run_tasks(_work, [self._task(point) for point in points], self._workers, take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
@@ -197,7 +210,9 @@ class _Search:
         for result in results:
             if result is None or result.evaluation is None:
                 continue
-            if self.best is None or result.objective > self.best.objective:
+            # Better than rounding alone could make it: else the first one stays, on every machine.
+            standing = -np.inf if self.best is None else self.best.objective
+            if result.objective > standing + ROUNDING * abs(result.objective):
                 self.best = result
 
     def _note_stage(self, name: str) -> None:

@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_problem
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem
 from pydantic import ValidationError
 
 from oed.criteria import E
@@ -72,39 +72,57 @@ class TestFlagship:
         assert flagship_solution.stages == {"starts": best, "perturbations": best}
 
 
-@pytest.fixture(scope="module")
-def settled(flagship: Problem) -> dict[str, Solution]:
-    """The same two starts, settled each way."""
-    return {
-        stage: solve(flagship, Ipopt(starts=2, perturbations=0, second_stage=stage), seed=1, workers=1)
+def three_small_segments() -> Problem:
+    return make_problem(
+        design=DesignSpace(duration=10, samples=50, spline=Spline(coefficients=10)),
+        measurement=Displacements(segments=3),
+    )
+
+
+@pytest.fixture(
+    scope="module",
+    params=[(three_small_segments, 3), pytest.param((make_flagship, 10), marks=pytest.mark.slow)],
+    ids=["small", "flagship"],
+)
+def settling(request) -> tuple[Problem, float, dict[str, Solution]]:
+    """A problem, its cap, and the same two starts settled each way."""
+    make, segments = request.param
+    problem = make()
+    settled = {
+        stage: solve(problem, Ipopt(starts=2, perturbations=0, second_stage=stage), seed=1, workers=1)
         for stage in ("none", "logdet", "shortest_path")
     }
+    return problem, cap(segments), settled
 
 
 class TestSecondStage:
     """Among drives that are practically equal, the second stage chooses."""
 
     @pytest.mark.parametrize("stage", ["logdet", "shortest_path"])
-    def test_almost_nothing_of_the_objective_is_given_up(self, flagship: Problem, settled, stage: str):
+    def test_almost_nothing_of_the_objective_is_given_up(self, settling, stage: str):
+        problem, optimum, settled = settling
         best = settled["none"].evaluation.objective
         assert 0.999 * best * (1 - 1e-6) <= settled[stage].evaluation.objective <= best * (1 + 1e-9)
         assert settled[stage].stages["second_stage"] == settled[stage].evaluation.objective
-        scores = rescored(flagship, settled[stage])
-        assert scores.pop("lambda_min") >= 0.999 * cap(10) * (1 - 1e-6)
+        scores = rescored(problem, settled[stage])
+        assert scores.pop("lambda_min") >= 0.999 * optimum * (1 - 1e-6)
         assert max(scores.values()) <= 1e-3
 
-    def test_logdet_adds_information(self, settled):
+    def test_logdet_adds_information(self, settling):
+        *_, settled = settling
         logdets = {
             stage: np.linalg.slogdet(solution.evaluation.information["position"])[1]
             for stage, solution in settled.items()
         }
         assert logdets["logdet"] > logdets["none"] + 0.1
 
-    def test_shortest_path_is_shorter(self, settled):
+    def test_shortest_path_is_shorter(self, settling):
+        *_, settled = settling
         lengths = {stage: solution.evaluation.path_length for stage, solution in settled.items()}
         assert lengths["shortest_path"] < 0.9 * lengths["none"]
 
-    def test_none_has_no_second_stage(self, settled):
+    def test_none_has_no_second_stage(self, settling):
+        *_, settled = settling
         assert set(settled["none"].stages) == {"starts", "perturbations"}
 
 
@@ -115,6 +133,7 @@ def assert_same_design(first: Solution, second: Solution) -> None:
     np.testing.assert_allclose(*objectives, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_design_whatever_the_workers():
     problem, options = make_problem(), Ipopt(starts=4, perturbations=2)
     single = solve(problem, options, seed=3, workers=1)

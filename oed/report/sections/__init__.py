@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 from oed.record import Record
 from oed.report.section import Section
+from oed.report.sections.candidates import candidates
+from oed.report.sections.convergence import convergence
 from oed.report.sections.deviations import deviations
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.limits import limits
@@ -11,15 +13,19 @@ from oed.report.sections.paper import paper
 from oed.report.sections.provenance import provenance
 from oed.report.sections.starts import starts
 from oed.report.sections.summary import summary
+from oed.report.sections.validation import validation
 
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     summary,
+    candidates,
     paths,
     wheels,
     paper,
     limits,
     starts,
+    convergence,
     deviations,
+    validation,
     provenance,
 )
 """In the order of the page; a function returns None where the record has nothing for its section."""

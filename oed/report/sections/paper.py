@@ -17,12 +17,9 @@ def paper(record: Record) -> Section | None:
     if not with_drive(record):
         return None
     unit = _response_unit(record)
-    columns = (*_columns(record), *_response_columns(unit), *ENDING)
+    columns = (*_columns(record), *_response_columns(unit))
     rows = tuple(_row(entry, unit) for entry in record.results)
     return Section("The paper's figures", paragraphs=_reading(unit), tables=(Table(columns, rows),))
-
-
-ENDING = (Column("path length", "m", significant(4)), Column("keeps every limit"))
 
 
 def _columns(record: Record) -> tuple[Column, ...]:
@@ -31,7 +28,6 @@ def _columns(record: Record) -> tuple[Column, ...]:
     four = significant(4)
     return (
         Column("result"),
-        Column("objective", "", four),
         Column("λ_min", square, four),
         Column("λ_max", square, four),
         Column("cond(W)", "", four),
@@ -53,10 +49,9 @@ def _response_columns(unit: str | None) -> tuple[Column, ...]:
 
 
 def _row(entry: Entry, unit: str | None) -> tuple[Cell, ...]:
-    keys = ("objective", "lambda_min", "lambda_max", "condition_number", "smallest_singular_value")
+    keys = ("lambda_min", "lambda_max", "condition_number", "smallest_singular_value")
     numbers = [value(entry, key) for key in keys]
-    ending = (value(entry, "path_length"), bool(entry["feasible"]))
-    return (str(entry["name"]), *numbers, *_response(entry, unit), *ending)
+    return (str(entry["name"]), *numbers, *_response(entry, unit))
 
 
 def _response(entry: Entry, unit: str | None) -> tuple[Cell, ...]:
