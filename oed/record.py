@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from oed.validation import Validation
 
 FORMAT = 1
 FILE = "record.json"
+
+_NUMBERS = re.compile(r"\[\s+[-+.\deE]+(,\s+[-+.\deE]+)*\s+\]")
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,9 @@ class Record:
         return max(named or feasible, key=lambda entry: float(entry["objective"]), default=None)
 
     def to_json(self) -> str:
-        """The text of record.json."""
-        return json.dumps(self.data, indent=1, allow_nan=False) + "\n"
+        """The text of record.json, every list of numbers on a line of its own."""
+        text = json.dumps(self.data, indent=1, allow_nan=False)
+        return _NUMBERS.sub(lambda match: " ".join(match[0].split()), text) + "\n"
 
 
 def save_record(record: Record, folder: str | Path) -> Path:

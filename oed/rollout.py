@@ -118,9 +118,13 @@ def _refined_path(
 ) -> Expression:
     if refine == 1:
         return poses
-    count = held.shape[1]
-    columns = np.repeat(np.arange(count), refine).tolist()
-    fractions = ca.DM(np.tile(np.arange(1, refine + 1) / refine, count)).T
-    repeated = ca.repmat(parameters, 1, count * refine)
-    inner = advance.map(count * refine)(poses[:, columns], held[:, columns], repeated, period * fractions)
-    return ca.horzcat(poses[:, 0], inner)
+    # The poses at the samples are known; between them, refine - 1 steps of a fraction of the period.
+    count, between = held.shape[1], refine - 1
+    columns = np.repeat(np.arange(count), between).tolist()
+    fractions = ca.DM(np.tile(np.arange(1, refine) / refine, count)).T
+    repeated = ca.repmat(parameters, 1, count * between)
+    inner = advance.map(count * between)(poses[:, columns], held[:, columns], repeated, period * fractions)
+    order = np.empty(count * refine + 1, dtype=int)
+    order[::refine] = np.arange(count + 1)
+    order[np.arange(len(order)) % refine > 0] = count + 1 + np.arange(count * between)
+    return ca.horzcat(poses, inner)[:, order.tolist()]

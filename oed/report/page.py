@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from html import escape
 from pathlib import Path
@@ -12,7 +13,7 @@ from markupsafe import Markup
 
 from oed.files import write_text
 from oed.record import Record
-from oed.report.section import Section
+from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
 
@@ -70,6 +71,7 @@ def _environment() -> jinja2.Environment:
         "html": html_text,
         "markdown": markdown_text,
         "cell": table_text,
+        "data": script_data,
         "fence": fence,
         "inline": inline_svg,
         "slug": slug,
@@ -102,6 +104,12 @@ def fence(code: str) -> str:
     """The fence that encloses a code block: longer than any run of backticks in it."""
     longest = max((len(run) for run in re.findall(r"`+", code)), default=0)
     return "`" * max(3, longest + 1)
+
+
+def script_data(animation: Animation) -> Markup:
+    """An animation as JSON that may stand inside a script element."""
+    text = json.dumps(vars(animation), separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - no element can begin or end in it
 
 
 def inline_svg(svg: str, name: str, alt: str) -> Markup:

@@ -36,10 +36,12 @@ def value(entry: Entry, key: str) -> float | None:
 
 
 def heading(entry: Entry) -> str:
-    """A result's name, and on a second line that its drive breaks limits."""
-    broken = [words(name) for name in entry["violations"]]
+    """A result's name in words, and on a second line its variant and that its drive breaks limits."""
+    name, variant, _ = str(entry["name"]).partition("_same_length")
+    broken = [words(limit) for limit in entry["violations"]]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
-    return f"{entry['name']}\nbreaks {what}" if broken else str(entry["name"])
+    notes = (["same length"] if variant else []) + ([f"breaks {what}"] if broken else [])
+    return "\n".join(filter(None, [words(name), ", ".join(notes)]))
 
 
 def blocks(record: Record) -> list[str]:

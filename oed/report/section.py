@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,23 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Animation:
+    """Drives to be played in the HTML page; lengths in m.
+
+    Attributes:
+        drives: each with name, duration [s], and x, y, heading at even times.
+        view: x_min, x_max, y_min, y_max of what is shown.
+        workspace: the same of the workspace, where it is a rectangle.
+        width: of the robot.
+    """
+
+    drives: tuple[Mapping[str, Any], ...]
+    view: tuple[float, float, float, float]
+    workspace: tuple[float, float, float, float] | None
+    width: float
+
+
+@dataclass(frozen=True)
 class Section:
     """A titled part of a report.
 
@@ -36,6 +53,7 @@ class Section:
         paragraphs: plain text; `backticks` mark code.
         figures: drawn below the paragraphs.
         tables: below the figures.
+        animation: played in the HTML page, left out elsewhere.
         code: verbatim text, last.
     """
 
@@ -44,4 +62,5 @@ class Section:
     tables: tuple[Table, ...] = ()
     figures: tuple[Picture, ...] = ()
     notices: tuple[str, ...] = ()
+    animation: Animation | None = None
     code: str = ""

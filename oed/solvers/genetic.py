@@ -128,7 +128,7 @@ def _bounds(design: DesignExpressions) -> Array:
     return np.vstack([coefficients, pose])
 
 
-def _as_pymoo(design: DesignExpressions) -> Any:
+def _as_pymoo(design: DesignExpressions, threads: int) -> Any:
     # Made inside a function, for pymoo is loaded only when such a search runs.
     from pymoo.core.problem import Problem as PymooProblem
 
@@ -145,7 +145,7 @@ def _as_pymoo(design: DesignExpressions) -> Any:
             )
 
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            values, violations = design.score_many(x)
+            values, violations = design.score_many(x, threads)
             out["F"] = -values[:, None]
             out["G"] = violations
 
@@ -180,7 +180,9 @@ class _Run:
         algorithm = options.algorithm(sampling)
         termination = get_termination("n_gen", options.generations)
         seed = int(rng.integers(2**31))
-        algorithm.setup(_as_pymoo(self.design), termination=termination, seed=seed, verbose=False)
+        algorithm.setup(
+            _as_pymoo(self.design, self.context.workers), termination=termination, seed=seed, verbose=False
+        )
         self.context.progress.begin(options.kind, options.generations)
         while algorithm.has_next():
             algorithm.next()

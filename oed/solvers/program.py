@@ -118,13 +118,14 @@ class DesignExpressions:
         typical = float(np.min(smallest, axis=0).max())
         return typical if typical > 0 else float(np.max(means)) or 1.0
 
-    def score_many(self, candidates: Array) -> tuple[Array, Array]:
+    def score_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size).
 
         For ranking candidates only: it looks at limits at the samples, `evaluate` between them too.
         """
         count = len(candidates)
-        *matrices, violations = self.scores.map(count)(candidates.T)
+        mapped = self.scores.map(count, "thread", threads) if threads > 1 else self.scores.map(count)
+        *matrices, violations = mapped(candidates.T)
         values = self.problem.criterion.value(_stacks(matrices, count))
         return values, np.array(violations).T.reshape(count, -1)
 

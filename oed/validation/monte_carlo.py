@@ -33,7 +33,7 @@ BATCH = 1000
 """Replicates drawn from one stream: the same numbers whatever the number of workers."""
 ALPHA = 0.01
 """Probability with which all tests together reject a right covariance."""
-SHOWN = 400
+SHOWN = 200
 """Estimates kept for a scatter plot."""
 STREAM = 5
 
@@ -54,7 +54,7 @@ class Validation:
             from the same noise, which removes most of the sampling error.
         paired_error: standard error of that ratio, (p,).
         checks: the tests, judged together.
-        estimates: the first estimates, (<= 400, p).
+        estimates: the first estimates, (<= 200, p).
     """
 
     heading: Heading

@@ -10,6 +10,7 @@ from oed.report.sections.deviations import deviations
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.limits import limits
 from oed.report.sections.paper import paper
+from oed.report.sections.player import player
 from oed.report.sections.provenance import provenance
 from oed.report.sections.starts import starts
 from oed.report.sections.summary import summary
@@ -19,6 +20,7 @@ SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     summary,
     candidates,
     paths,
+    player,
     wheels,
     paper,
     limits,

@@ -74,8 +74,9 @@ def _reading(record: Record) -> tuple[str, ...]:
         return ()
     against = f"`{best['name']}`" if best is not None else "the best drive"
     return (
-        f"Efficiency is the objective as a share of that of {against}. Information adds up over repetitions, so "
-        "its inverse is how many drives of that path tell the worst-determined combination of parameters as "
-        "well as one such drive; ∞ means never. Everyday paths are as large as the limits allow and last as long as "
-        "the design; those named `same_length` are driven as far as the design, in as many laps as that takes.",
+        f"Efficiency is the objective as a share of that of {against}. Information adds up over repetitions, "
+        "so its inverse is how many drives of that path tell the worst-determined combination of parameters "
+        "as well as one such drive; ∞ means never. Everyday paths are as large as the limits allow and last "
+        "as long as the design; those named `same_length` go as far as the design, in as many laps as that "
+        "takes.",
     )

@@ -25,9 +25,9 @@ def convergence(record: Record) -> Section | None:
     best = max(_reached(entry) for entry in searches)
     lines = [(str(entry["name"]), _line(entry, best)) for entry in searches]
     caption = (
-        "Best objective so far below the best of all searches, re-scored on the fine grid, against the search's "
-        f"own time on one machine. Below {FLOOR:g} % it is drawn at that level. A search that settles among equal "
-        "optima gives up a little of its objective afterwards; that is not drawn."
+        "Best objective so far below the best of all searches, re-scored on the fine grid, against the "
+        f"search's own time on one machine. Below {FLOOR:g} % it is drawn at that level. A search that "
+        "settles among equal optima gives up a little of its objective afterwards; that is not drawn."
     )
     alt = f"Convergence of {listing([name for name, _ in lines])} over time"
     picture = Picture("convergence", alt, caption, partial(_draw, lines))

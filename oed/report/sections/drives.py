@@ -28,13 +28,18 @@ def paths(record: Record) -> Section | None:
         f"moves, hollow where it drives backwards.{ticks}{_cut(record)}"
     )
     alt = f"Paths of {count(len(drives), 'drive')} in the x-y plane, coloured by speed"
-    picture = Picture("paths", alt, caption, partial(_draw, "paths", drives, workspace))
-    return Section("Paths in the workspace", figures=(picture,))
+    pictures = [Picture("paths", alt, caption, partial(_draw, "paths", drives, workspace))]
+    if record.best is not None and len(drives) > 1:
+        winner = [path_of(record, record.best)]
+        note = f"The best drive, {record.best['name']}; the same as in the panel below."
+        alt = f"Path of the best drive, {record.best['name']}"
+        pictures.insert(0, Picture("best_path", alt, note, partial(_draw, "paths", winner, workspace)))
+    return Section("Paths in the workspace", figures=tuple(pictures))
 
 
 def wheels(record: Record) -> Section | None:
     """Every drive's wheel speeds and wheel accelerations, between their limits."""
-    entries = with_drive(record)
+    entries = [entry for entry in with_drive(record) if not entry["name"].endswith("_same_length")]
     if not entries:
         return None
     speeds, rates = [inputs_of(entry) for entry in entries], [rates_of(entry) for entry in entries]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from oed.record import Record
 from oed.report.reading import Entry, blocks, segments
 from oed.report.section import Section
+from oed.report.sections.candidates import repetitions_of
 from oed.report.wording import count, listing, quantity, readable, words
 
 
@@ -49,7 +51,41 @@ def _answer(record: Record, entry: Entry) -> tuple[str, ...]:
         f"drive of {quantity(entry['path_length'], 'm')} that keeps every limit; {listing(numbers)}. "
         f"{_deviations(record, entry)}"
     )
-    return text, f"How the search ended: {entry['message']}"
+    compared = " ".join(filter(None, [_everyday(record, entry), _simulated(record, entry)]))
+    return tuple(filter(None, [text, compared, f"How the search ended: {entry['message']}"]))
+
+
+def _everyday(record: Record, entry: Entry) -> str:
+    # Against the square, which is what people drive to calibrate, or else the first everyday path.
+    paths = [one for one in record.results if one["kind"] == "baseline" and one["feasible"]]
+    chosen = next((one for one in paths if one["name"] == "square"), paths[0] if paths else None)
+    parameters = [one for one in record.data["parameters"] if entry["standard_deviations"].get(one["name"])]
+    if chosen is None or not parameters:
+        return ""
+    parameter, duration = parameters[-1], record.data["study"]["trajectory"]["duration"]
+    name = parameter["name"]
+    shares = [_percent(one["standard_deviations"].get(name), parameter["nominal"]) for one in (entry, chosen)]
+    repetitions = repetitions_of(record, chosen)
+    needed = (
+        "No number of them" if repetitions == math.inf else f"{quantity(repetitions or 0.0, '', 2)} of them"
+    )
+    return (
+        f"One {duration:g} s drive gives {name} to {shares[0]}; the {words(chosen['name'])} you would have "
+        f"driven gives {shares[1]}. {needed} would be needed to tell the worst-determined combination of "
+        "parameters as well."
+    )
+
+
+def _percent(deviation: float | None, nominal: float) -> str:
+    if deviation is None:
+        return "nothing"
+    return f"±{quantity(100 * deviation / abs(nominal), '%')}"
+
+
+def _simulated(record: Record, entry: Entry) -> str:
+    outcome = record.data["validation"]
+    verdicts = {one["name"]: one["verdict"] for one in (outcome or {}).get("results", [])}
+    return str(verdicts.get(entry["name"], ""))
 
 
 def _number(value: float | None) -> str:

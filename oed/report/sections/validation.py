@@ -34,9 +34,9 @@ def validation(record: Record) -> Section | None:
     entries = outcome["results"]
     chosen = next((one for one in entries if best is not None and one["name"] == best["name"]), entries[0])
     intro = (
-        f"The drive was simulated {outcome['replicates']} times with the study's noise; each time the "
-        f"coefficients were estimated by two-stage least squares [Choi, eqs 12, 16] {HEADINGS[outcome['heading']]}. "
-        "The promise is σ²(W'W)⁻¹ [Choi, eq. 18]."
+        f"Each drive was simulated {outcome['replicates']} times with the study's noise; each time the "
+        "coefficients were estimated by two-stage least squares [Choi, eqs 12, 16] "
+        f"{HEADINGS[outcome['heading']]}. The promise is σ²(W'W)⁻¹ [Choi, eq. 18]."
     )
     return Section(
         "Validation by simulation",
@@ -127,8 +127,8 @@ def _figures(
 def _picture(record: Record, drawn: list[Mapping[str, Any]], pair: tuple[str, str]) -> Picture:
     clouds = [_cloud(record, entry, pair) for entry in drawn]
     caption = (
-        f"Estimates of {pair[0]} and {pair[1]} from the first simulated experiments (dots), the true values (cross), "
-        "and the ellipses that should hold 95 %: promised (solid) and from the simulated covariance (dashed)."
+        f"Estimates of {pair[0]} and {pair[1]} from the first simulated experiments (dots), the true values "
+        "(cross), and the ellipses that should hold 95 %: promised (solid) and simulated (dashed)."
     )
     alt = f"Simulated estimates of {pair[0]} and {pair[1]} with 95 % ellipses"
     return Picture(f"estimates_{pair[0]}_{pair[1]}", alt, caption, partial(_draw, clouds))

@@ -1,0 +1,280 @@
+"""Searches without derivatives: how near they come to the known cap, how they end, and handing over to Ipopt."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from builders import SPEED, cap, make_problem
+from pydantic import ValidationError
+
+from oed.errors import Failure, ProblemError
+from oed.evaluation import evaluate
+from oed.limits import Rectangle, WheelSpeed
+from oed.measurements import Displacements
+from oed.problem import Problem
+from oed.solution import Solution, Status
+from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
+from oed.solvers.program import DesignExpressions
+from oed.trajectory import DesignSpace, Spline
+
+PROBLEM = make_problem()
+SEARCHES = {
+    "genetic": Genetic(population=60, generations=40),
+    "cmaes": CmaEs(population=30, generations=40),
+    "differential_evolution": DifferentialEvolution(population=60, generations=40),
+}
+TINY = {
+    "genetic": Genetic(population=20, generations=4),
+    "cmaes": CmaEs(population=20, generations=4),
+    "differential_evolution": DifferentialEvolution(population=20, generations=4),
+}
+tiny = pytest.mark.parametrize("search", TINY.values(), ids=TINY.keys())
+
+
+@pytest.fixture(scope="module", params=SEARCHES.values(), ids=SEARCHES.keys())
+def searched(request) -> Solution:
+    return solve(PROBLEM, request.param, seed=0, workers=1)
+
+
+@pytest.fixture(scope="module")
+def genetic() -> Solution:
+    return solve(PROBLEM, TINY["genetic"], seed=0, workers=1)
+
+
+class TestOptimum:
+    """Four segments in a 2 m box: lambda_min is at most 2 P (B / r)^2."""
+
+    def test_a_good_share_of_the_cap_is_reached_and_it_is_not_exceeded(self, searched: Solution):
+        assert 0.9 * cap(4) <= searched.evaluation.objective <= cap(4) * (1 + 1e-9)
+
+    def test_the_design_is_feasible_by_evaluate(self, searched: Solution):
+        evaluation = evaluate(PROBLEM, searched.trajectory)
+        assert evaluation.feasible
+        assert evaluation.objective == searched.evaluation.objective
+
+    def test_no_optimum_is_claimed(self, searched: Solution):
+        assert searched.status is Status.SEARCHED
+        assert "nothing says that it is an optimum" in searched.message
+        assert searched.starts == ()
+
+    def test_history_rises(self, searched: Solution):
+        history = searched.history
+        assert len(history) > 3
+        for before, after in itertools.pairwise(history):
+            assert before.evaluations <= after.evaluations
+            assert before.seconds <= after.seconds
+            assert before.objective <= after.objective
+        assert history[-1].objective == searched.evaluation.objective
+        assert history[-1].seconds <= searched.wall_seconds
+
+    @pytest.mark.parametrize("seed", range(3))
+    @pytest.mark.parametrize("space", ["free", "moving", "held"])
+    def test_other_design_spaces(self, space: str, seed: int):
+        designs = {
+            "free": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free"),
+            "moving": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+            "held": DesignSpace(duration=10, samples=40, spline=Spline(degree=0, coefficients=10)),
+        }
+        limits = (SPEED, Rectangle(x=(0, 1), y=(-1, 1)))
+        problem = make_problem(design=designs[space], limits=limits)
+        solution = solve(problem, Genetic(population=40, generations=15), seed=seed, workers=1)
+        assert solution.evaluation.feasible
+        assert 0.3 * cap(4) <= solution.evaluation.objective <= cap(4) * (1 + 1e-9)
+
+
+class TestOperators:
+    @pytest.mark.parametrize("crossover", ["sbx", "uniform", "two_point"])
+    @pytest.mark.parametrize("mutation", ["polynomial", "gaussian"])
+    def test_of_the_genetic_algorithm(self, crossover: str, mutation: str):
+        options = Genetic(population=40, generations=20, crossover=crossover, mutation=mutation)
+        solution = solve(PROBLEM, options, seed=0, workers=1)
+        assert solution.evaluation.feasible
+        assert solution.evaluation.objective >= 0.7 * cap(4)
+
+    def test_they_make_a_difference(self, genetic: Solution):
+        others = [{"crossover": "uniform"}, {"crossover": "two_point"}, {"mutation": "gaussian"}]
+        for options in others:
+            other = solve(PROBLEM, TINY["genetic"].model_copy(update=options), seed=0, workers=1)
+            assert np.abs(other.trajectory.coefficients - genetic.trajectory.coefficients).max() > 1e-6
+
+    @pytest.mark.parametrize("variant", ["DE/rand/1/bin", "DE/best/2/exp"])
+    def test_variants_of_differential_evolution(self, variant: str):
+        options = DifferentialEvolution(population=40, generations=20, variant=variant)
+        assert solve(PROBLEM, options, seed=0, workers=1).evaluation.feasible
+
+    @pytest.mark.parametrize(
+        ("solver", "wrong"),
+        [
+            (Genetic, {"population": 3}),
+            (Genetic, {"generations": 0}),
+            (Genetic, {"crossover": "one_point"}),
+            (Genetic, {"mutation": "none"}),
+            (Genetic, {"evaluations": 0}),
+            (Genetic, {"time_limit": "0 s"}),
+            (Genetic, {"starts": 3}),
+            (CmaEs, {"sigma": 0}),
+            (CmaEs, {"crossover": "sbx"}),
+            (DifferentialEvolution, {"variant": "DE/worst/1/bin"}),
+        ],
+    )
+    def test_wrong_options_are_refused(self, solver, wrong):
+        with pytest.raises(ValidationError, match=next(iter(wrong))):
+            solver(**wrong)
+
+
+class Listener:
+    """Counts generations, and does something after one of them."""
+
+    def __init__(self, after: int = -1, action=lambda: None) -> None:
+        self.after, self.action, self.steps, self.total = after, action, 0, 0
+
+    def begin(self, description: str, total: int) -> None:
+        self.total = total
+
+    def advance(self, note: str = "") -> None:
+        self.steps += 1
+        if self.steps == self.after:
+            self.action()
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+class TestEnd:
+    @tiny
+    def test_by_generations_each_scored_at_once(self, search, monkeypatch: pytest.MonkeyPatch):
+        calls, score_many = [], DesignExpressions.score_many
+
+        def counted(self, candidates):
+            calls.append(len(candidates))
+            return score_many(self, candidates)
+
+        monkeypatch.setattr(DesignExpressions, "score_many", counted)
+        listener = Listener()
+        solution = solve(PROBLEM, search, seed=0, workers=1, progress=listener)
+        assert len(calls) == listener.steps == listener.total == search.generations
+        assert sum(calls) == solution.history[-1].evaluations
+        assert set(calls[1:]) == {search.population}
+
+    @tiny
+    def test_by_evaluations(self, search):
+        options = search.model_copy(update={"generations": 1000, "evaluations": 50})
+        listener = Listener()
+        solution = solve(PROBLEM, options, seed=0, workers=1, progress=listener)
+        assert solution.status is Status.SEARCHED
+        assert 50 <= solution.history[-1].evaluations < 50 + search.population
+        assert listener.steps in (3, 4)
+
+    @tiny
+    def test_by_time(self, search):
+        options = search.model_copy(update={"generations": 1000, "time_limit": 1e-6})
+        listener = Listener()
+        solution = solve(PROBLEM, options, seed=0, workers=1, progress=listener)
+        assert listener.steps == 1
+        assert solution.status is (Status.TIME_LIMIT if solution.trajectory else Status.FAILED)
+
+    def test_the_time_limit_is_said(self):
+        options = Genetic(population=40, generations=1000, time_limit=1e-6)
+        solution = solve(PROBLEM, options, seed=0, workers=1)
+        assert solution.status is Status.TIME_LIMIT
+        assert "raise time_limit" in solution.message
+        assert solution.evaluation.feasible
+
+    def test_interrupted_it_keeps_the_best(self):
+        options = Genetic(population=40, generations=1000)
+        listener = Listener(3, interrupt)
+        solution = solve(PROBLEM, options, seed=0, workers=1, progress=listener)
+        assert solution.status is Status.INTERRUPTED
+        assert listener.steps == 3
+        three = solve(PROBLEM, Genetic(population=40, generations=3), seed=0, workers=1)
+        np.testing.assert_array_equal(solution.trajectory.coefficients, three.trajectory.coefficients)
+        assert evaluate(PROBLEM, solution.trajectory).feasible
+
+    @tiny
+    def test_no_feasible_drive(self, search):
+        problem = make_problem(
+            design=DesignSpace(duration=20, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+            limits=(WheelSpeed(bounds=(3, 10)), Rectangle(x=(-0.1, 0.1), y=(-0.1, 0.1))),
+        )
+        solution = solve(problem, search, seed=0, workers=1)
+        assert solution.status is Status.FAILED
+        assert (solution.trajectory, solution.evaluation, solution.history) == (None, None, ())
+
+    def test_parameters_that_no_drive_tells_apart(self):
+        problem = make_problem(
+            design=DesignSpace(duration=4, samples=20, spline=Spline(degree=0, coefficients=1), rest_to_rest=False),
+            measurement=Displacements(segments=2, regressor="heading"),
+            limits=(SPEED,),
+        )
+        solution = solve(problem, TINY["genetic"], seed=0, workers=1)
+        assert solution.status is Status.SINGULAR
+        assert solution.trajectory is None
+
+
+class TestSeed:
+    @tiny
+    def test_the_same_seed_gives_the_same_design(self, search):
+        first, again, other = (solve(PROBLEM, search, seed=seed, workers=1) for seed in (3, 3, 4))
+        np.testing.assert_array_equal(first.trajectory.coefficients, again.trajectory.coefficients)
+        assert [point.objective for point in first.history] == [point.objective for point in again.history]
+        assert np.abs(first.trajectory.coefficients - other.trajectory.coefficients).max() > 1e-3
+        assert (first.seed, other.seed) == (3, 4)
+
+    def test_workers_make_no_difference(self, genetic: Solution):
+        double = solve(PROBLEM, TINY["genetic"], seed=0, workers=2)
+        np.testing.assert_array_equal(double.trajectory.coefficients, genetic.trajectory.coefficients)
+
+    def test_numpys_own_random_state_is_left_alone(self):
+        np.random.seed(1)  # noqa: NPY002
+        before = np.random.get_state()[1].copy()  # noqa: NPY002
+        solve(PROBLEM, TINY["genetic"], seed=0, workers=1)
+        np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+class TestPolish:
+    """Ipopt from the genetic search's design: at least as good, with one start and nothing else."""
+
+    def polish(self, problem: Problem, earlier: Solution, **options) -> Solution:
+        solver = Ipopt(
+            starts=1, perturbations=0, second_stage="none", start_from=earlier.name, **options
+        )
+        return solve(problem, solver, seed=0, workers=1, earlier={earlier.name: earlier})
+
+    def test_it_ends_at_least_as_good(self, genetic: Solution):
+        polished = self.polish(PROBLEM, genetic)
+        assert polished.evaluation.feasible
+        assert polished.evaluation.objective >= genetic.evaluation.objective * (1 - 1e-9)
+        assert polished.evaluation.objective >= 0.999 * cap(4)
+        assert len(polished.starts) == 1
+
+    def test_it_starts_there(self, genetic: Solution):
+        # The unknowns of the design are those it was found with; one iteration does not lead far away.
+        design = DesignExpressions(PROBLEM)
+        again = design.trajectory(design.unknowns_of(genetic.trajectory))
+        np.testing.assert_allclose(again.coefficients, genetic.trajectory.coefficients, atol=1e-12)
+        free = solve(
+            PROBLEM, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1
+        )
+        polished = self.polish(PROBLEM, genetic)
+        assert np.abs(polished.trajectory.coefficients - free.trajectory.coefficients).max() > 1e-3
+
+    def test_with_a_free_start(self):
+        space = DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free")
+        problem = make_problem(design=space)
+        earlier = solve(problem, TINY["genetic"], seed=0, workers=1)
+        polished = self.polish(problem, earlier)
+        assert polished.evaluation.objective >= earlier.evaluation.objective * (1 - 1e-9)
+
+    def test_an_unknown_search(self, genetic: Solution):
+        options = Ipopt(starts=1, start_from="nobody")
+        with pytest.raises(ProblemError, match=r"earlier search \(genetic\), got 'nobody'"):
+            solve(PROBLEM, options, workers=1, earlier={"genetic": genetic})
+
+    def test_a_search_without_a_design(self):
+        nothing = Solution("genetic", "genetic", None, None, Status.FAILED)
+        options = Ipopt(starts=1, start_from="genetic")
+        with pytest.raises(Failure, match="genetic found no design to start from"):
+            solve(PROBLEM, options, workers=1, earlier={"genetic": nothing})

@@ -1,0 +1,211 @@
+"""Everyday paths: their geometry, that they fit the study, and that they are scored as designs are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem
+
+from oed.baselines import NAMES, PATTERNS, baselines
+from oed.errors import ProblemError
+from oed.evaluation import evaluate
+from oed.limits import Rectangle, WheelSpeed
+from oed.models import DifferentialDrive, SkidSteer
+from oed.problem import Problem
+from oed.solution import Solution, Status
+from oed.trajectory import DesignSpace
+
+FULL_TURN = 2 * np.pi
+SAMPLING = 0.02
+"""Share of a path's size by which sampling its speeds may bend it."""
+
+every = pytest.mark.parametrize("name", NAMES)
+
+
+@pytest.fixture(scope="module")
+def largest(flagship: Problem) -> dict[str, Solution]:
+    return {name: baselines(flagship, name)[0] for name in NAMES}
+
+
+def path(solution: Solution) -> np.ndarray:
+    return solution.evaluation.path
+
+
+class TestInTheFlagship:
+    """The paper's robot in a 2 m box, started in its middle."""
+
+    @every
+    def test_it_can_be_driven(self, largest, name: str):
+        assert largest[name].evaluation.feasible
+        assert largest[name].evaluation.violations == {}
+
+    @every
+    def test_it_takes_the_studys_time_and_start(self, largest, flagship: Problem, name: str):
+        drive = largest[name].trajectory
+        assert drive.duration == flagship.design.duration
+        assert drive.samples == flagship.design.samples
+        assert drive.start.tolist() == [0, 0, 0]
+
+    @every
+    def test_it_is_scored_by_evaluate(self, largest, flagship: Problem, name: str):
+        solution = largest[name]
+        again = evaluate(flagship, solution.trajectory)
+        assert solution.evaluation.objective == again.objective
+        assert solution.evaluation.path_length == again.path_length
+        np.testing.assert_array_equal(path(solution), again.path)
+        assert (solution.name, solution.kind, solution.status) == (name, "baseline", Status.SCORED)
+
+    @every
+    def test_it_is_as_large_as_the_limits_allow(self, largest, name: str):
+        # A limit is touched, or the path cannot grow with the speed left.
+        margins = {margin.name: margin for margin in largest[name].evaluation.margins}
+        limits = ("wheel_speed", "wheel_acceleration", "workspace")
+        assert any(margins[limit].margin < 0.02 * margins[limit].size for limit in limits)
+
+    def test_straight(self, largest):
+        assert np.abs(path(largest["straight"])[:, 1:]).max() < 1e-9
+        assert path(largest["straight"])[-1, 0] == pytest.approx(1, rel=1e-3)
+
+    def test_a_straight_tells_nothing_apart(self, largest):
+        assert largest["straight"].evaluation.singular
+        assert largest["straight"].evaluation.objective == pytest.approx(0, abs=1e-9)
+
+    def test_the_circle_closes(self, largest):
+        poses = path(largest["circle"])
+        diameter = np.ptp(poses[:, 1])
+        assert diameter == pytest.approx(1, rel=SAMPLING)
+        assert np.ptp(poses[:, 0]) == pytest.approx(diameter, rel=SAMPLING)
+        assert np.hypot(*poses[-1, :2]) < SAMPLING * diameter
+        assert poses[-1, 2] == pytest.approx(FULL_TURN, rel=1e-3)
+        centre = np.array([0, diameter / 2])
+        radii = np.hypot(*(poses[:, :2] - centre).T)
+        np.testing.assert_allclose(radii, diameter / 2, rtol=SAMPLING)
+
+    def test_the_squares_corners(self, largest):
+        poses = path(largest["square"])
+        side = largest["square"].evaluation.path_length / 8
+        corners = [(x, y) for x in (0, 1) for y in (-1, 0, 1)]
+        for corner in corners:
+            distances = np.hypot(*(poses[:, :2] - np.array(corner) * side).T)
+            assert distances.min() < 2 * SAMPLING * side
+        # Along the sides and nowhere else, and as far to the left as to the right.
+        to_sides = np.minimum(
+            np.abs(poses[:, [0]] / side - [0, 1]).min(axis=1),
+            np.abs(poses[:, [1]] / side - [-1, 0, 1]).min(axis=1),
+        )
+        assert to_sides.max() < 2 * SAMPLING
+        assert poses[:, 2].max() == pytest.approx(FULL_TURN, rel=SAMPLING)
+        assert poses[-1, 2] == pytest.approx(0, abs=SAMPLING)
+        assert np.hypot(*poses[-1, :2]) < 2 * SAMPLING * side
+
+    def test_figure_eight(self, largest):
+        poses = path(largest["figure_eight"])
+        assert poses[:, 1].max() == pytest.approx(-poses[:, 1].min(), rel=SAMPLING)
+        assert poses[:, 2].max() == pytest.approx(FULL_TURN, rel=1e-3)
+        np.testing.assert_allclose(poses[-1], 0, atol=SAMPLING)
+
+    def test_straight_and_spin(self, largest):
+        solution = largest["straight_and_spin"]
+        poses = path(solution)
+        assert poses[:, 2].max() == pytest.approx(FULL_TURN, rel=1e-3)
+        assert poses[:, 2].min() == pytest.approx(0, abs=1e-2)
+        np.testing.assert_allclose(poses[-1], 0, atol=SAMPLING)
+        assert np.abs(poses[:, 1]).max() < SAMPLING
+        assert solution.evaluation.path_length == pytest.approx(2 * poses[:, 0].max(), rel=SAMPLING)
+
+    @pytest.mark.parametrize("length", [1.0, 2.9, 4.7])
+    @every
+    def test_the_same_length(self, flagship: Problem, name: str, length: float):
+        largest, fitted = baselines(flagship, name, length=length)
+        assert fitted.name == f"{name}_same_length"
+        assert fitted.evaluation.path_length == pytest.approx(length, rel=1e-3)
+        assert fitted.trajectory.duration == largest.trajectory.duration == 20
+
+    @pytest.mark.parametrize("name", ["straight", "circle", "figure_eight"])
+    def test_a_long_way_takes_more_laps_not_more_room(self, flagship: Problem, name: str):
+        largest, fitted = baselines(flagship, name, length=8.0)
+        for axis in (0, 1):
+            assert np.abs(path(fitted)[:, axis]).max() <= np.abs(path(largest)[:, axis]).max() * (1 + SAMPLING)
+
+
+class TestForwardOnly:
+    """Wheels that do not turn backwards cannot spin on the spot."""
+
+    problem = make_problem(limits=(WheelSpeed(bounds=(0, 10)), ACCELERATION, BOX))
+
+    @pytest.mark.parametrize("name", ["square", "straight_and_spin"])
+    def test_spins_exceed_the_wheel_speed(self, name: str):
+        (solution,) = baselines(self.problem, name)
+        assert not solution.evaluation.feasible
+        assert "wheel_speed" in solution.evaluation.violations
+        assert "It cannot be driven here: it exceeds" in solution.message
+        assert "wheel_speed" in solution.message
+
+    @pytest.mark.parametrize("name", ["straight", "circle", "figure_eight", "random"])
+    def test_the_others_can_be_driven(self, name: str):
+        (solution,) = baselines(self.problem, name)
+        assert solution.evaluation.feasible
+        assert solution.evaluation.path_length > 0.1
+
+
+ROBOTS = {
+    "slip": SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.12, slip_inner=-0.05),
+    "unequal radii": DifferentialDrive(wheel_radius_right=0.052, wheel_radius_left=0.047, track=TRACK),
+}
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS.keys())
+class TestOtherRobots:
+    @pytest.mark.parametrize("name", ["circle", "figure_eight", "square", "straight_and_spin"])
+    def test_the_path_still_closes(self, robot, name: str):
+        solution = baselines(make_flagship(model=robot), name)[0]
+        assert solution.evaluation.feasible
+        size = np.ptp(path(solution)[:, :2], axis=0).max()
+        assert size > 0.3
+        assert np.hypot(*path(solution)[-1, :2]) < 2 * SAMPLING * size
+
+    def test_the_straight_is_straight(self, robot):
+        (solution,) = baselines(make_flagship(model=robot), "straight")
+        assert np.abs(path(solution)[:, 1:]).max() < 1e-6
+
+
+class TestStudies:
+    @every
+    def test_a_free_start_is_the_middle_of_the_room(self, name: str):
+        problem = make_problem(
+            design=DesignSpace(duration=10, samples=40, start="free"),
+            limits=(SPEED, ACCELERATION, Rectangle(x=(3, 5), y=(-1, 0))),
+        )
+        (solution,) = baselines(problem, name)
+        assert solution.trajectory.start.tolist() == [4, -0.5, 0]
+        assert solution.evaluation.feasible
+
+    @every
+    def test_without_room_or_acceleration_limit(self, name: str):
+        problem = make_problem(limits=(SPEED,))
+        (solution,) = baselines(problem, name)
+        assert solution.evaluation.feasible
+        assert solution.evaluation.path_length > 0.1
+
+    @every
+    def test_a_start_with_a_heading(self, name: str):
+        start = {"x": 0.3, "y": -0.2, "heading": 2.5}
+        problem = make_flagship(design=DesignSpace(duration=20, start=start))
+        (solution,) = baselines(problem, name)
+        assert solution.trajectory.start.tolist() == [0.3, -0.2, 2.5]
+        assert solution.evaluation.feasible
+
+    def test_random_paths_are_reproducible(self, flagship: Problem):
+        first, again, other = (baselines(flagship, "random", seed=seed)[0].trajectory for seed in (1, 1, 2))
+        np.testing.assert_array_equal(first.coefficients, again.coefficients)
+        assert np.abs(first.coefficients - other.coefficients).max() > 0.1
+
+    @pytest.mark.parametrize("name", PATTERNS)
+    def test_patterns_do_not_depend_on_the_seed(self, name: str):
+        problem = make_problem()
+        first, other = (baselines(problem, name, seed=seed)[0].trajectory for seed in (1, 2))
+        np.testing.assert_array_equal(first.coefficients, other.coefficients)
+
+    def test_an_unknown_name(self):
+        with pytest.raises(ProblemError, match=r"expected one of straight, circle, .*got 'triangle'"):
+            baselines(make_problem(), "triangle")

@@ -1,0 +1,355 @@
+"""The command line: every command, its exit code, and JSON alone on standard output."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
+
+from oed.cli import main
+from oed.record import load_record
+
+TEXT = small(baselines="[circle]", validation="{replicates: 200}")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a valid study and a path."""
+    monkeypatch.chdir(tmp_path)
+    write_study(tmp_path, TEXT)
+    write_study(tmp_path, small(solvers=GENETIC), "quick.yaml")
+    rows = "".join(f"{0.25 * k},{0.4 + 0.05 * (k % 5)},{0.5}\n" for k in range(40))
+    (tmp_path / "path.csv").write_text(f"t,wheel_speed_right,wheel_speed_left\n{rows}")
+    return tmp_path
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    """Exit code, standard output, standard error."""
+    capsys.readouterr()
+    try:
+        code = main(arguments)
+    except SystemExit as leaving:
+        code = leaving.code
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.out + captured.err
+    return code, captured.out, captured.err
+
+
+def refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} is not JSON")
+
+
+def call_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any], str]:
+    """Exit code, the one JSON object on standard output, standard error."""
+    code, out, err = call(capsys, *arguments, "--json")
+    data = json.loads(out, parse_constant=refuse)
+    assert isinstance(data, dict)
+    return code, data, err
+
+
+class TestHelp:
+    def test_version(self, capsys):
+        assert call(capsys, "--version") == (0, f"oed {version('oed')}\n", "")
+
+    def test_no_arguments(self, capsys):
+        code, out, _ = call(capsys)
+        assert code == 2
+        assert "usage: oed" in out
+        for command in ("run", "check", "solve", "evaluate", "report", "schema"):
+            assert f"\n    {command} " in out
+
+    @pytest.mark.parametrize("command", ["run", "check", "solve", "evaluate", "report", "schema"])
+    def test_every_command_explains_itself(self, capsys, command: str):
+        code, out, _ = call(capsys, command, "--help")
+        assert code == 0
+        assert "--json" in out
+
+    @pytest.mark.parametrize(
+        "arguments",
+        [
+            ["fly"],
+            ["run"],
+            ["evaluate", "study.yaml"],
+            ["run", "study.yaml", "--workers", "0"],
+            ["solve", "study.yaml", "--seed", "-1"],
+            ["solve", "study.yaml", "--seed", "one"],
+            ["check", "study.yaml", "--seed", "1"],
+        ],
+        ids=" ".join,
+    )
+    def test_wrong_arguments(self, capsys, arguments: list[str]):
+        code, out, err = call(capsys, *arguments)
+        assert (code, out) == (2, "")
+        assert "usage: oed" in err
+
+    def test_help_imports_nothing_heavy(self):
+        program = (
+            "import sys\n"
+            "from oed.cli import main\n"
+            "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+            "print(sorted({'casadi', 'numpy', 'pydantic', 'pymoo', 'matplotlib', 'scipy', 'rich', 'yaml'}"
+            " & set(sys.modules)), file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        assert "usage: oed" in done.stdout
+        assert done.stderr == "[]\n"
+
+    def test_as_a_module(self):
+        done = subprocess.run(
+            [sys.executable, "-m", "oed.cli", "--version"], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout) == (0, f"oed {version('oed')}\n")
+
+
+class TestCheck:
+    def test_a_valid_study(self, capsys, folder: Path):
+        assert call(capsys, "check", "study.yaml") == (0, "study.yaml: ok (Small study)\n", "")
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, err = call_json(capsys, "check", "study.yaml", "quick.yaml")
+        assert (code, err) == (0, "")
+        assert [(entry["file"], entry["ok"]) for entry in data["studies"]] == [
+            ("study.yaml", True),
+            ("quick.yaml", True),
+        ]
+
+    def test_wrong_studies_among_right_ones(self, capsys, folder: Path):
+        write_study(folder, TEXT.replace("18 cm", "18 kg"), "wrong.yaml")
+        code, out, err = call(capsys, "check", "wrong.yaml", "study.yaml", "nowhere.yaml")
+        assert code == 2
+        assert out == "study.yaml: ok (Small study)\n"
+        first, second = err.splitlines()
+        assert first.startswith("wrong.yaml:3: robot.track: expected a length [m], got '18 kg'")
+        assert second == "nowhere.yaml: no such file"
+
+    def test_their_flaws_as_json(self, capsys, folder: Path):
+        write_study(folder, TEXT.replace("18 cm", "18 kg").replace("samples: 40", "samples: 0"), "wrong.yaml")
+        code, data, _ = call_json(capsys, "check", "study.yaml", "wrong.yaml")
+        assert code == 2
+        right, wrong = data["studies"]
+        assert (right["ok"], right["flaws"], wrong["ok"]) == (True, [], False)
+        assert [(flaw["line"], flaw["key"]) for flaw in wrong["flaws"]] == [
+            (3, "robot.track"),
+            (4, "trajectory.samples"),
+        ]
+        assert set(wrong["flaws"][0]) == {"file", "line", "column", "key", "message"}
+
+
+class TestSolve:
+    def test_a_table_and_nothing_written(self, capsys, folder: Path):
+        before = sorted(folder.rglob("*"))
+        code, out, _ = call(capsys, "solve", "study.yaml", "--quiet", "--workers", "1")
+        assert code == 0
+        assert "objective" in out
+        assert "ipopt: Converged" in out
+        assert sorted(folder.rglob("*")) == before
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, err = call_json(capsys, "solve", "quick.yaml", "--workers", "1")
+        assert code == 0
+        assert [result["name"] for result in data["results"]] == ["genetic"]
+        assert data["results"][0]["feasible"]
+        assert data["results"][0]["trajectory"] is None
+        # Progress is told, but not on standard output.
+        assert "genetic" in err
+
+    def test_quiet(self, capsys, folder: Path):
+        _, _, err = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1")
+        assert err == ""
+
+    def test_seed(self, capsys, folder: Path):
+        results = []
+        for seed in ("0", "1", "1"):
+            _, data, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--seed", seed)
+            assert data["seed"] == data["results"][0]["seed"] == int(seed)
+            results.append(data["results"][0]["drive"])
+        assert results[0] != results[1] == results[2]
+
+    def test_out(self, capsys, folder: Path):
+        arguments = ("solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        code, data, _ = call_json(capsys, *arguments)
+        assert code == 0
+        assert {path.name for path in (folder / "there").iterdir()} == {"record.json", "genetic.csv"}
+        assert load_record(folder / "there").results == data["results"]
+
+    def test_a_study_without_a_solution_names_its_limits(self, capsys, folder: Path):
+        write_study(folder, INFEASIBLE, "infeasible.yaml")
+        code, data, _ = call_json(capsys, "solve", "infeasible.yaml", "--quiet", "--workers", "1")
+        assert code == 1
+        (result,) = data["results"]
+        assert (result["status"], result["feasible"], result["objective"]) == ("infeasible", False, None)
+        assert "wheel_speed" in result["message"]
+        assert "workspace" in result["message"]
+
+    def test_interrupted(self, capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        def strike(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.runner.search", strike)
+        code, data, err = call_json(capsys, "solve", "study.yaml", "--quiet")
+        assert code == 1
+        assert "interrupted" in data["error"]
+        assert "interrupted" in err
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, str, str, Path]:
+    """Exit code and output of `oed run` in a fresh folder, and the folder."""
+    folder = tmp_path_factory.mktemp("cli")
+    write_study(folder, TEXT, "my study.yaml")
+    program = "from oed.cli import main; import sys; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-W", "error", "-c", program, "run", "my study.yaml", "--workers", "1", "--json"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr, folder
+
+
+@pytest.mark.slow
+class TestRun:
+    def test_one_json_object(self, ran):
+        code, out, err, _ = ran
+        data = json.loads(out, parse_constant=refuse)
+        assert code == 0
+        assert [result["name"] for result in data["results"]] == ["ipopt", "circle", "circle_same_length"]
+        assert data["directory"] == str(Path("reports") / "my study")
+        assert "Traceback" not in err
+        assert "Warning" not in err
+
+    def test_record_and_report_are_in_the_default_folder(self, ran):
+        *_, folder = ran
+        out = folder / "reports" / "my study"
+        assert {"record.json", "report.html", "report.md", "ipopt.csv", "circle.csv"} <= {
+            path.name for path in out.iterdir()
+        }
+        assert sorted(path.name for path in folder.iterdir()) == ["my study.yaml", "reports"]
+
+    def test_the_report_is_made_again(self, ran, capsys):
+        *_, folder = ran
+        out = folder / "reports" / "my study"
+        (out / "report.html").unlink()
+        code, data, _ = call_json(capsys, "report", str(out))
+        assert code == 0
+        assert Path(data["report"]).exists()
+        assert (out / "report.html").exists()
+
+    def test_in_words_into_another_folder(self, capsys, folder: Path):
+        code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        assert code == 0
+        assert "genetic: Searched" in out
+        assert "report: there" in out
+        assert not (folder / "reports").exists()
+        assert load_record(folder / "there").best["name"] == "genetic"
+
+    def test_without_a_solution(self, capsys, folder: Path):
+        write_study(folder, INFEASIBLE, "infeasible.yaml")
+        code, out, _ = call(capsys, "run", "infeasible.yaml", "--quiet", "--workers", "1")
+        assert code == 1
+        assert "wheel_speed" in out
+        assert "workspace" in out
+        assert load_record(folder / "reports" / "infeasible").best is None
+
+
+class TestEvaluate:
+    def test_a_path(self, capsys, folder: Path):
+        code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv")
+        assert (code, err) == (0, "")
+        assert "path: Scored as given" in out
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, _ = call_json(capsys, "evaluate", "study.yaml", "path.csv")
+        assert code == 0
+        assert (data["name"], data["kind"], data["status"]) == ("path", "path", "scored")
+        assert data["trajectory"] == "path.csv"
+        assert data["objective"] > 0
+        assert data["feasible"]
+
+    def test_limits_exceeded_are_named(self, capsys, folder: Path):
+        text = (folder / "path.csv").read_text().replace(",0.5\n", ",12\n")
+        (folder / "path.csv").write_text(text)
+        code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv")
+        assert code == 0
+        assert "exceeds wheel_speed by 2 (SI)" in out
+
+    def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):
+        _, solved, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        _, scored, _ = call_json(capsys, "evaluate", "quick.yaml", "there/genetic.csv")
+        assert scored["objective"] == pytest.approx(solved["results"][0]["objective"], rel=1e-9)
+        assert scored["feasible"]
+
+
+class TestSchema:
+    @pytest.mark.parametrize("arguments", [[], ["--json"]])
+    def test_one_object(self, capsys, arguments: list[str]):
+        code, out, err = call(capsys, "schema", *arguments)
+        assert (code, err) == (0, "")
+        assert json.loads(out)["title"] == "oed study"
+
+
+MISTAKES = {
+    "unknown key": (
+        ["solve", "wrong.yaml"],
+        TEXT.replace("criterion:", "criterium:"),
+        "wrong.yaml:10: criterium: unknown key; did you mean criterion?",
+    ),
+    "wrong unit": (["run", "wrong.yaml"], TEXT.replace("18 cm", "18 kg"), "wrong.yaml:3: robot.track: "),
+    "syntax": (["check", "wrong.yaml"], TEXT.replace("limits:", "limits: ["), "wrong.yaml:7: not valid YAML"),
+    "bad path": (
+        ["evaluate", "study.yaml", "wrong.yaml"],
+        "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,fast,1\n",
+        "wrong.yaml:3: wheel_speed_right: expected a finite number, got 'fast'",
+    ),
+    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: not JSON"),
+}
+
+
+class TestMistakes:
+    """One clear message on standard error with file and line, exit code 2, no traceback."""
+
+    @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
+    def test_in_words(self, capsys, folder: Path, command: list[str], text: str, message: str):
+        write_study(folder, text, "wrong.yaml")
+        code, out, err = call(capsys, *command)
+        assert (code, out) == (2, "")
+        assert err.startswith(message)
+        assert len(err.splitlines()) == 1
+
+    @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
+    def test_as_json(self, capsys, folder: Path, command: list[str], text: str, message: str):
+        write_study(folder, text, "wrong.yaml")
+        code, data, err = call_json(capsys, *command)
+        assert code == 2
+        assert err.startswith(message)
+        (flaw,) = data["flaws"] if "flaws" in data else data["studies"][0]["flaws"]
+        assert flaw["file"] == "wrong.yaml"
+        assert flaw["line"] == int(message.split(":")[1])
+        if "error" in data:
+            assert data["error"].startswith(message)
+
+    def test_three_at_once(self, capsys, folder: Path):
+        text = SMALL.replace("18 cm", "18 kg").replace("samples: 40", "samples: x").replace("kind: E", "kind: Q")
+        write_study(folder, text, "wrong.yaml")
+        code, _, err = call(capsys, "solve", "wrong.yaml")
+        assert code == 2
+        assert [line.split(":")[1] for line in err.splitlines()] == ["3", "4", "10"]
+
+    @pytest.mark.parametrize(
+        "command",
+        [["run", "nowhere.yaml"], ["report", "nowhere"], ["evaluate", "study.yaml", "nowhere.csv"]],
+        ids=lambda command: command[0],
+    )
+    def test_no_such_file(self, capsys, folder: Path, command: list[str]):
+        code, data, err = call_json(capsys, *command)
+        assert code == 2
+        assert command[-1] in err
+        assert command[-1] in data["error"]
+
+    def test_a_folder_that_cannot_be_written_to(self, capsys, folder: Path):
+        arguments = ("solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "path.csv")
+        code, data, _ = call_json(capsys, *arguments)
+        assert code == 2
+        assert "cannot write there" in data["error"]

@@ -1,0 +1,261 @@
+"""Trajectory CSV files: written and read again, and every mistake named by its line."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from oed.errors import FileFlaw, PathFileError
+from oed.evaluation import evaluate
+from oed.models import SkidSteer
+from oed.path_file import read_trajectory, trajectory_csv, write_trajectory
+from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+
+PROBLEM = make_problem()
+HEADER = "t,wheel_speed_right,wheel_speed_left"
+POSES = f"{HEADER},x,y,heading"
+SPACES = {
+    "small": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8)),
+    "odd period": DesignSpace(duration=10 / 3, samples=23, spline=Spline(coefficients=8)),
+    "midpoint": DesignSpace(duration=7, samples=31, integration="midpoint"),
+    "held": DesignSpace(duration=6, samples=24, spline=Spline(degree=0, coefficients=8)),
+    "free": DesignSpace(duration=10, samples=40, start="free", rest_to_rest=False),
+    "elsewhere": DesignSpace(duration=5, samples=50, start=StartPose(x=0.5, y=-0.2, heading=2.0)),
+}
+
+
+def read(folder: Path, *lines: str, problem=PROBLEM) -> Trajectory:
+    file = folder / "path.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return read_trajectory(file, problem)
+
+
+def flaws_of(folder: Path, *lines: str) -> tuple[FileFlaw, ...]:
+    with pytest.raises(PathFileError) as caught:
+        read(folder, *lines)
+    assert {flaw.file for flaw in caught.value.flaws} == {str(folder / "path.csv")}
+    return caught.value.flaws
+
+
+class TestRoundTrip:
+    """A drive and what is read from its file hold the same inputs, so they score alike."""
+
+    @pytest.mark.parametrize("space", SPACES.values(), ids=SPACES.keys())
+    @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(seed=st.integers(0, 2**32 - 1))
+    def test_the_score_is_the_same(self, tmp_path: Path, space: DesignSpace, seed: int):
+        problem = make_problem(design=space, limits=(SPEED, ACCELERATION, BOX))
+        drive = random_drive(problem, seed)
+        before = evaluate(problem, drive)
+        write_trajectory(tmp_path / "path.csv", problem, drive, before.poses)
+        again = read_trajectory(tmp_path / "path.csv", problem)
+        after = evaluate(problem, again)
+        np.testing.assert_allclose(again.inputs, drive.inputs, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(again.start, drive.start)
+        assert again.samples == drive.samples
+        assert again.duration == pytest.approx(drive.duration, rel=1e-9)
+        assert after.objective == pytest.approx(before.objective, rel=1e-9, abs=1e-9 * before.lambda_max)
+        np.testing.assert_allclose(after.poses, before.poses, rtol=0, atol=1e-8)
+        assert after.path_length == pytest.approx(before.path_length, rel=1e-9)
+
+    def test_a_design_stays_feasible(self, tmp_path: Path):
+        drive = random_drive(PROBLEM, 3, amplitude=1.0)
+        evaluation = evaluate(PROBLEM, drive)
+        assert evaluation.feasible
+        write_trajectory(tmp_path / "path.csv", PROBLEM, drive, evaluation.poses)
+        assert evaluate(PROBLEM, read_trajectory(tmp_path / "path.csv", PROBLEM)).feasible
+
+    def test_another_robots_slip_is_not_in_the_file(self, tmp_path: Path):
+        robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)
+        problem = make_problem(model=robot)
+        drive = random_drive(problem, 1)
+        text = trajectory_csv(problem, drive, evaluate(problem, drive).poses)
+        again = read(tmp_path, *text.splitlines(), problem=problem)
+        assert evaluate(problem, again).objective == pytest.approx(
+            evaluate(problem, drive).objective, rel=1e-9
+        )
+
+
+def test_the_files_form():
+    drive = random_drive(PROBLEM, 0)
+    evaluation = evaluate(PROBLEM, drive)
+    text = trajectory_csv(PROBLEM, drive, evaluation.poses)
+    assert "\r" not in text
+    rows = list(csv.reader(text.splitlines()))
+    assert rows[0] == ["t", "wheel_speed_right", "wheel_speed_left", "x", "y", "heading"]
+    assert len(rows) == 1 + 40 + 1
+    assert rows[-1][1:3] == ["", ""]
+    assert [float(row[0]) for row in rows[1:]] == pytest.approx(np.linspace(0, 10, 41))
+    poses = np.array([[float(cell) for cell in row[3:]] for row in rows[1:]])
+    np.testing.assert_array_equal(poses, evaluation.poses)
+    inputs = np.array([[float(cell) for cell in row[1:3]] for row in rows[1:-1]])
+    np.testing.assert_array_equal(inputs, drive.inputs)
+
+
+class TestReading:
+    def test_without_poses_the_studys_start_is_taken(self, tmp_path: Path):
+        problem = make_problem(design=SPACES["elsewhere"])
+        drive = read(tmp_path, HEADER, "0,1,2", "0.5,3,4", "1,5,6", problem=problem)
+        assert drive.start.tolist() == [0.5, -0.2, 2.0]
+        assert drive.inputs.tolist() == [[1, 2], [3, 4], [5, 6]]
+        assert (drive.duration, drive.samples) == (1.5, 3)
+
+    def test_without_poses_a_free_start_is_the_origin(self, tmp_path: Path):
+        problem = make_problem(design=SPACES["free"])
+        assert read(tmp_path, HEADER, "0,1,2", "1,3,4", problem=problem).start.tolist() == [0, 0, 0]
+
+    def test_the_first_pose_is_the_start(self, tmp_path: Path):
+        drive = read(tmp_path, POSES, "0,1,2,0.3,-0.4,1.5", "1,3,4,9,9,9", "2,,,9,9,9")
+        assert drive.start.tolist() == [0.3, -0.4, 1.5]
+        assert drive.inputs.tolist() == [[1, 2], [3, 4]]
+        assert (drive.duration, drive.samples) == (2.0, 2)
+
+    def test_later_poses_are_not_read(self, tmp_path: Path):
+        drive = read(tmp_path, POSES, "0,1,2,0.3,-0.4,1.5", "1,3,4,,nan,?", "2,,,,,")
+        assert drive.start.tolist() == [0.3, -0.4, 1.5]
+
+    def test_columns_in_any_order_and_others_among_them(self, tmp_path: Path):
+        header = "battery, wheel_speed_left ,t,wheel_speed_right"
+        drive = read(tmp_path, header, "full, 2 ,0,1", "low,4,0.1,3", ",,0.2,")
+        assert drive.inputs.tolist() == [[1, 2], [3, 4]]
+        assert drive.duration == pytest.approx(0.2)
+
+    @pytest.mark.parametrize("times", [(0, 1, 2), (5, 6, 7), (-1, 0, 1)])
+    def test_times_may_begin_anywhere(self, tmp_path: Path, times):
+        drive = read(tmp_path, HEADER, *(f"{time},1,1" for time in times))
+        assert drive.duration == 3.0
+
+    def test_times_may_be_rounded(self, tmp_path: Path):
+        times = [f"{index / 30:.5f}" for index in range(31)]
+        drive = read(tmp_path, HEADER, *(f"{time},1,1" for time in times[:-1]), f"{times[-1]},,")
+        assert drive.duration == pytest.approx(1.0)
+
+    def test_windows_line_ends(self, tmp_path: Path):
+        drive = read(tmp_path, f"{HEADER}\r", "0,1,2\r", "1,3,4\r", "2,,\r")
+        assert drive.inputs.tolist() == [[1, 2], [3, 4]]
+
+    def test_the_mark_that_spreadsheets_put_first(self, tmp_path: Path):
+        drive = read(tmp_path, f"\ufeff{HEADER}", "0,1,2", "1,3,4", "2,,")
+        assert drive.inputs.tolist() == [[1, 2], [3, 4]]
+
+    def test_rest_is_the_studys(self, tmp_path: Path):
+        lines = (HEADER, "0,1,2", "1,3,4")
+        moving = make_problem(design=SPACES["free"])
+        ends = [read(tmp_path, *lines, problem=one).inputs_at(np.array([0.0])) for one in (PROBLEM, moving)]
+        assert [end.tolist() for end in ends] == [[[0, 0]], [[1, 2]]]
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("header", "missing"),
+        [
+            ("wheel_speed_right,wheel_speed_left", "t"),
+            ("t,wheel_speed_right", "wheel_speed_left"),
+            ("time,right,left", "t, wheel_speed_right, wheel_speed_left"),
+        ],
+    )
+    def test_missing_columns(self, tmp_path: Path, header: str, missing: str):
+        (flaw,) = flaws_of(tmp_path, header, "0,1,2", "1,2,3")
+        assert flaw.line == 1
+        assert flaw.message.startswith(f"the header lacks {missing};")
+        assert header.split(",")[-1] in flaw.message
+
+    @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999"])
+    @pytest.mark.parametrize("column", ["t", "wheel_speed_right", "wheel_speed_left"])
+    def test_bad_numbers(self, tmp_path: Path, column: str, cell: str):
+        row = [cell if name == column else "1" for name in HEADER.split(",")]
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", ",".join(row), "2,1,1", "3,,")
+        assert (flaw.line, flaw.key) == (3, column)
+        assert flaw.message == f"expected a finite number, got {cell!r}"
+
+    def test_a_bad_start(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, POSES, "0,1,1,0,here,0", "1,1,1,0,0,0", "2,,,0,0,0")
+        assert (flaw.line, flaw.key) == (2, "y")
+
+    def test_every_bad_number_of_a_column_is_named(self, tmp_path: Path):
+        flaws = flaws_of(tmp_path, HEADER, "0,a,1", "1,1,1", "2,b,1", "3,1,1")
+        assert [(flaw.line, flaw.key) for flaw in flaws] == [
+            (2, "wheel_speed_right"),
+            (4, "wheel_speed_right"),
+        ]
+
+    def test_and_of_all_columns(self, tmp_path: Path):
+        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "x,1,1", "2,a,1", "3,1,b", "4,1,1")
+        assert sorted((flaw.line, flaw.key) for flaw in flaws) == [
+            (3, "t"),
+            (4, "wheel_speed_right"),
+            (5, "wheel_speed_left"),
+        ]
+
+    def test_empty_inputs_in_the_middle(self, tmp_path: Path):
+        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "1,,1", "2,1,1", "3,,")
+        assert [(flaw.line, flaw.key) for flaw in flaws] == [(3, "wheel_speed_right")]
+        assert "got ''" in flaws[0].message
+
+    def test_a_row_cut_short(self, tmp_path: Path):
+        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "1,1", "2,1,1", "3,,")
+        assert [(flaw.line, flaw.key) for flaw in flaws] == [(3, "wheel_speed_left")]
+
+    def test_a_last_row_half_empty(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "1,1,1", "2,,1")
+        assert flaw.line == 4
+        assert "expected numbers for wheel_speed_right, wheel_speed_left" in flaw.message
+
+    def test_blank_lines_do_not_shift_the_count(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "", "", "1,1,oops", "2,1,1")
+        assert flaw.line == 5
+
+    @pytest.mark.parametrize(
+        ("times", "line"),
+        [
+            ((0, 1, 2.1, 3, 4), 4),
+            ((0, 1, 2, 2, 3), 5),
+            ((0, 1, 2, 3, 5), 6),
+            ((0, 1, 2, 1, 2), 5),
+        ],
+        ids=["late", "stopped", "gap", "back"],
+    )
+    def test_uneven_times(self, tmp_path: Path, times, line: int):
+        lines = [f"{time},1,1" for time in times]
+        (flaw,) = flaws_of(tmp_path, HEADER, *lines)
+        assert (flaw.line, flaw.key) == (line, "t")
+        assert "expected even steps" in flaw.message
+
+    @pytest.mark.parametrize("times", [(0, 0, 0), (3, 2, 1)], ids=["still", "backwards"])
+    def test_times_that_do_not_rise(self, tmp_path: Path, times):
+        (flaw,) = flaws_of(tmp_path, HEADER, *(f"{time},1,1" for time in times))
+        assert (flaw.line, flaw.key) == (3, "t")
+
+    @pytest.mark.parametrize("rows", [[], ["0,1,1"]])
+    def test_too_few_rows(self, tmp_path: Path, rows: list[str]):
+        (flaw,) = flaws_of(tmp_path, HEADER, *rows)
+        assert "at least two rows" in flaw.message
+
+    def test_too_few_rows_with_inputs(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "1,,")
+        assert flaw.line == 2
+        assert "at least two rows" in flaw.message
+
+    def test_an_empty_file(self, tmp_path: Path):
+        (tmp_path / "path.csv").write_text("")
+        with pytest.raises(PathFileError, match="expected a header"):
+            read_trajectory(tmp_path / "path.csv", PROBLEM)
+
+    def test_no_file(self, tmp_path: Path):
+        with pytest.raises(PathFileError, match="no such file"):
+            read_trajectory(tmp_path / "nowhere.csv", PROBLEM)
+
+    def test_a_folder(self, tmp_path: Path):
+        with pytest.raises(PathFileError, match="cannot be read"):
+            read_trajectory(tmp_path, PROBLEM)
+
+    def test_no_text(self, tmp_path: Path):
+        (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00t")
+        with pytest.raises(PathFileError, match="cannot be read"):
+            read_trajectory(tmp_path / "path.csv", PROBLEM)

@@ -1,0 +1,537 @@
+"""Study files: shipped ones, what is read from them, and every rule broken one at a time."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from studies import SMALL, small
+
+from oed.errors import FileFlaw, StudyError
+from oed.models import DifferentialDrive
+from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt
+from oed.study import PathFile, json_schema, load_study, parse_study
+
+PROBLEMS = sorted((Path(__file__).parent.parent / "problems").glob("*.yaml"))
+
+VALID = """\
+format: 1
+name: Every key
+robot:
+  kind: differential_drive
+  wheel_radius: 4.9 cm
+  track: 18 cm
+trajectory:
+  duration: 10 s
+  samples: 40
+  spline: {degree: 3, coefficients: 8}
+  start:
+    x: 10 cm
+    heading: 30 deg
+  rest_to_rest: true
+  integration: arc
+measurement:
+  kind: displacements
+  segments: 4
+  regressor: position
+  noise:
+    position: 1 cm
+    heading: 1 deg
+limits:
+  wheel_speed: 10 rad/s
+  wheel_acceleration: [-20 rad/s^2, 15 rad/s^2]
+  workspace:
+    kind: rectangle
+    x: [-1 m, 1 m]
+    y: [-1 m, 1 m]
+criterion:
+  kind: E
+  scaling: none
+solvers:
+  - kind: genetic
+    population: 20
+  - kind: ipopt
+    starts: 1
+    start_from: genetic
+baselines:
+  - circle
+  - file: mine.csv
+validation:
+  replicates: 500
+  heading: measured
+seed: 3
+"""
+
+
+def flaws_of(text: str) -> tuple[FileFlaw, ...]:
+    with pytest.raises(StudyError) as caught:
+        parse_study(text, "some.yaml")
+    assert all(flaw.file == "some.yaml" for flaw in caught.value.flaws)
+    assert str(caught.value) == "\n".join(str(flaw) for flaw in caught.value.flaws)
+    return caught.value.flaws
+
+
+def line_of(text: str, start: str) -> int:
+    """Number of the only line that begins so, after its indentation."""
+    hits = [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith(start)]
+    assert len(hits) == 1, f"{start!r} begins lines {hits}"
+    return hits[0]
+
+
+def replaced(old: str, new: str) -> str:
+    assert VALID.count(old) == 1, f"{old!r} stands {VALID.count(old)} times in the study"
+    return VALID.replace(old, new)
+
+
+class TestShipped:
+    @pytest.mark.parametrize("file", PROBLEMS, ids=lambda file: file.stem)
+    def test_every_shipped_study_loads(self, file: Path):
+        study = load_study(file)
+        assert study.source == str(file)
+        assert study.text == file.read_text(encoding="utf-8")
+        assert study.folder == file.parent
+        assert study.solvers
+        assert study.problem.name == study.name
+
+    def test_there_are_some(self):
+        assert {"choi_skid_steer", "choi_paper_table"} <= {file.stem for file in PROBLEMS}
+
+    @pytest.mark.parametrize("file", PROBLEMS, ids=lambda file: file.stem)
+    def test_its_echo_is_the_same_study(self, file: Path):
+        assert_echo_is_equal(file.read_text(encoding="utf-8"))
+
+
+def assert_echo_is_equal(text: str) -> None:
+    study = parse_study(text)
+    echo = json.loads(json.dumps(study.echo(), allow_nan=False))
+    again = parse_study(yaml.safe_dump(echo))
+    assert again.file == study.file
+    assert again.echo() == study.echo()
+    parts = ("model", "design", "measurement", "limits", "criterion", "name")
+    assert all(getattr(again.problem, part) == getattr(study.problem, part) for part in parts)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        VALID,
+        SMALL,
+        small(bound="true", baselines="[random, {file: a.csv, name: my drive}]"),
+        SMALL.replace("coefficients: 8}}", "coefficients: 8}, start: free}"),
+        SMALL.replace("segments: 4", "segments: samples, regressor: both"),
+        SMALL.replace("scaling: none", "scaling: {c21: 0.01, c22: 0.02}"),
+        SMALL.replace("differential_drive", "skid_steer, slip_outer: 5 %, slip_inner: -0.01"),
+        SMALL.replace("wheel_radius: 4.9 cm", "wheel_radius_right: 5 cm, wheel_radius_left: 48 mm"),
+        "\n".join(line for line in SMALL.splitlines() if "workspace" not in line and "accel" not in line),
+        small(solvers="{kind: cmaes, sigma: 0.1}, {kind: differential_evolution, time_limit: 1 min}"),
+    ],
+    ids=["full", "small", "extras", "free", "both", "scales", "slip", "radii", "no workspace", "relatives"],
+)
+def test_an_echo_is_the_same_study(text: str):
+    assert_echo_is_equal(text)
+
+
+class TestReading:
+    def test_everything_given_is_read(self):
+        study = parse_study(VALID)
+        problem = study.problem
+        assert (study.name, study.seed, study.source) == ("Every key", 3, "study")
+        assert problem.model == DifferentialDrive(wheel_radius=0.049, track=0.18)
+        assert (problem.design.duration, problem.design.samples) == (10.0, 40)
+        assert problem.design.fixed_start == pytest.approx((0.1, 0.0, np.pi / 6))
+        np.testing.assert_array_equal(problem.input_bounds, [[-10, 10], [-10, 10]])
+        assert [limit.name for limit in problem.limits] == ["wheel_speed", "wheel_acceleration", "workspace"]
+        assert problem.limits[1].bounds == (-20.0, 15.0)
+        assert problem.measurement.noise.heading == pytest.approx(np.pi / 180)
+        assert [type(solver) for solver in study.solvers] == [Genetic, Ipopt]
+        assert study.file.baselines == ("circle", PathFile(file="mine.csv"))
+        assert study.file.baselines[1].label == "mine"
+        assert (study.file.validation.replicates, study.file.validation.heading) == (500, "measured")
+
+    def test_defaults(self):
+        study = parse_study(SMALL)
+        assert study.solvers == (Ipopt(),)
+        assert (study.seed, study.file.baselines, study.file.validation) == (0, (), None)
+        assert study.problem.design.fixed_start == (0.0, 0.0, 0.0)
+
+    def test_bare_numbers_are_si(self):
+        plain = VALID
+        for quantity, number in {"4.9 cm": "0.049", "18 cm": "0.18", "10 rad/s": "10", "10 s": "10"}.items():
+            plain = plain.replace(f": {quantity}\n", f": {number}\n")
+        assert plain != VALID
+        assert parse_study(plain).file == parse_study(VALID).file
+
+    @pytest.mark.parametrize(
+        ("kind", "expected"),
+        [("cmaes", CmaEs()), ("differential_evolution", DifferentialEvolution()), ("genetic", Genetic())],
+    )
+    def test_solvers_by_kind(self, kind: str, expected):
+        assert parse_study(small(solvers=f"{{kind: {kind}}}")).solvers == (expected,)
+
+    def test_a_file_is_read_as_text_is(self, tmp_path: Path):
+        file = tmp_path / "a study.yaml"
+        file.write_text(VALID.replace("Every key", "Größe"), encoding="utf-8")
+        study = load_study(str(file))
+        assert study.name == "Größe"
+        assert study.folder == tmp_path
+
+
+BROKEN = {
+    "unknown key": ("seed: 3", "sede: 3", "sede", "sede", "did you mean seed?"),
+    "unknown key of the robot": (
+        "  track:",
+        "  traek: 1\n  track:",
+        "traek",
+        "robot.traek",
+        "did you mean track?",
+    ),
+    "unknown key of a limit": (
+        "    y: [-1",
+        "    z: 1\n    y: [-1",
+        "z:",
+        "limits.workspace.z",
+        "known here: kind, x, y",
+    ),
+    "unknown limit": (
+        "  wheel_acceleration:",
+        "  wheel_accelerations: 5\n  wheel_acceleration:",
+        "wheel_accelerations",
+        "limits.wheel_accelerations",
+        "did you mean wheel_acceleration?",
+    ),
+    "unknown key of a solver": (
+        "    population:",
+        "    populations:",
+        "populations",
+        "solvers.0.populations",
+        "did you mean population?",
+    ),
+    "another solver's key": (
+        "    starts: 1",
+        "    starts: 1\n    generations: 5",
+        "generations",
+        "solvers.1.generations",
+        "unknown key",
+    ),
+    "wrong unit": ("18 cm", "5 kg", "track", "robot.track", "expected a length [m], got '5 kg'"),
+    "unknown unit": ("18 cm", "5 smoots", "track", "robot.track", "'smoots' is not known"),
+    "Hz is no angular speed": ("10 rad/s\n", "10 Hz\n", "wheel_speed:", "limits.wheel_speed", "rad/s"),
+    "no number": ("18 cm", "wide", "track", "robot.track", "does not begin with a number"),
+    "NaN": ("18 cm", ".nan", "track", "robot.track", "finite"),
+    "infinite": ("10 s\n", ".inf\n", "duration", "trajectory.duration", "finite"),
+    "too large to be finite": ("18 cm", "1e999 m", "track", "robot.track", "finite"),
+    "negative length": ("18 cm", "-18 cm", "track", "robot.track", "expected more than 0"),
+    "truth as quantity": ("18 cm", "true", "track", "robot.track", "got True"),
+    "no duration": ("  duration: 10 s\n", "", "trajectory", "trajectory.duration", "missing"),
+    "no track": ("  track: 18 cm\n", "", "robot", "robot.track", "missing"),
+    "no name": ("name: Every key\n", "", "format", "name", "missing"),
+    "name of no text": ("name: Every key", "name: 12", "name", "name", "expected text, got 12"),
+    "no kind of robot": ("  kind: differential_drive\n", "", "robot", "robot", "kind is missing"),
+    "wrong kind of robot": (
+        "differential_drive",
+        "hovercraft",
+        "robot",
+        "robot",
+        "'differential_drive', 'skid_steer', got 'hovercraft'",
+    ),
+    "wrong kind of solver": (
+        "kind: genetic",
+        "kind: oracle",
+        "- kind: oracle",
+        "solvers.0",
+        "got 'oracle'",
+    ),
+    "wrong kind of measurement": ("displacements", "guesses", "kind: guesses", "measurement.kind", "guesses"),
+    "both radius forms": (
+        "  track:",
+        "  wheel_radius_left: 5 cm\n  track:",
+        "robot",
+        "robot",
+        "either wheel_radius, or both wheel_radius_right and wheel_radius_left",
+    ),
+    "one side's radius": ("wheel_radius:", "wheel_radius_left:", "robot", "robot", "wheel_radius_right"),
+    "min above max": (
+        "[-20 rad/s^2, 15 rad/s^2]",
+        "[15 rad/s^2, -20 rad/s^2]",
+        "wheel_acceleration",
+        "limits.wheel_acceleration",
+        "min below max",
+    ),
+    "room with min above max": ("x: [-1 m", "x: [2 m", "x: [2", "limits.workspace.x", "min below max"),
+    "three bounds": (
+        "[-20 rad/s^2, 15",
+        "[-20, 0, 15",
+        "wheel_acceleration",
+        "limits.wheel_acceleration",
+        "got 3 values",
+    ),
+    "negative limit": (
+        ": 10 rad/s\n",
+        ": -10 rad/s\n",
+        "wheel_speed",
+        "limits.wheel_speed",
+        "positive limit",
+    ),
+    "start outside": (
+        "x: [-1 m",
+        "x: [0.5 m",
+        "workspace",
+        "limits.workspace",
+        "the start (0.1 m, 0 m) lies outside",
+    ),
+    "too many segments": (
+        "segments: 4",
+        "segments: 41",
+        "segments",
+        "measurement.segments",
+        "at most as many segments as there are samples (40), got 41",
+    ),
+    "heading with one segment": (
+        "segments: 4\n  regressor: position",
+        "segments: 1\n  regressor: heading",
+        "segments",
+        "measurement.segments",
+        "at least 2 segments, got 1",
+    ),
+    "fraction of a segment": ("segments: 4", "segments: 4.5", "segments", "measurement.segments", "4.5"),
+    "rest excluded": (
+        ": 10 rad/s\n",
+        ": [1 rad/s, 10 rad/s]\n",
+        "wheel_speed",
+        "limits.wheel_speed",
+        "rest_to_rest",
+    ),
+    "too few coefficients": (
+        "coefficients: 8",
+        "coefficients: 5",
+        "spline",
+        "trajectory.spline.coefficients",
+        "needs at least 6 coefficients, got 5",
+    ),
+    "search of the same name": (
+        "    starts: 1",
+        "    starts: 1\n    name: genetic",
+        "name: genetic",
+        "solvers.1.name",
+        "a second search named genetic",
+    ),
+    "unknown search to start from": (
+        "start_from: genetic",
+        "start_from: genetics",
+        "start_from",
+        "solvers.1.start_from",
+        "listed before (genetic), got 'genetics'",
+    ),
+    "bad name": (
+        "    starts: 1",
+        "    starts: 1\n    name: ../up",
+        "name: ../up",
+        "solvers.1.name",
+        "../up",
+    ),
+    "scale of no parameter": (
+        "scaling: none",
+        "scaling: {c21: 1, c22: 1, c99: 1}",
+        "scaling",
+        "criterion.scaling.c99",
+        "the parameters are c21, c22",
+    ),
+    "scale missing": ("scaling: none", "scaling: {c21: 1}", "scaling", "criterion.scaling", "c22 is missing"),
+    "heading noise missing": (
+        "    heading: 1 deg\n",
+        "",
+        "noise",
+        "measurement.noise",
+        "simulating measured headings needs the noise of heading",
+    ),
+    "too few replicates": (
+        "replicates: 500",
+        "replicates: 5",
+        "replicates",
+        "validation.replicates",
+        "at least 100, got 5",
+    ),
+    "unknown baseline": ("  - circle", "  - circel", "- circel", "baselines.0", "'circle'"),
+    "baseline without a file": (
+        "  - file: mine.csv",
+        "  - name: mine",
+        "- name: mine",
+        "baselines.1.file",
+        "missing",
+    ),
+    "negative seed": ("seed: 3", "seed: -3", "seed", "seed", "expected at least 0, got -3"),
+    "wrong format": ("format: 1", "format: 2", "format", "format", "expected 1, got 2"),
+    "no mapping where one belongs": (
+        "spline: {degree: 3, coefficients: 8}",
+        "spline: 3",
+        "spline",
+        "trajectory.spline",
+        "expected keys and values, got 3",
+    ),
+    "no list where one belongs": ("x: [-1 m, 1 m]", "x: 1 m", "x: 1 m", "limits.workspace.x", "expected a list"),
+    "truth expected": (
+        "rest_to_rest: true",
+        "rest_to_rest: perhaps",
+        "rest_to_rest",
+        "trajectory.rest_to_rest",
+        "true or false",
+    ),
+    "unknown rule": ("integration: arc", "integration: euler", "integration", "trajectory.integration", "arc"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "line", "key", "message"), BROKEN.values(), ids=BROKEN.keys())
+def test_one_mistake_is_named_by_its_line_and_key(old: str, new: str, line: str, key: str, message: str):
+    text = replaced(old, new)
+    flaws = flaws_of(text)
+    assert [(flaw.line, flaw.key) for flaw in flaws] == [(line_of(text, line), key)]
+    assert message in flaws[0].message
+    assert str(flaws[0]).startswith(f"some.yaml:{flaws[0].line}: {key}: ")
+
+
+def test_relative_scaling_needs_the_noise():
+    text = SMALL.replace("scaling: none", "scaling: relative").replace("position: 1 cm, ", "")
+    (flaw,) = flaws_of(text)
+    assert (flaw.line, flaw.key) == (line_of(text, "measurement"), "measurement.noise")
+    assert "the position noise is needed" in flaw.message
+
+
+def test_every_input_needs_a_limit():
+    text = replaced("  wheel_speed: 10 rad/s\n", "")
+    flaws = flaws_of(text)
+    assert {(flaw.line, flaw.key) for flaw in flaws} == {(line_of(text, "limits"), "limits")}
+    for flaw, name in zip(flaws, ("wheel_speed_right", "wheel_speed_left"), strict=True):
+        assert f"nothing bounds {name}; add wheel_speed" in flaw.message
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "0", "-1"])
+def test_a_scale_has_to_be_positive_and_finite(value: str):
+    text = SMALL.replace("scaling: none", f"scaling: {{c21: {value}, c22: 1}}")
+    (flaw,) = flaws_of(text)
+    assert (flaw.line, flaw.key) == (line_of(text, "criterion"), "criterion.scaling.c21")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        small(solvers="{kind: ipopt, name: circle}", baselines="[circle]"),
+        small(baselines="[circle, circle]"),
+        small(baselines="[{file: ipopt.csv}]"),
+        small(baselines="[{file: a/mine.csv}, {file: b/mine.csv}]"),
+        small(solvers="{kind: ipopt, name: a b}, {kind: ipopt, name: a_b}"),
+    ],
+    ids=["search and path", "path twice", "search and file", "two files", "one file for two names"],
+)
+def test_results_that_could_not_be_told_apart_are_refused(text: str):
+    flaws_of(text)
+
+
+class TestNoStudy:
+    """What is no study at all."""
+
+    @pytest.mark.parametrize("text", ["", "# only a remark\n", "- a\n- b\n", "hello\n", "3\n"])
+    def test_not_a_mapping(self, text: str):
+        (flaw,) = flaws_of(text)
+        assert flaw.line >= 1
+        assert "expected a study" in flaw.message
+
+    def test_a_key_given_twice(self):
+        text = replaced("seed: 3", "seed: 3\nname: Again")
+        (flaw,) = flaws_of(text)
+        assert (flaw.line, flaw.key) == (line_of(text, "name: Again"), "name")
+        assert "given twice (first in line 2)" in flaw.message
+
+    def test_a_key_given_twice_inside(self):
+        text = replaced("    population: 20", "    population: 20\n    population: 30")
+        (flaw,) = flaws_of(text)
+        assert (flaw.line, flaw.key) == (line_of(text, "population: 30"), "solvers.0.population")
+
+    @pytest.mark.parametrize(
+        ("old", "new", "line"),
+        [
+            ("  track: 18 cm", "\ttrack: 18 cm", "track"),
+            ("y: [-1 m, 1 m]", "y: [-1 m, 1 m", "criterion"),
+            ("seed: 3", 'seed: "3', None),
+        ],
+        ids=["tab", "open bracket", "open quote"],
+    )
+    def test_not_yaml(self, old: str, new: str, line: str | None):
+        text = replaced(old, new)
+        (flaw,) = flaws_of(text)
+        assert "not valid YAML" in flaw.message
+        assert flaw.line == (line_of(text, line) if line else len(text.splitlines()) + 1)
+
+    def test_an_empty_file(self, tmp_path: Path):
+        file = tmp_path / "empty.yaml"
+        file.write_text("")
+        with pytest.raises(StudyError, match="expected a study") as caught:
+            load_study(file)
+        assert caught.value.flaws[0].file == str(file)
+
+    def test_no_file(self, tmp_path: Path):
+        file = tmp_path / "nowhere.yaml"
+        with pytest.raises(StudyError, match="no such file") as caught:
+            load_study(file)
+        assert str(caught.value) == f"{file}: no such file"
+
+
+class TestSeveralMistakes:
+    def test_all_are_reported_at_once_in_the_order_of_the_lines(self):
+        text = VALID
+        for old, new in {
+            "track: 18 cm": "track: 5 kg",
+            "samples: 40": "samples: 0",
+            "  regressor: position": "  regresor: position",
+            "    starts: 1": "    starts: none",
+            "seed: 3": "seed: -1\ncolour: red",
+        }.items():
+            text = text.replace(old, new)
+        expected = [
+            ("track", "robot.track"),
+            ("samples", "trajectory.samples"),
+            ("regresor", "measurement.regresor"),
+            ("starts", "solvers.1.starts"),
+            ("seed", "seed"),
+            ("colour", "colour"),
+        ]
+        found = [(flaw.line, flaw.key) for flaw in flaws_of(text)]
+        assert found == [(line_of(text, line), key) for line, key in expected]
+
+    def test_parts_that_do_not_fit_together_are_reported_at_once(self):
+        text = replaced("segments: 4", "segments: 41").replace("coefficients: 8", "coefficients: 2")
+        assert [flaw.key for flaw in flaws_of(text)] == [
+            "trajectory.spline.coefficients",
+            "measurement.segments",
+        ]
+
+    def test_and_with_those_of_the_searches(self):
+        text = replaced("segments: 4", "segments: 41").replace("start_from: genetic", "start_from: nobody")
+        assert [flaw.key for flaw in flaws_of(text)] == ["measurement.segments", "solvers.1.start_from"]
+
+    def test_searches_and_validation(self):
+        text = replaced("    heading: 1 deg\n", "").replace("start_from: genetic", "start_from: nobody")
+        assert {flaw.key for flaw in flaws_of(text)} == {"measurement.noise", "solvers.1.start_from"}
+
+    def test_keys_given_twice(self):
+        text = replaced("seed: 3", "seed: 3\nseed: 4\nname: Again")
+        assert [flaw.key for flaw in flaws_of(text)] == ["seed", "name"]
+
+
+class TestSchema:
+    def test_it_is_json(self):
+        assert json.loads(json.dumps(json_schema(), allow_nan=False)) == json_schema()
+
+    def test_it_names_the_keys(self):
+        schema = json_schema()
+        assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {"bound"}
+        assert schema["additionalProperties"] is False
+        assert {"format", "name", "robot", "trajectory", "measurement", "limits"} == set(schema["required"])
+        assert "json-schema.org" in schema["$schema"]
+
+    def test_it_names_what_is_inside(self):
+        text = json.dumps(json_schema())
+        for name in ("skid_steer", "slip_outer", "wheel_acceleration", "start_from", "straight_and_spin"):
+            assert f'"{name}"' in text
