@@ -80,8 +80,11 @@ def _parser() -> argparse.ArgumentParser:
     command = add("evaluate", _evaluate, "score any path (CSV) with a study's problem")
     command.add_argument("study", metavar="STUDY")
     command.add_argument("path", metavar="PATH.csv")
-    command = add("report", _report, "make the report again from a saved record")
-    command.add_argument("folder", metavar="DIR")
+    command = add("report", _report, "make the report again from a saved record; several are compared")
+    command.add_argument("folders", metavar="DIR", nargs="+")
+    command.add_argument(
+        "--out", metavar="DIR", help="where a comparison goes (default: reports/comparison/)"
+    )
     add("schema", _schema, "print the JSON schema of study files, for editors")
     return parser
 
@@ -201,9 +204,16 @@ def _evaluate(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     from oed.console import print_json
     from oed.record import load_record
-    from oed.report import write_report
+    from oed.report import write_comparison, write_report
 
-    page = write_report(load_record(options.folder), options.folder)
+    records = [(folder, load_record(folder)) for folder in options.folders]
+    if len(records) == 1:
+        page = write_report(records[0][1], options.out or options.folders[0])
+    else:
+        names = [Path(folder).resolve().name for folder in options.folders]
+        labels = names if len(set(names)) == len(names) else options.folders
+        named = list(zip(labels, (record for _, record in records), strict=True))
+        page = write_comparison(named, options.out or Path("reports") / "comparison")
     if options.json:
         print_json({"report": str(page)})
     else:

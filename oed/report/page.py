@@ -28,10 +28,16 @@ def write_report(record: Record, folder: str | Path) -> Path:
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    target = Path(folder)
-    sections = sections_of(record)
+    return render(str(record.data["study"]["name"]), sections_of(record), Path(folder))
+
+
+def render(title: str, sections: list[Section], target: Path) -> Path:
+    """Write sections as report.html, report.md and figures/*.svg into `target`; returns report.html.
+
+    Raises:
+        UserMistake: the folder cannot be written to.
+    """
     drawings = _drawings(sections)
-    title = str(record.data["study"]["name"])
     content = {"title": title, "sections": sections, "svg": drawings}
     templates = _environment()
     pages = {name: templates.get_template(f"{name}.jinja").render(content) for name in (MARKDOWN, HTML)}
