@@ -125,7 +125,9 @@ class TestInTheFlagship:
     def test_a_long_way_takes_more_laps_not_more_room(self, flagship: Problem, name: str):
         largest, fitted = baselines(flagship, name, length=8.0)
         for axis in (0, 1):
-            assert np.abs(path(fitted)[:, axis]).max() <= np.abs(path(largest)[:, axis]).max() * (1 + SAMPLING)
+            assert np.abs(path(fitted)[:, axis]).max() <= np.abs(path(largest)[:, axis]).max() * (
+                1 + SAMPLING
+            )
 
 
 class TestForwardOnly:

@@ -204,7 +204,18 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, str, str, Path]:
     folder = tmp_path_factory.mktemp("cli")
     write_study(folder, TEXT, "my study.yaml")
     program = "from oed.cli import main; import sys; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-W", "error", "-c", program, "run", "my study.yaml", "--workers", "1", "--json"]
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        program,
+        "run",
+        "my study.yaml",
+        "--workers",
+        "1",
+        "--json",
+    ]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr, folder
 
@@ -331,7 +342,9 @@ class TestMistakes:
             assert data["error"].startswith(message)
 
     def test_three_at_once(self, capsys, folder: Path):
-        text = SMALL.replace("18 cm", "18 kg").replace("samples: 40", "samples: x").replace("kind: E", "kind: Q")
+        text = (
+            SMALL.replace("18 cm", "18 kg").replace("samples: 40", "samples: x").replace("kind: E", "kind: Q")
+        )
         write_study(folder, text, "wrong.yaml")
         code, _, err = call(capsys, "solve", "wrong.yaml")
         assert code == 2

@@ -140,9 +140,7 @@ TIMES = ("wall_seconds", "seconds", "finished")
 def timeless(value: Any, *more: str) -> Any:
     """The same data without what tells the time, and without keys named `more`."""
     if isinstance(value, dict):
-        return {
-            key: timeless(entry, *more) for key, entry in value.items() if key not in (*TIMES, *more)
-        }
+        return {key: timeless(entry, *more) for key, entry in value.items() if key not in (*TIMES, *more)}
     return [timeless(entry, *more) for entry in value] if isinstance(value, list) else value
 
 

@@ -371,7 +371,13 @@ BROKEN = {
         "trajectory.spline",
         "expected keys and values, got 3",
     ),
-    "no list where one belongs": ("x: [-1 m, 1 m]", "x: 1 m", "x: 1 m", "limits.workspace.x", "expected a list"),
+    "no list where one belongs": (
+        "x: [-1 m, 1 m]",
+        "x: 1 m",
+        "x: 1 m",
+        "limits.workspace.x",
+        "expected a list",
+    ),
     "truth expected": (
         "rest_to_rest: true",
         "rest_to_rest: perhaps",
@@ -379,7 +385,13 @@ BROKEN = {
         "trajectory.rest_to_rest",
         "true or false",
     ),
-    "unknown rule": ("integration: arc", "integration: euler", "integration", "trajectory.integration", "arc"),
+    "unknown rule": (
+        "integration: arc",
+        "integration: euler",
+        "integration",
+        "trajectory.integration",
+        "arc",
+    ),
 }
 
 

@@ -17,8 +17,8 @@ from oed.report.wording import count
 
 Named = tuple[str, Record]
 
-UNTOLD = ("name", "seed", "format")
-"""Keys of a study that do not make a difference to a comparison."""
+TOLD = ("robot", "trajectory", "measurement", "limits", "criterion")
+"""Keys of a study that say what is designed for, rather than how it was searched."""
 
 
 def write_comparison(records: Sequence[Named], folder: str | Path) -> Path:
@@ -75,15 +75,13 @@ def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
 
 def _differences(records: Sequence[Named]) -> Section:
     # Only the keys in which the studies differ: what else they say is the same for all.
-    flat = [_flattened(record.data["study"]) for _, record in records]
+    flat = [_flattened({key: record.data["study"][key] for key in TOLD}) for _, record in records]
     keys = sorted({key for study in flat for key in study})
-    differing = [
-        key for key in keys if key.split(".")[0] not in UNTOLD and len({study.get(key) for study in flat}) > 1
-    ]
+    differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
     columns = (Column("key"), *(Column(name) for name, _ in records))
     rows = tuple((key, *(study.get(key) for study in flat)) for key in differing)
     if not rows:
-        return Section("What differs", paragraphs=("The studies are the same but for names and seeds.",))
+        return Section("What differs", paragraphs=("The studies design for the same problem.",))
     return Section("What differs", tables=(Table(columns, rows, "Keys of the studies, in SI units"),))
 
 
@@ -91,6 +89,8 @@ def _flattened(value_: Any, prefix: str = "") -> dict[str, str]:
     if isinstance(value_, Mapping):
         pairs = ((f"{prefix}.{key}" if prefix else str(key), entry) for key, entry in value_.items())
         return {key: text for path, entry in pairs for key, text in _flattened(entry, path).items()}
+    if isinstance(value_, list):
+        return {prefix: ", ".join(_flattened(entry)[""] for entry in value_)}
     return {prefix: f"{value_:g}" if isinstance(value_, float) else str(value_)}
 
 

@@ -205,7 +205,9 @@ class TestEnd:
 
     def test_parameters_that_no_drive_tells_apart(self):
         problem = make_problem(
-            design=DesignSpace(duration=4, samples=20, spline=Spline(degree=0, coefficients=1), rest_to_rest=False),
+            design=DesignSpace(
+                duration=4, samples=20, spline=Spline(degree=0, coefficients=1), rest_to_rest=False
+            ),
             measurement=Displacements(segments=2, regressor="heading"),
             limits=(SPEED,),
         )
@@ -238,9 +240,7 @@ class TestPolish:
     """Ipopt from the genetic search's design: at least as good, with one start and nothing else."""
 
     def polish(self, problem: Problem, earlier: Solution, **options) -> Solution:
-        solver = Ipopt(
-            starts=1, perturbations=0, second_stage="none", start_from=earlier.name, **options
-        )
+        solver = Ipopt(starts=1, perturbations=0, second_stage="none", start_from=earlier.name, **options)
         return solve(problem, solver, seed=0, workers=1, earlier={earlier.name: earlier})
 
     def test_it_ends_at_least_as_good(self, genetic: Solution):
@@ -255,9 +255,7 @@ class TestPolish:
         design = DesignExpressions(PROBLEM)
         again = design.trajectory(design.unknowns_of(genetic.trajectory))
         np.testing.assert_allclose(again.coefficients, genetic.trajectory.coefficients, atol=1e-12)
-        free = solve(
-            PROBLEM, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1
-        )
+        free = solve(PROBLEM, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
         polished = self.polish(PROBLEM, genetic)
         assert np.abs(polished.trajectory.coefficients - free.trajectory.coefficients).max() > 1e-3
 

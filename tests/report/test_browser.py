@@ -1,0 +1,81 @@
+"""The report's page in a real browser: it renders without console errors, and play moves the robot."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from sample_records import scored
+
+from oed.record import Record
+from oed.report import write_report
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+    "--enable-logging=stderr",
+)
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed; the page is not opened"),
+]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(Record(scored()), tmp_path_factory.mktemp("report"))
+
+
+def opened(page: Path, fragment: str, profile: Path) -> tuple[str, list[str]]:
+    """The page's elements after two seconds of its own time, and what it wrote to the console."""
+    command = [
+        str(BROWSER),
+        *FLAGS,
+        f"--user-data-dir={profile}",
+        "--virtual-time-budget=2000",
+        "--dump-dom",
+        f"{page.as_uri()}{fragment}",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def state(elements: str) -> dict[str, float]:
+    """What the player says of itself."""
+    tag = re.search(r'<div class="player"[^>]*>', elements)
+    assert tag is not None
+    return {name: float(value) for name, value in re.findall(r'data-(\w+)="([-\d.]+)"', tag.group())}
+
+
+def test_the_page_renders_without_console_errors(page: Path, tmp_path: Path):
+    elements, console = opened(page, "", tmp_path / "profile")
+    assert console == []
+    assert elements.count("<svg") >= 3
+    assert state(elements) == {"time": 0.0, "x": 0.0, "y": 0.0, "heading": 0.0}
+
+
+def test_play_moves_the_robot(page: Path, tmp_path: Path):
+    elements, console = opened(page, "#play", tmp_path / "profile")
+    assert console == []
+    now = state(elements)
+    assert now["time"] > 0
+    assert now["x"] != 0
+    assert now["heading"] != 0
+
+
+def test_an_error_in_the_page_would_be_seen(page: Path, tmp_path: Path):
+    broken = tmp_path / "broken.html"
+    broken.write_text(page.read_text().replace("const context = canvas", "const context = missing"))
+    _, console = opened(broken, "", tmp_path / "profile")
+    assert any("missing" in line for line in console)
