@@ -24,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     write_study(tmp_path, TEXT)
     write_study(tmp_path, small(solvers=GENETIC), "quick.yaml")
-    rows = "".join(f"{0.25 * k},{0.4 + 0.05 * (k % 5)},{0.5}\n" for k in range(40))
+    rows = "".join(f"{0.25 * k},{0.05 * (k % 9)},{0.02 * (k % 13)}\n" for k in range(40))
     (tmp_path / "path.csv").write_text(f"t,wheel_speed_right,wheel_speed_left\n{rows}")
     return tmp_path
 
@@ -248,6 +248,14 @@ class TestRun:
         assert Path(data["report"]).exists()
         assert (out / "report.html").exists()
 
+    def test_several_are_compared(self, ran, capsys, folder: Path):
+        *_, other = ran
+        first = str(other / "reports" / "my study")
+        code, data, _ = call_json(capsys, "report", first, first, "--out", "both")
+        assert code == 0
+        assert Path(data["report"]).parent == Path("both")
+        assert (folder / "both" / "report.html").exists()
+
     def test_in_words_into_another_folder(self, capsys, folder: Path):
         code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         assert code == 0
@@ -280,8 +288,8 @@ class TestEvaluate:
         assert data["feasible"]
 
     def test_limits_exceeded_are_named(self, capsys, folder: Path):
-        text = (folder / "path.csv").read_text().replace(",0.5\n", ",12\n")
-        (folder / "path.csv").write_text(text)
+        text = (folder / "path.csv").read_text()
+        (folder / "path.csv").write_text(text.replace("\n1.25,0.25,", "\n1.25,12,"))
         code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv")
         assert code == 0
         assert "exceeds wheel_speed by 2 (SI)" in out
@@ -308,7 +316,7 @@ MISTAKES = {
         "wrong.yaml:10: criterium: unknown key; did you mean criterion?",
     ),
     "wrong unit": (["run", "wrong.yaml"], TEXT.replace("18 cm", "18 kg"), "wrong.yaml:3: robot.track: "),
-    "syntax": (["check", "wrong.yaml"], TEXT.replace("limits:", "limits: ["), "wrong.yaml:7: not valid YAML"),
+    "syntax": (["check", "wrong.yaml"], TEXT.replace("limits:", "limits: ["), "wrong.yaml:8: not valid YAML"),
     "bad path": (
         ["evaluate", "study.yaml", "wrong.yaml"],
         "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,fast,1\n",

@@ -78,6 +78,11 @@ class TestJson:
     def test_it_ends_with_a_newline(self, made: Record):
         assert made.to_json().endswith("}\n")
 
+    @pytest.mark.parametrize("text", ["x: [ -1,  1 ]", "x: [   3 ]", "[ e ]", "a\nb: [\n 1,\n 2 ]"])
+    def test_no_text_is_changed(self, made: Record, text: str):
+        data = {**made.data, "study_text": text}
+        assert json.loads(Record(data).to_json()) == data
+
     def test_what_is_not_finite_is_null(self, made: Record):
         straight = entry(made, "straight")
         assert straight["standard_deviations"] == {"c21": None, "c22": None}

@@ -20,6 +20,7 @@ from oed.models import DifferentialDrive, SkidSteer
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import Ipopt, solve
+from oed.solvers.ipopt import ROUNDING
 from oed.trajectory import DesignSpace, Spline
 
 QUICK = Ipopt(starts=3, perturbations=0, second_stage="none")
@@ -69,7 +70,9 @@ class TestFlagship:
         assert evaluation.objective == pytest.approx(flagship_solution.evaluation.objective, rel=1e-12)
         assert evaluation.feasible
         best = max(start.objective for start in flagship_solution.starts)
-        assert flagship_solution.stages == {"starts": best, "perturbations": best}
+        # The first of several that differ by rounding is kept.
+        expected = {"starts": best, "perturbations": best}
+        assert flagship_solution.stages == pytest.approx(expected, rel=2 * ROUNDING)
 
 
 def three_small_segments() -> Problem:
@@ -309,7 +312,8 @@ class TestInterrupted:
         assert solution.status.usable
         assert listener.steps == steps
         assert len(solution.starts) == min(steps, 3)
-        assert solution.evaluation.objective >= max(start.objective or 0.0 for start in solution.starts)
+        best = max(start.objective or 0.0 for start in solution.starts)
+        assert solution.evaluation.objective >= best * (1 - 2 * ROUNDING)
         assert evaluate(problem, solution.trajectory).feasible
 
     def test_nothing_found_yet_is_said(self):

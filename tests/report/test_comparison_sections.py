@@ -1,0 +1,155 @@
+"""What a comparison report claims, recomputed from the committed record alone."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from oed.record import Record, load_record
+from oed.report import write_comparison, write_report
+from oed.report.figures import RADIUS_95, ellipse
+from oed.report.page import sections_of
+from oed.report.section import Section
+from oed.report.sections.candidates import candidates, repetitions_of
+from oed.report.sections.convergence import convergence, time_to
+from oed.report.sections.summary import summary
+from oed.report.sections.validation import validation
+
+ROOT = Path(__file__).parent.parent.parent
+CAP = 2 * 10 * (0.18 / 0.049) ** 2
+
+
+@pytest.fixture(scope="module")
+def flagship() -> Record:
+    return load_record(ROOT / "reports" / "choi_skid_steer")
+
+
+def entry(record: Record, name: str) -> dict[str, Any]:
+    return next(dict(one) for one in record.results if one["name"] == name)
+
+
+def deviation(one: dict[str, Any], parameter: str) -> float:
+    """From the drive alone: sqrt of the diagonal of sigma^2 (W'W)^-1 by the singular values it reports."""
+    return float(one["standard_deviations"][parameter])
+
+
+class TestSummary:
+    def test_its_numbers_are_the_records(self, flagship: Record):
+        text = " ".join(summary(flagship).paragraphs)
+        best, square = dict(flagship.best), entry(flagship, "square")
+        for one in (best, square):
+            share = 100 * deviation(one, "c22") / 0.0245
+            assert f"±{share:.1f} %" in text
+        assert f"{best['objective'] / square['objective']:.1f} of them would be needed" in text
+        assert f"objective of {best['objective']:.1f}" in text
+
+    def test_the_deviations_bound_each_other_as_they_must(self, flagship: Record):
+        # The trace of the covariance is sigma^2 (1 / lambda_min + 1 / lambda_max).
+        for name in ("ipopt", "genetic", "square"):
+            one = entry(flagship, name)
+            trace = sum(deviation(one, parameter) ** 2 for parameter in ("c21", "c22"))
+            assert trace == pytest.approx(0.1**2 * (1 / one["lambda_min"] + 1 / one["lambda_max"]), rel=1e-9)
+
+
+class TestCandidates:
+    def test_efficiency_is_the_ratio_of_objectives(self, flagship: Record):
+        table = candidates(flagship).tables[0]
+        best = flagship.best["objective"]
+        for row in table.rows:
+            one = entry(flagship, row[0])
+            if row[3] != math.inf:
+                assert row[2] == pytest.approx(100 * one["objective"] / best)
+                assert row[3] == pytest.approx(best / one["objective"])
+
+    def test_singular_drives_never_suffice(self, flagship: Record):
+        assert repetitions_of(flagship, entry(flagship, "straight")) == math.inf
+
+    def test_no_search_exceeds_the_cap(self, flagship: Record):
+        objectives = [one["objective"] for one in flagship.results if one["feasible"]]
+        assert max(objectives) <= CAP * (1 + 1e-9)
+        assert flagship.best["objective"] >= 0.999 * CAP
+
+
+class TestConvergence:
+    def test_history_never_falls(self, flagship: Record):
+        for name in ("ipopt", "genetic"):
+            history = entry(flagship, name)["history"]
+            for key in ("objective", "seconds", "evaluations"):
+                assert np.all(np.diff([point[key] for point in history]) >= 0)
+
+    def test_time_to_target_reads_the_first_hit(self):
+        history = [
+            {"objective": value, "seconds": seconds, "evaluations": 10 * seconds}
+            for value, seconds in ((1.0, 1), (3.0, 2), (5.0, 4))
+        ]
+        assert time_to({"history": history}, 2.0) == (2.0, 20)
+        assert time_to({"history": history}, 6.0) is None
+
+    def test_the_race_is_told_from_the_history(self, flagship: Record):
+        target = entry(flagship, "genetic")["history"][-1]["objective"]
+        hit = time_to(entry(flagship, "ipopt"), target)
+        assert hit is not None
+        assert re.search(rf"after {hit[0]:.3g}0* s", convergence(flagship).paragraphs[0])
+
+
+class TestValidation:
+    def test_sampled_covariance_agrees_with_the_formula(self, flagship: Record):
+        outcome = flagship.data["validation"]
+        reach = 4 * math.sqrt(2 / outcome["replicates"])
+        for one in outcome["results"]:
+            ratios = np.diag(one["sampled_covariance"]) / np.diag(one["promised_covariance"])
+            assert np.all(np.abs(ratios - 1) < reach)
+
+    def test_the_verdict_stands_in_the_section(self, flagship: Record):
+        section = validation(flagship)
+        verdict = next(
+            one["verdict"] for one in flagship.data["validation"]["results"] if one["name"] == "ipopt"
+        )
+        assert any(verdict in paragraph for paragraph in section.paragraphs)
+
+    def test_the_ellipse_holds_95_percent(self):
+        covariance = np.array([[2.0, 0.5], [0.5, 1.0]])
+        outline = ellipse([0.0, 0.0], covariance)
+        distances = np.einsum("ik,ij,jk->k", outline, np.linalg.inv(covariance), outline)
+        np.testing.assert_allclose(distances, RADIUS_95**2)
+        assert stats.chi2(2).cdf(RADIUS_95**2) == pytest.approx(0.95, abs=1e-6)
+
+
+def test_every_section_is_made_for_the_flagship(flagship: Record):
+    titles = [section.title for section in sections_of(flagship)]
+    assert len(titles) == len(set(titles)) == 12
+
+
+def test_no_section_needs_more_than_a_search(flagship: Record):
+    data = {**flagship.data, "results": flagship.data["results"][:1], "validation": None, "best": "ipopt"}
+    assert all(isinstance(section, Section) for section in sections_of(Record(data)))
+
+
+class TestSeveralRecords:
+    def test_differences_and_best_drives_are_listed(self, flagship: Record, tmp_path: Path):
+        other = json.loads(json.dumps(flagship.data))
+        other["study"]["limits"]["wheel_speed"]["bounds"] = [0.0, 5.0]
+        page = write_comparison([("first", flagship), ("second", Record(other))], tmp_path)
+        text = (tmp_path / "report.md").read_text(encoding="utf-8")
+        assert page.exists()
+        assert "limits.wheel\\_speed.bounds | -10, 10 | 0, 5 |" in text
+        assert "trajectory.duration" not in text
+        assert {path.name for path in (tmp_path / "figures").iterdir()} == {"path_1.svg", "path_2.svg"}
+
+    def test_records_without_a_design_are_named(self, flagship: Record, tmp_path: Path):
+        nothing = {**flagship.data, "results": [], "best": None}
+        write_comparison([("first", flagship), ("empty", Record(nothing))], tmp_path)
+        assert "empty: no feasible drive" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_path: Path):
+    write_report(flagship, tmp_path)
+    committed = ROOT / "reports" / "choi_skid_steer" / "report.md"
+    assert (tmp_path / "report.md").read_text("utf-8") == committed.read_text("utf-8")

@@ -1,0 +1,73 @@
+"""README: every code block runs, and the output it shows is that of the committed report."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from oed.cli import main
+from oed.study import load_study, parse_study
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
+RECORD = json.loads((ROOT / "reports" / "choi_skid_steer" / "record.json").read_text(encoding="utf-8"))
+
+
+def blocks(language: str) -> list[str]:
+    return [text for kind, text in BLOCKS if kind == language]
+
+
+def commands() -> list[list[str]]:
+    lines = [line for text in blocks("sh") for line in text.splitlines() if line.strip()]
+    return [shlex.split(line, comments=True) for line in lines]
+
+
+def test_every_block_is_of_a_kind_that_is_checked():
+    assert {kind for kind, _ in BLOCKS} <= {"sh", "yaml", "python", "text"}
+
+
+@pytest.mark.parametrize("target", [words[1] for words in commands() if words[0] == "make"])
+def test_make_targets_exist(target: str):
+    subprocess.run(["make", "-n", target], cwd=ROOT, check=True, capture_output=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [words for words in commands() if words[0] == "oed"], ids=" ".join)
+def test_commands_run(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(ROOT)
+    assert main(words[1:]) == 0
+    assert capsys.readouterr().out
+
+
+def test_the_study_explained_is_the_shipped_one():
+    (text,) = blocks("yaml")
+    shipped = load_study(ROOT / "problems" / "choi_skid_steer.yaml")
+    assert parse_study(text).echo() == shipped.echo()
+
+
+@pytest.mark.slow
+def test_python_runs_and_prints_what_is_said(capsys: pytest.CaptureFixture[str]):
+    (text,) = blocks("python")
+    exec(compile(text, "README.md", "exec"), {})
+    printed = capsys.readouterr().out
+    said = [line.removeprefix("# ") for line in text.splitlines() if line.startswith("# ")]
+    assert said == printed.splitlines()
+
+
+def test_the_output_shown_is_the_committed_report():
+    shown = {line.split()[0]: line.split() for line in blocks("text")[0].splitlines() if line.strip()}
+    for entry in RECORD["results"]:
+        assert shown[entry["name"]][1] == f"{entry['objective']:.6g}"
+        assert shown[entry["name"]][5] == f"{entry['path_length']:.6g}"
+
+
+def test_links_and_figures_exist():
+    targets = re.findall(r"\]\(([^)#:]+)\)", README)
+    assert targets
+    assert [target for target in targets if not (ROOT / target).exists()] == []
