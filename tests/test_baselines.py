@@ -191,6 +191,7 @@ class TestStudies:
         assert solution.trajectory.start.tolist() == [4, -0.5, 0]
         assert solution.evaluation.feasible
 
+    @pytest.mark.slow
     @every
     def test_without_room_or_acceleration_limit(self, name: str):
         problem = make_problem(limits=(SPEED,))
@@ -212,6 +213,7 @@ class TestStudies:
         np.testing.assert_array_equal(first.coefficients, again.coefficients)
         assert np.abs(first.coefficients - other.coefficients).max() > 0.1
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["straight", "circle"])
     def test_patterns_do_not_depend_on_the_seed(self, name: str):
         problem = make_problem()

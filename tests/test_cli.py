@@ -178,6 +178,7 @@ class TestSolve:
         assert {path.name for path in (folder / "there").iterdir()} == {"record.json", "genetic.csv"}
         assert load_record(folder / "there").results == data["results"]
 
+    @pytest.mark.slow
     def test_a_study_without_a_solution_names_its_limits(self, capsys, folder: Path):
         write_study(folder, INFEASIBLE, "infeasible.yaml")
         code, data, _ = call_json(capsys, "solve", "infeasible.yaml", "--quiet", "--workers", "1")

@@ -175,6 +175,7 @@ class TestSeed:
         varying = ("history", "condition_number")
         assert_alike(timeless(dict(record.data), *varying), timeless(dict(double.data), *varying))
 
+    @pytest.mark.slow
     def test_another_seed_can_be_given(self, ran):
         study, record, _ = ran
         solutions = search(study, seed=6, workers=1)
@@ -256,6 +257,7 @@ def test_a_path_that_is_not_there_is_named_before_anything_is_searched(tmp_path:
 
 
 class TestBestOf:
+    @pytest.mark.slow
     def test_among_practically_equal_ones_the_most_informative(self, ran, tmp_path: Path):
         text = small(
             solvers="{kind: ipopt, name: plain, starts: 1, perturbations: 0, second_stage: none}, "
