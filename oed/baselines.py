@@ -23,7 +23,7 @@ from oed.limits.workspace import Workspace
 from oed.models.model import Model
 from oed.problem import Problem
 from oed.solution import Solution, Status
-from oed.trajectory import Trajectory, middles
+from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
@@ -180,9 +180,9 @@ def _kept(problem: Problem, trajectory: Trajectory) -> bool:
 
 def _of_length(problem: Problem, shape: _Shape, length: float, most: float) -> Trajectory:
     # As few laps as the largest size, of length `most`, needs; at the size that gives the length.
-    laps = min(MOST_LAPS, max(1, math.ceil(length / most - 1e-6)))
+    laps = min(MOST_LAPS, max(1, math.ceil(length / most - 1e-6))) if most > 0 else 1
     low, high = 0.0, shape.largest
-    while evaluate(problem, shape.drive(high, laps)).path_length < length:
+    while evaluate(problem, shape.drive(high, laps)).path_length < length and high < 1e3 * shape.largest:
         high *= 2
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
@@ -204,14 +204,15 @@ def _stretched(problem: Problem, moves: Sequence[Move]) -> Trajectory:
     # Every move at the limits of speed and acceleration, then all slowed (or hurried) to the duration.
     space, model = problem.design, problem.model
     inverse = _inverse(model)
-    directions = [inverse(np.array([[move.forward, move.turn]]))[0] for move in moves]
+    directions = inverse(np.array([[move.forward, move.turn] for move in moves]))
     profiles = [_Trapezoid.fastest(problem, direction) for direction in directions]
     total = sum(profile.duration for profile in profiles)
     stretch = space.duration / total
-    times = middles(space.duration, space.samples) / stretch
+    edges = np.linspace(0.0, space.duration, space.samples + 1) / stretch
     twists, began = np.zeros((space.samples, 2)), 0.0
     for move, profile in zip(moves, profiles, strict=True):
-        rates = profile.rate(times - began) / stretch
+        # The mean rate of each period: held sample by sample, every move still goes its whole way.
+        rates = np.diff(profile.progress(edges - began)) / space.period
         twists += rates[:, None] * np.array([move.forward, move.turn])
         began += profile.duration
     return Trajectory.from_samples(
@@ -244,14 +245,16 @@ class _Trapezoid:
         ramp = speed / rate
         return cls(ramp + 1.0 / speed, ramp)
 
-    def rate(self, times: Array) -> Array:
-        """Progress per second at `times` [s] since the move began, 0 outside."""
+    def progress(self, times: Array) -> Array:
+        """Progress at `times` [s] since the move began: 0 before it, 1 after it."""
         top = 1.0 / (self.duration - self.ramp)
-        inside = (times > 0) & (times < self.duration)
+        inside = np.clip(times, 0.0, self.duration)
+        left = self.duration - inside
+        steady = top * (inside - self.ramp / 2)
         if self.ramp == 0:
-            return np.where(inside, top, 0.0)
-        edge = np.minimum(times, self.duration - times) / self.ramp
-        return np.where(inside, top * np.minimum(1.0, edge), 0.0)
+            return steady
+        rising, falling = top * inside**2 / (2 * self.ramp), 1.0 - top * left**2 / (2 * self.ramp)
+        return np.where(inside < self.ramp, rising, np.where(left < self.ramp, falling, steady))
 
 
 def _most(value: float, low: float, high: float) -> float:
@@ -279,9 +282,11 @@ def _inverse(model: Model) -> Callable[[Array], Array]:
     newton = inputs - ca.pinv(ca.jacobian(residual, inputs)) @ residual
     function = ca.Function("newton", [inputs, wanted], [newton])
 
+    mapped = lru_cache(maxsize=64)(function.map)
+
     def invert(twists: Array) -> Array:
         values = np.zeros((len(model.inputs), len(twists)))
-        step = function.map(len(twists))
+        step = mapped(len(twists))
         for _ in range(8):
             values = np.array(step(values, twists.T))
         return values.T

@@ -144,8 +144,9 @@ def _solve(options: argparse.Namespace) -> int:
     study = load_study(options.study)
     seed = study.seed if options.seed is None else options.seed
     with progress(options.quiet) as listener:
-        solutions = search(study, seed=seed, workers=options.workers, progress=listener)
-    record = record_of(study, solutions, seed, Path(options.out) if options.out else None)
+        solutions, interrupted = search(study, seed=seed, workers=options.workers, progress=listener)
+    out = Path(options.out) if options.out else None
+    record = record_of(study, solutions, seed, out, interrupted=interrupted)
     if options.json:
         kept = ("format", "oed_version", "seed", "parameters", "results")
         print_json({key: record.data[key] for key in kept})
@@ -157,21 +158,22 @@ def _solve(options: argparse.Namespace) -> int:
 def _verdict(record: Record) -> int:
     # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
     searched = [entry for entry in record.results if entry["kind"] not in ("baseline", "path")]
-    if any(entry["status"] == "interrupted" for entry in searched):
-        return FAILED
-    return DONE if any(entry["feasible"] for entry in searched) else FAILED
+    found = any(entry["feasible"] for entry in searched or record.results)
+    return DONE if found and not record.data["interrupted"] else FAILED
 
 
 def _check(options: argparse.Namespace) -> int:
     from oed.console import print_json, say
-    from oed.errors import StudyError
+    from oed.errors import FileError
+    from oed.runner import own_paths
     from oed.study import load_study
 
     entries, flawed = [], False
     for file in options.studies:
         try:
             study = load_study(file)
-        except StudyError as error:
+            own_paths(study)
+        except FileError as error:
             flawed = True
             say(str(error))
             entries.append({"file": file, "ok": False, "flaws": [vars(flaw) for flaw in error.flaws]})

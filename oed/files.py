@@ -28,6 +28,23 @@ def write_text(path: Path, text: str) -> None:
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, path)
+    except OSError as error:
+        Path(temporary).unlink(missing_ok=True)
+        raise UserMistake(f"{path}: cannot be written: {error.strerror}") from None
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def require_writable(folder: Path) -> None:
+    """Make sure that files can be written into `folder`, before work is done that would be lost.
+
+    Raises:
+        UserMistake: they cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise UserMistake(f"{folder}: cannot write there: {error.strerror}") from None

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.measurements.measurement import Block
 
-Scaling = Literal["relative", "none"] | Mapping[str, float]
+Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Scaling = Literal["relative", "none"] | Mapping[str, Scale]
 
 
 def information(block: Block, scaling: Scaling) -> Expression:

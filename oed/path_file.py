@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from oed.trajectory import Trajectory
 Array = npt.NDArray[np.float64]
 
 EVEN = 1e-3
-"""Share of the period by which a row's time may be off the even grid."""
+"""Share of the period by which a step in time may be off the even grid."""
 
 
 def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> str:
@@ -28,12 +29,10 @@ def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> st
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["t", *problem.model.input_names, *problem.model.states])
     times = np.linspace(0.0, trajectory.duration, trajectory.samples + 1)
-    inputs = trajectory.inputs
-    for index, time in enumerate(times):
-        held = (
-            [repr(float(value)) for value in inputs[index]] if index < len(inputs) else [""] * inputs.shape[1]
-        )
-        writer.writerow([_time_text(float(time)), *held, *(repr(float(value)) for value in poses[index])])
+    held = [[repr(float(value)) for value in row] for row in trajectory.inputs]
+    held.append([""] * len(problem.model.inputs))
+    for time, inputs, pose in zip(times, held, poses, strict=True):
+        writer.writerow([_time_text(float(time)), *inputs, *(repr(float(value)) for value in pose)])
     return buffer.getvalue()
 
 
@@ -54,84 +53,92 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     Raises:
         PathFileError: every mistake in the file, each with its line.
     """
-    rows, name = _rows(file), str(file)
-    names = problem.model.input_names
-    _check_header(name, rows[0], names)
-    header = [cell.strip() for cell in rows[0]]
-    times = _column(name, rows, header, "t", last_may_be_empty=False)
-    columns = [_column(name, rows, header, entry, last_may_be_empty=True) for entry in names]
-    inputs = np.column_stack(columns)
+    table = _read(file, ("t", *problem.model.input_names))
+    first = _Table(table.name, table.header, table.lines[:1], table.rows[:1])
+    states = [state for state in problem.model.states if state in table.header]
+    given = states if len(states) == len(problem.model.states) else []
+    columns, flaws = _columns(table, ("t",), last_may_be_empty=False)
+    inputs, more = _columns(table, problem.model.input_names, last_may_be_empty=True)
+    start, still_more = _columns(first, given, last_may_be_empty=False)
+    if flaws or more or still_more:
+        raise PathFileError(sorted([*flaws, *more, *still_more], key=lambda flaw: (flaw.line, flaw.key)))
     # The last row holds the final pose only, with empty inputs.
-    inputs = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
-    if np.isnan(inputs).any() or len(inputs) < 2:
-        line = int(np.argwhere(np.isnan(inputs))[0][0]) + 2 if np.isnan(inputs).any() else 2
-        text = f"expected numbers for {', '.join(names)} in at least two rows"
-        raise PathFileError([FileFlaw(name, line, 0, "", text)])
-    duration = _duration(name, times, len(inputs))
-    return Trajectory.from_samples(
-        inputs, duration, _start(name, rows, header, problem), rest_to_rest=problem.design.rest_to_rest
-    )
+    rows = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
+    if np.isnan(rows).any() or len(rows) < 2:
+        text = f"expected numbers for {', '.join(problem.model.input_names)} in at least two rows"
+        line = table.lines[-1] if np.isnan(rows).any() else table.lines[0]
+        raise PathFileError([FileFlaw(table.name, line, 0, "", text)])
+    duration = _period(table, columns[:, 0]) * len(rows)
+    pose = start[0] if given else problem.design.fixed_start or np.zeros(len(problem.model.states))
+    return Trajectory.from_samples(rows, duration, pose, rest_to_rest=problem.design.rest_to_rest)
 
 
-def _rows(file: str | Path) -> list[list[str]]:
+@dataclass(frozen=True)
+class _Table:
+    """A CSV's header, and its rows with the lines they stand in."""
+
+    name: str
+    header: list[str]
+    lines: list[int]
+    rows: list[list[str]]
+
+
+def _read(file: str | Path, needed: Sequence[str]) -> _Table:
     name = str(file)
     try:
-        with open(file, encoding="utf-8", newline="") as handle:
-            rows = [row for row in csv.reader(handle) if row]
+        # Spreadsheets begin a file with a byte-order mark.
+        with open(file, encoding="utf-8-sig", newline="") as handle:
+            reader = csv.reader(handle)
+            numbered = [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
         raise PathFileError([FileFlaw(name, 0, 0, "", "no such file")]) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise PathFileError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
-    if len(rows) < 3:
+    if len(numbered) < 3:
         raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
-    return rows
-
-
-def _check_header(name: str, header: Sequence[str], inputs: Sequence[str]) -> None:
-    present = [cell.strip() for cell in header]
-    missing = [column for column in ("t", *inputs) if column not in present]
+    header = [cell.strip() for cell in numbered[0][1]]
+    missing = [column for column in needed if column not in header]
     if missing:
-        text = f"the header lacks {', '.join(missing)}; it has {', '.join(present)}"
-        raise PathFileError([FileFlaw(name, 1, 0, "", text)])
+        text = f"the header lacks {', '.join(missing)}; it has {', '.join(header)}"
+        raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", text)])
+    lines, rows = zip(*numbered[1:], strict=True)
+    return _Table(name, header, list(lines), list(rows))
 
 
-def _column(
-    name: str, rows: list[list[str]], header: Sequence[str], column: str, *, last_may_be_empty: bool
-) -> Array:
-    index, flaws, values = header.index(column), [], []
-    for line, row in enumerate(rows[1:], start=2):
-        cell = row[index].strip() if index < len(row) else ""
-        if not cell and last_may_be_empty and line == len(rows):
-            values.append(math.nan)
-            continue
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            flaws.append(FileFlaw(name, line, 0, column, f"expected a finite number, got {cell!r}"))
-        values.append(value)
-    if flaws:
-        raise PathFileError(flaws)
-    return np.array(values)
+def _columns(
+    table: _Table, columns: Sequence[str], *, last_may_be_empty: bool
+) -> tuple[Array, list[FileFlaw]]:
+    # (rows, columns); not-a-number where the last row is empty.
+    values, flaws = np.full((len(table.rows), len(columns)), math.nan), []
+    for place, column in enumerate(columns):
+        index = table.header.index(column)
+        for number, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
+            cell = row[index].strip() if index < len(row) else ""
+            if not cell and last_may_be_empty and number == len(table.rows) - 1:
+                continue
+            value = _number(cell)
+            if value is None:
+                flaws.append(FileFlaw(table.name, line, 0, column, f"expected a finite number, got {cell!r}"))
+            else:
+                values[number, place] = value
+    return values, flaws
 
 
-def _duration(name: str, times: Array, samples: int) -> float:
-    # With a last row for the final pose the times span the drive; without it one period is missing.
+def _number(cell: str) -> float | None:
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _period(table: _Table, times: Array) -> float:
+    # The median step is the period even where a row is missing or doubled, and tells which.
     steps = np.diff(times)
-    period = float(steps.mean())
+    period = float(np.median(steps))
     uneven = np.flatnonzero((np.abs(steps - period) > EVEN * abs(period)) | (steps <= 0))
     if uneven.size:
-        line = int(uneven[0]) + 3
-        text = f"expected even steps in t of about {period:.6g} s, got {steps[uneven[0]]:.6g} s; resample"
-        raise PathFileError([FileFlaw(name, line, 0, "t", text)])
-    return period * samples
-
-
-def _start(name: str, rows: list[list[str]], header: Sequence[str], problem: Problem) -> list[float]:
-    states = problem.model.states
-    if all(state in header for state in states):
-        first = [rows[0], rows[1]]
-        return [float(_column(name, first, header, state, last_may_be_empty=False)[0]) for state in states]
-    fixed = problem.design.fixed_start
-    return [0.0] * len(states) if fixed is None else list(fixed)
+        step = int(uneven[0])
+        text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample the path"
+        raise PathFileError([FileFlaw(table.name, table.lines[step + 1], 0, "t", text)])
+    return float(times[-1] - times[0]) / len(steps)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,6 @@ from oed.validation import Validation
 
 FORMAT = 1
 FILE = "record.json"
-
-_NUMBERS = re.compile(r"\[\s+[-+.\deE]+(,\s+[-+.\deE]+)*\s+\]")
 
 
 @dataclass(frozen=True)
@@ -48,8 +45,18 @@ class Record:
 
     def to_json(self) -> str:
         """The text of record.json, every list of numbers on a line of its own."""
-        text = json.dumps(self.data, indent=1, allow_nan=False)
-        return _NUMBERS.sub(lambda match: " ".join(match[0].split()), text) + "\n"
+        return _layout(self.data, "") + "\n"
+
+
+def _layout(value: Any, indent: str) -> str:
+    # As json.dumps(indent=1) would, but for lists of plain values.
+    inner = indent + " "
+    if isinstance(value, Mapping) and value:
+        lines = [f"{inner}{json.dumps(key)}: {_layout(entry, inner)}" for key, entry in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
+        return "[\n" + ",\n".join(f"{inner}{_layout(entry, inner)}" for entry in value) + f"\n{indent}]"
+    return json.dumps(value, allow_nan=False)
 
 
 def save_record(record: Record, folder: str | Path) -> Path:

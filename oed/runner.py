@@ -10,11 +10,12 @@ from typing import Any
 
 from oed.baselines import baselines
 from oed.evaluation import evaluate, parameter_table
+from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
 from oed.record import FORMAT, Record, result_data, save_record, validation_data
 from oed.solution import Solution, Status
 from oed.solvers import Progress, Silent, solve
-from oed.study import PathFile, Study
+from oed.study import PathFile, Study, file_stem
 from oed.trajectory import Trajectory
 from oed.validation import validate
 
@@ -41,26 +42,52 @@ def run(
         progress: told how far the work is.
     """
     chosen, listener = study.seed if seed is None else seed, progress or Silent()
-    solutions = search(study, seed=chosen, workers=workers, progress=listener)
-    interrupted = any(solution.status is Status.INTERRUPTED for solution in solutions)
+    # What would fail at the end is better known before the work is done.
+    paths = own_paths(study)
+    if out is not None:
+        require_writable(Path(out))
+    solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
     validation = None
-    if not interrupted:
-        solutions += _baselines(study, solutions, chosen, listener)
-        validation = _validation(study, solutions, chosen, listener)
-    return record(study, solutions, chosen, out, validation)
+    try:
+        if not interrupted:
+            solutions += _baselines(study, paths, best_of(solutions), chosen, listener)
+            validation = _validation(study, solutions, chosen, listener)
+    except KeyboardInterrupt:
+        interrupted = True
+    return record(study, solutions, chosen, out, validation=validation, interrupted=interrupted)
 
 
 def search(
     study: Study, *, seed: int, workers: int | None = None, progress: Progress | None = None
-) -> list[Solution]:
-    """The study's searches, one after the other, each knowing those before it; interrupted, those done."""
+) -> tuple[list[Solution], bool]:
+    """The study's searches, one after the other, each knowing those before it; and whether an interrupt
+    ended them early, with what had been found by then.
+    """
     done: dict[str, Solution] = {}
     for solver in study.solvers:
-        solution = solve(study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done)
+        try:
+            solution = solve(
+                study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
+            )
+        except KeyboardInterrupt:
+            return list(done.values()), True
         done[solution.name] = solution
         if solution.status is Status.INTERRUPTED:
-            break
-    return list(done.values())
+            return list(done.values()), True
+    return list(done.values()), False
+
+
+def own_paths(study: Study) -> dict[str, Trajectory]:
+    """The user's own paths that the study compares with, by name.
+
+    Raises:
+        PathFileError: one that cannot be read.
+    """
+    return {
+        path.label: read_trajectory(study.folder / path.file, study.problem)
+        for path in study.file.baselines
+        if isinstance(path, PathFile)
+    }
 
 
 def best_of(solutions: list[Solution]) -> Solution | None:
@@ -82,7 +109,9 @@ def record(
     solutions: list[Solution],
     seed: int,
     out: str | Path | None = None,
+    *,
     validation: dict[str, Any] | None = None,
+    interrupted: bool = False,
 ) -> Record:
     """The record of solutions, written to `out` where given, with their trajectories."""
     results = [result_data(solution, _file(solution) if out is not None else None) for solution in solutions]
@@ -98,7 +127,8 @@ def record(
             "best": best.name if (best := best_of(solutions)) is not None else None,
             "certificate": None,
             "validation": validation,
-            "notes": _notes(study),
+            "interrupted": interrupted,
+            "notes": _notes(study, interrupted),
             "provenance": provenance(),
         }
     )
@@ -112,7 +142,7 @@ def record(
 
 
 def _file(solution: Solution) -> str:
-    return f"{solution.name.replace(' ', '_')}.csv"
+    return f"{file_stem(solution.name)}.csv"
 
 
 def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
@@ -126,18 +156,19 @@ def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
     )
 
 
-def _baselines(study: Study, solutions: list[Solution], seed: int, progress: Progress) -> list[Solution]:
+def _baselines(
+    study: Study, paths: dict[str, Trajectory], best: Solution | None, seed: int, progress: Progress
+) -> list[Solution]:
     # Every everyday path as large as it can be, and again with the best design's length, as in the paper.
-    best, paths = best_of(solutions), study.file.baselines
-    if not paths:
+    asked = study.file.baselines
+    if not asked:
         return []
+    progress.begin("score everyday paths", len(asked))
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
-    progress.begin("score everyday paths", len(paths))
     scored: list[Solution] = []
-    for path in paths:
+    for path in asked:
         if isinstance(path, PathFile):
-            trajectory = read_trajectory(study.folder / path.file, study.problem)
-            scored.append(score(study, trajectory, path.label))
+            scored.append(score(study, paths[path.label], path.label))
         else:
             scored += baselines(study.problem, path, length=length, seed=seed)
         progress.advance()
@@ -178,9 +209,10 @@ def provenance() -> dict[str, Any]:
     }
 
 
-def _notes(study: Study) -> list[str]:
-    # What the study asks for and this version does not do is said, never passed over.
-    return ["`bound: true` is read, but this version computes no bounds."] if study.file.bound else []
+def _notes(study: Study, interrupted: bool) -> list[str]:
+    # What the study asks for and was not done is said, never passed over.
+    notes = ["`bound: true` is read, but this version computes no bounds."] if study.file.bound else []
+    return notes + (["The run was interrupted; this is what had been done by then."] if interrupted else [])
 
 
 def _version(package: str) -> str:

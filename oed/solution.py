@@ -40,8 +40,8 @@ _SENTENCES = {
     Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
     "raise max_iterations to go on.",
-    Status.TIME_LIMIT: "Stopped at the time limit with the best design so far; raise time_limit to go on.",
-    Status.INTERRUPTED: "Interrupted; this is the best design found until then.",
+    Status.TIME_LIMIT: "Stopped at the time limit; raise time_limit to go on.",
+    Status.INTERRUPTED: "Interrupted before the search was done.",
     Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit on the fine grid, "
     "but nothing says that it is an optimum.",
     Status.SCORED: "Scored as given; nothing was optimised.",
@@ -50,6 +50,10 @@ _SENTENCES = {
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
 }
+
+
+BEST_YET = "This is the best design found until then."
+NOTHING_YET = "No design had been found by then."
 
 
 @dataclass(frozen=True)

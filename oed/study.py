@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Optional
 
 from pydantic import Field, ValidationError, create_model
 
@@ -28,7 +28,8 @@ FORMAT = 1
 
 def _limit_table() -> Any:
     fields: dict[str, Any] = {
-        name: (kind | None if isinstance(kind, type) else kind, None) for name, kind in LIMITS.items()
+        name: (Optional[kind], None)  # noqa: UP045
+        for name, kind in LIMITS.items()
     }
     return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
 
@@ -140,30 +141,57 @@ def _study(source: YamlSource) -> Study:
         file = StudyFile.model_validate(source.data)
     except ValidationError as error:
         raise StudyError(explain(error, StudyFile, source)) from None
+    flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
     try:
-        problem = Problem(
-            model=file.robot,
-            design=file.trajectory,
-            measurement=file.measurement,
-            limits=_limits(file),
-            criterion=file.criterion,
-            name=file.name,
-        )
+        problem = _problem(file)
     except ProblemError as error:
-        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
-    flaws = [*_solver_flaws(file), *_validation_flaws(file, problem)]
+        flaws = [*error.flaws, *flaws]
     if flaws:
-        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
+        found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
+        raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
     return Study(problem, file, source.text, source.file)
 
 
-def _solver_flaws(file: StudyFile) -> list[Flaw]:
-    # Names have to tell results apart, and a search can start only from one before it.
+def _problem(file: StudyFile) -> Problem:
+    return Problem(
+        model=file.robot,
+        design=file.trajectory,
+        measurement=file.measurement,
+        limits=_limits(file),
+        criterion=file.criterion,
+        name=file.name,
+    )
+
+
+def _name_flaws(file: StudyFile) -> list[Flaw]:
+    # Results are told apart by their names, and saved in files named after them.
+    entries: list[tuple[tuple[str | int, ...], str]] = [
+        (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
+    ]
+    for index, path in enumerate(file.baselines):
+        if isinstance(path, PathFile):
+            entries.append((("baselines", index), path.label))
+        else:
+            entries += [(("baselines", index), path), (("baselines", index), f"{path}_same_length")]
+    flaws: list[Flaw] = []
+    known = set[str]()
+    for key, name in entries:
+        stem = file_stem(name)
+        if stem in known and (not flaws or flaws[-1].key != key):
+            flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
+        known.add(stem)
+    return flaws
+
+
+def file_stem(name: str) -> str:
+    """The stem of the files of a result."""
+    return name.replace(" ", "_")
+
+
+def _start_flaws(file: StudyFile) -> list[Flaw]:
+    # A search can start only from one before it.
     flaws, known = [], list[str]()
     for index, solver in enumerate(file.solvers):
-        if solver.label in known:
-            text = f"a second search named {solver.label}; give each its own name"
-            flaws.append(Flaw(("solvers", index, "name"), text))
         wanted = getattr(solver, "start_from", None)
         if wanted is not None and wanted not in known:
             text = (
@@ -174,10 +202,10 @@ def _solver_flaws(file: StudyFile) -> list[Flaw]:
     return flaws
 
 
-def _validation_flaws(file: StudyFile, problem: Problem) -> list[Flaw]:
+def _validation_flaws(file: StudyFile) -> list[Flaw]:
     if file.validation is None:
         return []
-    missing = missing_noise(problem, file.validation.heading)
+    missing = missing_noise(file.measurement, file.validation.heading)
     if not missing:
         return []
     text = f"simulating {file.validation.heading} headings needs the noise of {', '.join(missing)}"

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, PositiveInt
+from pydantic import Field
 
 from oed import spline
 from oed.component import Component
@@ -127,7 +127,7 @@ class DesignSpace(Component):
     """
 
     duration: Annotated[Duration, Field(gt=0)]
-    samples: PositiveInt = 200
+    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     spline: Spline = Spline()
     start: StartPose | Literal["free"] = StartPose()
     rest_to_rest: bool = True

@@ -178,7 +178,7 @@ class TestSeed:
     @pytest.mark.slow
     def test_another_seed_can_be_given(self, ran):
         study, record, _ = ran
-        solutions = search(study, seed=6, workers=1)
+        solutions, _ = search(study, seed=6, workers=1)
         assert [solution.seed for solution in solutions] == [6, 6]
         first, other = drive_of(result(record, "ipopt")), solutions[0].trajectory
         assert np.abs(first.coefficients - other.coefficients).max() > 0.01
@@ -263,7 +263,7 @@ class TestBestOf:
             solvers="{kind: ipopt, name: plain, starts: 1, perturbations: 0, second_stage: none}, "
             "{kind: ipopt, name: settled, starts: 1, perturbations: 0}"
         )
-        plain, settled = search(make_study(tmp_path, text), seed=5, workers=1)
+        (plain, settled), _ = search(make_study(tmp_path, text), seed=5, workers=1)
         assert settled.evaluation.log_determinant > plain.evaluation.log_determinant
         assert best_of([plain, settled]) is best_of([settled, plain]) is settled
 

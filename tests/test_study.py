@@ -316,7 +316,7 @@ BROKEN = {
         "    starts: 1\n    name: genetic",
         "name: genetic",
         "solvers.1.name",
-        "a second search named genetic",
+        "a second result named genetic",
     ),
     "unknown search to start from": (
         "start_from: genetic",

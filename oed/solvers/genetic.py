@@ -19,7 +19,7 @@ from oed.evaluation import Evaluation, evaluate
 from oed.limits.workspace import Workspace
 from oed.problem import Problem
 from oed.quantities import Duration
-from oed.solution import HistoryPoint, Solution, Status
+from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.solvers.program import DesignExpressions
 from oed.solvers.solver import Context, Solver
 from oed.solvers.starts import random_drives
@@ -216,9 +216,12 @@ class _Run:
         if best is not None:
             seconds = time.perf_counter() - self.began
             self.history.append(HistoryPoint(self.evaluations, seconds, best[1].objective))
-        if best is None:
+        detail = ""
+        if status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+            detail = NOTHING_YET if best is None else BEST_YET
+        elif best is None:
             status = Status.FAILED
-        elif best[1].singular:
+        if best is not None and best[1].singular:
             status, best = Status.SINGULAR, None
         return Solution(
             name=self.options.label,
@@ -228,5 +231,6 @@ class _Run:
             status=status,
             wall_seconds=time.perf_counter() - self.began,
             seed=self.context.seed,
+            detail=detail,
             history=tuple(self.history),
         )

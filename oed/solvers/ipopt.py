@@ -16,7 +16,7 @@ from pydantic import Field, PositiveInt
 from oed.errors import Failure, Flaw, ProblemError
 from oed.problem import Problem
 from oed.quantities import Duration
-from oed.solution import HistoryPoint, Solution, Start, Status
+from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.solvers.conflict import describe_conflict
 from oed.solvers.local import Local, Settings, local_search
 from oed.solvers.parallel import run_tasks
@@ -243,11 +243,11 @@ class _Search:
     def _verdict(self) -> tuple[Status, str]:
         if self.best is None:
             if self.stopped is not None:
-                return Status.FAILED, f"{self.stopped.sentence} No design had been found by then."
+                return self.stopped, NOTHING_YET
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
         if self.best.singular:
             return Status.SINGULAR, ""
-        return self.stopped or self.best.status, ""
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
 
     @cached_property
     def _conflict(self) -> str:

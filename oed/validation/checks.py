@@ -40,7 +40,7 @@ def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ..
         mean_nees(nees, whitened.shape[1], alpha),
         extreme_eigenvalues(whitened, alpha),
         coverage(nees, whitened.shape[1], alpha),
-        nees_distribution(nees, whitened.shape[1]),
+        nees_distribution(nees, whitened.shape[1], alpha),
     )
     return holm(checks, alpha)
 
@@ -105,10 +105,10 @@ def coverage(nees: Array, size: int, alpha: float) -> Check:
     return Check("coverage", question, inside / len(nees), (low, high), float(test.pvalue))
 
 
-def nees_distribution(nees: Array, size: int) -> Check:
+def nees_distribution(nees: Array, size: int, alpha: float) -> Check:
     """Kolmogorov-Smirnov distance of the normalised squared errors from chi2_p."""
     result = stats.kstest(nees, stats.chi2(size).cdf)
-    limit = float(stats.kstwo.ppf(0.99, len(nees)))
+    limit = float(stats.kstwo.ppf(1 - alpha, len(nees)))
     question = "are the errors normal, as intervals assume?"
     return Check("distribution", question, float(result.statistic), (0.0, limit), float(result.pvalue))
 

@@ -19,6 +19,7 @@ from scipy.linalg import block_diag
 
 from oed.errors import Flaw, ProblemError
 from oed.measurements.displacements import Displacements
+from oed.measurements.measurement import Measurement
 from oed.problem import Problem
 from oed.regressors import Regressors
 from oed.solvers.parallel import run_tasks
@@ -183,9 +184,8 @@ def _paired_ratio(errors: Array, linear: Array, promised: Array) -> tuple[Array,
     return 1.0 + differences.mean(axis=0), differences.std(axis=0, ddof=1) / math.sqrt(len(errors))
 
 
-def missing_noise(problem: Problem, heading: Heading) -> list[str]:
+def missing_noise(measurement: Measurement, heading: Heading) -> list[str]:
     """The noises that a simulation with such headings needs and the measurement does not give."""
-    measurement = problem.measurement
     if not isinstance(measurement, Displacements):
         return []
     needed = set(measurement.regressions) | (set() if heading == "known" else {"heading"})
@@ -204,7 +204,7 @@ class Experiment:
         measurement = problem.measurement
         if not isinstance(measurement, Displacements):
             raise ProblemError([Flaw(("validation",), f"no simulation is known for {measurement.kind}")])
-        missing = missing_noise(problem, heading)
+        missing = missing_noise(measurement, heading)
         if missing:
             text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
             raise ProblemError([Flaw(("measurement", "noise"), text)])

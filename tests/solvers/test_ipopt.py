@@ -322,7 +322,7 @@ class TestInterrupted:
                 interrupt()
 
         solution = solve(make_problem(), QUICK, workers=1, progress=Hasty(0, interrupt))
-        assert solution.status is Status.FAILED
+        assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is None
         assert "No design had been found by then" in solution.message
 
@@ -378,7 +378,8 @@ def test_parameters_that_no_drive_tells_apart_are_singular():
 
 def test_time_limit_before_any_design():
     solution = solve(make_problem(), Ipopt(time_limit=1e-6), seed=0, workers=1)
-    assert solution.status is Status.FAILED
+    assert solution.status is Status.TIME_LIMIT
+    assert solution.trajectory is None
     assert Status.TIME_LIMIT.sentence in solution.message
 
 

@@ -118,8 +118,8 @@ class TestWrongCovariance:
     def test_heavy_tails(self):
         rng = np.random.default_rng(0)
         heavy = rng.standard_t(4, (4000, 4)) / math.sqrt(2)
-        assert nees_distribution(np.sum(heavy**2, axis=1), 4).p_value < 1e-6
-        assert nees_distribution(np.sum(errors() ** 2, axis=1), 4).p_value > 0.01
+        assert nees_distribution(np.sum(heavy**2, axis=1), 4, 0.01).p_value < 1e-6
+        assert nees_distribution(np.sum(errors() ** 2, axis=1), 4, 0.01).p_value > 0.01
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
     def test_five_per_cent_are_noticed(self, factor: float):

@@ -320,7 +320,7 @@ class TestMistakes:
     )
     def test_missing_noise(self, regressor: str, heading: str, noise: dict[str, float], missing: list[str]):
         problem = make(regressor, **noise)
-        assert missing_noise(problem, heading) == missing
+        assert missing_noise(problem.measurement, heading) == missing
         if missing:
             text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
             with pytest.raises(ProblemError, match=text):
