@@ -20,7 +20,6 @@ from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, S
 from oed.solvers.conflict import describe_conflict
 from oed.solvers.local import Local, Settings, local_search
 from oed.solvers.parallel import run_tasks
-from oed.solvers.program import DesignExpressions
 from oed.solvers.solver import Context, Solver
 from oed.solvers.starts import SCREENED, perturbed, random_drives, starting_points
 
@@ -96,11 +95,12 @@ class _Search:
 
     def __post_init__(self) -> None:
         options = self.options
-        self.design = DesignExpressions(self.problem)
         self.token = uuid.uuid4().hex
         self.settings = Settings(
             options.max_iterations, options.tolerance, options.time_limit, options.second_stage
         )
+        # The same expressions that starts solved in this process use.
+        self.design = local_search(self.token, self.problem, self.settings).design
 
     def run(self) -> Solution:
         try:
