@@ -79,6 +79,9 @@ def print_results(results: Sequence[Mapping[str, Any]]) -> None:
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
     for entry in results:
+        # A path that was scored and can be driven has said all there is in its row.
+        if len(results) > 1 and entry["status"] == "scored" and entry["feasible"]:
+            continue
         console.print(f"{entry['name']}: {entry['message']}", highlight=False, markup=False)
         for limit, amount in entry["violations"].items():
             console.print(f"  exceeds {limit} by {amount:.4g} (SI)", highlight=False)
