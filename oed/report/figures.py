@@ -12,6 +12,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from matplotlib.path import Path as Outline
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from oed.report.reading import Cloud, Path, Series
 from oed.report.wording import unit_text
@@ -183,12 +184,17 @@ def _label_bounds(ax: Axes, bounds: tuple[float, float], unit: str) -> None:
 
 
 def plot_convergence(ax: Axes, points: Sequence[tuple[float, float]], line: Mapping[str, Any]) -> Axes:
-    """A search's shortfall [%] over its seconds, as steps, ending in a dot; both axes logarithmic."""
+    """A search's shortfall [%] over its seconds, as steps between dots; both axes logarithmic."""
     seconds, shortfall = zip(*points, strict=True)
     ax.plot(seconds, shortfall, **line, drawstyle="steps-post", zorder=3)
-    ax.plot(seconds[-1], shortfall[-1], marker="o", markersize=5, color=line["color"], zorder=4)
+    for point in (0, -1):
+        ax.plot(seconds[point], shortfall[point], marker="o", markersize=5, color=line["color"], zorder=4)
     ax.set_xscale("log")
     ax.set_yscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
     return ax
 
 
