@@ -85,6 +85,16 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--out", metavar="DIR", help="where a comparison goes (default: reports/comparison/)"
     )
+    command = add("validate", _validate, "simulate a saved record's drives; update record and report")
+    command.add_argument("folder", metavar="DIR")
+    command.add_argument("--replicates", type=_positive, help="simulated experiments (default: the study's)")
+    command.add_argument(
+        "--heading",
+        choices=("known", "predicted", "measured", "corrected"),
+        help="which headings the estimator uses (default: the study's)",
+    )
+    command.add_argument("--seed", type=_whole, help="seed of the noise (default: the record's)")
+    command.add_argument("--quiet", action="store_true", help="show no progress")
     add("schema", _schema, "print the JSON schema of study files, for editors")
     return parser
 
@@ -219,6 +229,27 @@ def _report(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"report": str(page)})
     else:
+        print(f"report: {page}")
+    return DONE
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from oed.console import print_json, progress
+    from oed.record import load_record, save_record
+    from oed.report import write_report
+    from oed.runner import validated, validation_options
+
+    saved = load_record(options.folder)
+    chosen = validation_options(saved, replicates=options.replicates, heading=options.heading)
+    with progress(options.quiet) as listener:
+        record = validated(saved, chosen, seed=options.seed, progress=listener)
+    save_record(record, options.folder)
+    page = write_report(record, options.folder)
+    if options.json:
+        print_json(record.data["validation"])
+    else:
+        for entry in record.data["validation"]["results"]:
+            print(f"{entry['name']}: {entry['verdict']}")
         print(f"report: {page}")
     return DONE
 

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from oed.baselines import baselines
+from oed.errors import UserMistake
 from oed.evaluation import evaluate, parameter_table
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
-from oed.record import FORMAT, Record, result_data, save_record, validation_data
+from oed.record import FORMAT, Record, drive_of, result_data, save_record, validation_data
 from oed.solution import Solution, Status
 from oed.solvers import Progress, Silent, solve
-from oed.study import PathFile, Study, file_stem
+from oed.study import PathFile, Study, ValidationOptions, file_stem, parse_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
 
@@ -179,8 +183,52 @@ def _validation(
     study: Study, solutions: list[Solution], seed: int, progress: Progress
 ) -> dict[str, Any] | None:
     options = study.file.validation
-    if options is None:
-        return None
+    return None if options is None else _simulated(study, solutions, options, seed, progress)
+
+
+def validation_options(
+    saved: Record, *, replicates: int | None = None, heading: str | None = None
+) -> ValidationOptions:
+    """The simulation that a record's study asks for (or the default one), with what is given instead.
+
+    Raises:
+        UserMistake: fewer than 100 replicates.
+    """
+    given = {"replicates": replicates, "heading": heading}
+    asked = saved.data["study"].get("validation") or {}
+    changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
+    try:
+        return ValidationOptions.model_validate(changed)
+    except ValidationError as error:
+        detail = error.errors()[0]
+        raise UserMistake(f"{detail['loc'][0]}: {detail['msg'].lower()}, got {detail['input']!r}") from None
+
+
+def validated(
+    saved: Record, options: ValidationOptions, *, seed: int | None = None, progress: Progress | None = None
+) -> Record:
+    """A saved record with its drives simulated anew.
+
+    Args:
+        saved: the record.
+        options: of the simulation.
+        seed: of the noise; None for the record's.
+        progress: told how far the work is.
+
+    Raises:
+        ProblemError: the measurement gives no noise to simulate with.
+    """
+    study = parse_study(json.dumps(saved.data["study"]), "the record's study")
+    drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
+    solutions = [score(study, drive, name) for name, drive in drives if drive is not None]
+    chosen = saved.data["seed"] if seed is None else seed
+    outcome = _simulated(study, solutions, options, chosen, progress or Silent())
+    return Record({**saved.data, "validation": outcome})
+
+
+def _simulated(
+    study: Study, solutions: list[Solution], options: ValidationOptions, seed: int, progress: Progress
+) -> dict[str, Any]:
     entries = []
     for solution in solutions:
         evaluation, trajectory = solution.evaluation, solution.trajectory

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
@@ -375,3 +376,39 @@ class TestMistakes:
         code, data, _ = call_json(capsys, *arguments)
         assert code == 2
         assert "cannot write there" in data["error"]
+
+
+class TestValidate:
+    """`oed validate DIR` simulates the drives of a saved record."""
+
+    @pytest.fixture
+    def folder(self, tmp_path: Path) -> Path:
+        saved = Path(__file__).parent.parent / "reports" / "choi_skid_steer" / "record.json"
+        (tmp_path / "record.json").write_bytes(saved.read_bytes())
+        return tmp_path
+
+    def test_the_record_and_report_are_updated(self, folder: Path, capsys: pytest.CaptureFixture[str]):
+        assert (
+            main(["validate", str(folder), "--heading", "predicted", "--replicates", "500", "--quiet"]) == 0
+        )
+        outcome = json.loads((folder / "record.json").read_text())["validation"]
+        assert (outcome["heading"], outcome["replicates"]) == ("predicted", 500)
+        names = [entry["name"] for entry in outcome["results"]]
+        assert names[:2] == ["ipopt", "genetic"]
+        assert "straight" not in names
+        printed = capsys.readouterr().out
+        assert f"ipopt: {outcome['results'][0]['verdict']}" in printed
+        assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()
+
+    def test_the_same_as_the_run_found(self, folder: Path):
+        before = json.loads((folder / "record.json").read_text())["validation"]
+        assert main(["validate", str(folder), "--quiet"]) == 0
+        after = json.loads((folder / "record.json").read_text())["validation"]
+        # To rounding, which may differ between machines.
+        for found, kept in zip(after["results"], before["results"], strict=True):
+            for key in ("mean", "sampled_covariance", "promised_covariance"):
+                np.testing.assert_allclose(found[key], kept[key], rtol=1e-9)
+
+    def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
+        assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2
+        assert "replicates" in capsys.readouterr().err
