@@ -80,6 +80,10 @@ def _work(task: _Task) -> Local:
     return search.maximise(task.unknowns) if task.share is None else search.settle(task.unknowns, task.share)
 
 
+class _TimeUp(Exception):
+    """The search's time limit has passed."""
+
+
 @dataclass
 class _Search:
     options: Ipopt
@@ -106,9 +110,10 @@ class _Search:
         try:
             for stage in (self._multi_start, self._perturb, self._settle):
                 if self._out_of_time():
-                    self.stopped = Status.TIME_LIMIT
-                    break
+                    raise _TimeUp
                 stage()
+        except _TimeUp:
+            self.stopped = Status.TIME_LIMIT
         except KeyboardInterrupt:
             self.stopped = Status.INTERRUPTED
         return self._solution()
@@ -175,6 +180,8 @@ class _Search:
             results[index] = result
             self._note_history(result)
             self.context.progress.advance(self._standing(results))
+            if self._out_of_time():
+                raise _TimeUp
 
         try:
             run_tasks(_work, [self._task(point) for point in points], self._workers, take)

@@ -117,12 +117,10 @@ class LocalSearch:
 
     def _secondary(self) -> Expression:
         if self.settings.second_stage == "shortest_path":
-            longest = float(np.abs(self.problem.input_bounds).max()) * self.problem.design.duration
-            typical = ca.fabs(
-                self.problem.model.twist(self.design.input_scale, self.problem.model.nominal)[0]
+            fastest = self.problem.model.twist(
+                ca.DM(self.design.input_scale), ca.DM(self.problem.model.nominal)
             )
-            softening = 0.01 * max(float(ca.evalf(typical)), 1e-6 * longest)
-            return -self.design.drive.path_length(softening)
+            return -self.design.drive.path_length(softening=max(0.01 * abs(float(fastest[0])), 1e-6))
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._scaled)
 
     def maximise(self, unknowns: Array) -> Local:
@@ -131,9 +129,9 @@ class LocalSearch:
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        level = self.problem.criterion.concede(
-            float(self.problem.criterion.value(self._numeric(unknowns))), share
-        )
+        value = float(self.problem.criterion.value(self._numeric(unknowns)))
+        # A little more than asked for, lest rounding leave a little less.
+        level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         return self._tightened(self._second, unknowns, np.array([level]))
 
     def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
