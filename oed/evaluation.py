@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -15,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.limits.limit import Rows
-from oed.measurements.measurement import Block
-from oed.problem import Problem
+from oed.problem import Estimation, Problem
 from oed.rollout import FINE, roll_out
 from oed.trajectory import Trajectory
 
@@ -24,6 +24,9 @@ Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
+
+ROUNDING = 1e-13
+"""Share of the largest eigenvalue, parameters scaled alike, below which one is rounding."""
 
 SINGULAR = 1e-9
 """Share of lambda_max below which lambda_min counts as 0."""
@@ -68,13 +71,17 @@ class Evaluation:
     Attributes:
         objective: the criterion's value, larger is better.
         lambda_min, lambda_max: extreme eigenvalues of the information in the criterion's scaling.
-        singular_values: of W, unscaled, descending (blocks together).
-        norm_y: |W c| at the nominal parameters: the size of the noise-free measurement.
+        singular_values: of W, descending, blocks together: of the paper's regressors unscaled, of sensors
+            in units of the noise and scaled, with all nuisances eliminated.
+        norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
+            the noise.
         path_length: of the robot's origin [m].
         margins: of every limit, on a grid ten times finer than the samples.
         design_matrices: W of each block by name.
-        information: F of each block by name, in the criterion's scaling.
-        standard_deviations: predicted, of each parameter, sqrt(diag(sigma^2 (W'W)^-1)); {} without noise.
+        information: F of each block by name, on the parameters the criterion judges, in its scaling.
+        covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
+            is told; {} without noise.
+        parameters: their names by block.
         poses: at the samples, (N + 1, states).
         path: on the fine grid, (10 N + 1, states).
     """
@@ -88,7 +95,8 @@ class Evaluation:
     margins: tuple[Margin, ...]
     design_matrices: Mapping[str, Array]
     information: Mapping[str, Array]
-    standard_deviations: Mapping[str, float]
+    covariances: Mapping[str, Array]
+    parameters: Mapping[str, tuple[str, ...]]
     poses: Array
     path: Array
 
@@ -108,6 +116,15 @@ class Evaluation:
         """Log det of the information, all blocks together; minus infinity for a singular design."""
         signs, logs = zip(*(np.linalg.slogdet(matrix) for matrix in self.information.values()), strict=True)
         return float(np.sum(logs)) if min(signs) > 0 else -np.inf
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Predicted standard deviation of each estimated parameter, SI; {} without noise."""
+        return {
+            name: float(size)
+            for block, covariance in self.covariances.items()
+            for name, size in zip(self.parameters[block], np.sqrt(np.diag(covariance)), strict=True)
+        }
 
     @property
     def singular(self) -> bool:
@@ -145,17 +162,20 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
-    """The estimated parameters: name, nominal value, SI unit, the block that tells it, its noise."""
+    """The estimated parameters: name, nominal value, SI unit, the block that tells it, its noise, and
+    whether the criterion judges it.
+    """
     return [
         {
             "name": name,
             "nominal": float(nominal),
-            "unit": block.unit,
-            "block": block.name,
-            "noise": block.noise,
+            "unit": unit,
+            "block": one.block.name,
+            "noise": one.block.noise,
+            "judged": name in one.judged,
         }
-        for block in problem.parameter_blocks()
-        for name, nominal in zip(block.parameters, block.nominal, strict=True)
+        for one in problem.any_estimations
+        for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
     ]
 
 
@@ -163,7 +183,7 @@ class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
     def __init__(self, problem: Problem, samples: int, rates: int) -> None:
-        model = problem.model
+        model = problem.robot
         symbols: list[Any] = [
             ca.MX.sym("inputs", samples, len(model.inputs)),
             ca.MX.sym("start", len(model.states)),
@@ -176,40 +196,53 @@ class _Scorer:
         arguments = dict(zip(names, symbols, strict=True))
         drive = roll_out(model, problem.design.integration, refine=FINE, **arguments)
         self.problem = problem
-        self.blocks, matrices = problem.matrices(drive)
+        self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = [limit.rows(drive) for limit in problem.limits]
-        designs = [block.design_matrix for block in self.blocks]
-        limits = [rows.expression for rows in self.rows]
-        general = [drive.path_length(), drive.poses, drive.path]
-        outputs: list[Any] = [*general, *designs, *matrices, *limits]
+        groups = [
+            [drive.path_length(), drive.poses, drive.path],
+            [one.block.design_matrix for one in self.estimations],
+            [one.block.response for one in self.estimations],
+            [one.matrix for one in self.estimations],
+            [one.full for one in self.estimations if one.full is not None],
+            [rows.expression for rows in self.rows],
+        ]
+        self._edges = np.cumsum([0, *map(len, groups)])
+        outputs = [output for group in groups for output in group]
         self.function = ca.Function("score", symbols, outputs)
 
     def evaluation(self, trajectory: Trajectory, values: Array, rates: Array) -> Evaluation:
-        problem, count = self.problem, len(self.blocks)
-        nominal = problem.model.nominal
+        problem = self.problem
         results = self.function(
-            trajectory.inputs, trajectory.start, nominal, trajectory.period, values, rates
+            trajectory.inputs, trajectory.start, problem.robot.nominal, trajectory.period, values, rates
         )
-        length, poses, path, *rest = (np.array(result) for result in results)
-        designs, matrices, limits = rest[:count], rest[count : 2 * count], rest[2 * count :]
-        eigenvalues = np.maximum(np.concatenate([np.linalg.eigvalsh(matrix) for matrix in matrices]), 0.0)
-        singular = np.concatenate([np.linalg.svd(design, compute_uv=False) for design in designs])
-        names = [block.name for block in self.blocks]
+        arrays = [np.array(result) for result in results]
+        groups = [arrays[first:last] for first, last in pairwise(self._edges)]
+        (length, poses, path), designs, responses, matrices, full, limits = groups
+        eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
+        singular = [
+            np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
+            for one, design, values in zip(self.estimations, designs, eigenvalues, strict=True)
+        ]
+        names = [one.block.name for one in self.estimations]
+        noisy = [one for one in self.estimations if one.full is not None]
         margins = [
             _margin(limit.name, rows, row_values.ravel())
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
-            objective=float(problem.criterion.value(matrices)),
-            lambda_min=float(eigenvalues.min()),
-            lambda_max=float(eigenvalues.max()),
-            singular_values=np.sort(singular)[::-1],
-            norm_y=_norm_y(self.blocks, designs),
+            objective=float(problem.objective.value(matrices)),
+            lambda_min=float(np.min(np.concatenate(eigenvalues))),
+            lambda_max=float(np.max(np.concatenate(eigenvalues))),
+            singular_values=np.sort(np.concatenate(singular))[::-1],
+            norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
             margins=(*margins, *_conditions(problem, trajectory)),
             design_matrices=dict(zip(names, designs, strict=True)),
             information=dict(zip(names, matrices, strict=True)),
-            standard_deviations=_standard_deviations(self.blocks, designs),
+            covariances={
+                one.block.name: _covariance(one, matrix) for one, matrix in zip(noisy, full, strict=True)
+            },
+            parameters={one.block.name: one.parameters for one in self.estimations},
             poses=poses,
             path=path,
         )
@@ -220,28 +253,19 @@ def _scorer(problem: Problem, samples: int, rates: int) -> _Scorer:
     return _Scorer(problem, samples, rates)
 
 
-def _norm_y(blocks: tuple[Block, ...], designs: list[Array]) -> float:
-    responses = [design @ block.nominal for block, design in zip(blocks, designs, strict=True)]
-    return float(np.linalg.norm(np.concatenate(responses)))
-
-
-def _standard_deviations(blocks: tuple[Block, ...], designs: list[Array]) -> dict[str, float]:
-    # sqrt(diag(sigma^2 (W'W)^-1)) from the singular values of W, infinite where W is singular [Choi, eq. 18].
-    deviations: dict[str, float] = {}
-    for block, design in zip(blocks, designs, strict=True):
-        if block.noise is None:
-            continue
-        # W itself for many rows, padded for too few: the right vectors span all parameters either way.
-        few = max(0, len(block.parameters) - len(design))
-        _, singular, right = np.linalg.svd(np.pad(design, ((0, few), (0, 0))), full_matrices=False)
-        # A singular value within rounding of 0 determines nothing.
-        rounding = np.finfo(float).eps * max(design.shape) * singular[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(singular > rounding, 1.0 / singular, np.inf)
-            shares = np.where(np.abs(right) <= np.finfo(float).eps, 0.0, (right * inverse[:, None]) ** 2)
-        sizes = block.noise * np.sqrt(shares.sum(axis=0))
-        deviations.update(zip(block.parameters, map(float, sizes), strict=True))
-    return deviations
+def _covariance(one: Estimation, matrix: Array) -> Array:
+    # F^-1, with infinite variances for parameters that a direction without information touches.
+    sizes = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(sizes > 0, sizes, 1.0)
+    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    # An eigenvalue within rounding of 0 tells nothing.
+    told = eigenvalues > ROUNDING * max(eigenvalues[-1], 0.0)
+    inverse = np.where(told, 1.0 / np.where(told, eigenvalues, 1.0), 0.0)
+    covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
+    untold = (np.abs(vectors[:, ~told]) > np.sqrt(ROUNDING)).any(axis=1)
+    covariance[untold, :] = covariance[:, untold] = np.nan
+    covariance[untold, untold] = np.inf
+    return np.asarray(covariance)
 
 
 def _margin(name: str, rows: Rows, values: Array) -> Margin:

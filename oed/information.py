@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -12,51 +12,81 @@ from pydantic import Field
 
 from oed.errors import Flaw
 from oed.expression import Expression
+from oed.matrices import eliminate
 from oed.measurements.measurement import Block
 
+Array = npt.NDArray[np.float64]
 Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Scaling = Literal["relative", "none"] | Mapping[str, Scale]
 
 
-def information(block: Block, scaling: Scaling) -> Expression:
-    """F = D W' W D / sigma^2 (p, p), with D the parameters' scales.
+def information(
+    block: Block,
+    scaling: Scaling,
+    *,
+    parameters: Sequence[str] | None = None,
+    unwanted: Sequence[str] = (),
+    prior: Array | None = None,
+) -> Expression:
+    """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
 
     `relative` scales by the nominal values, so that lambda_min^(-1/2) is the worst relative standard
-    deviation; a mapping gives a scale per parameter; `none` is the paper's raw W'W, neither scaled nor
-    divided by the noise.
+    deviation; a mapping gives a scale per parameter; `none` leaves the parameters in SI units, and for the
+    paper's regressions (`block.raw`) the noise out as well: W'W.
+
+    Args:
+        block: the readings.
+        scaling: of the parameters.
+        parameters: those of interest; all of the block's by default. Others are taken as known.
+        unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
+        prior: information on (parameters, unwanted) had beforehand, SI.
     """
-    scales = ca.DM(scale_factors(block, scaling))
-    scaled = block.design_matrix @ ca.diag(scales)
-    return scaled.T @ scaled
+    chosen = tuple(block.parameters if parameters is None else parameters)
+    unknown = [block.parameters.index(name) for name in (*chosen, *unwanted)]
+    nuisances = range(len(block.parameters), len(block.parameters) + len(block.nuisances))
+    order = [*unknown, *nuisances]
+    matrix = block.information[order, order] * _precision(block, scaling)
+    if prior is not None:
+        matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(len(nuisances), len(nuisances)))
+    scales = ca.diag(ca.DM(scale_factors(block, scaling, chosen)))
+    return scales @ eliminate(matrix, len(chosen)) @ scales
 
 
-def scale_factors(block: Block, scaling: Scaling) -> npt.NDArray[np.float64]:
-    """Factor (p,) of each column of W, the noise included."""
-    if scaling == "none":
-        return np.ones(len(block.parameters))
+def _precision(block: Block, scaling: Scaling) -> float:
     # A block without noise is refused when the problem is made; see `scaling_flaws`.
-    noise = 1.0 if block.noise is None else block.noise
+    divided = block.noise is not None and not (block.raw and scaling == "none")
+    return float(block.noise or 1.0) ** -2 if divided else 1.0
+
+
+def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | None = None) -> Array:
+    """Scale (p,) of each parameter of interest, SI."""
+    names = block.parameters if parameters is None else tuple(parameters)
+    if scaling == "none":
+        return np.ones(len(names))
     if scaling == "relative":
-        return np.abs(block.nominal) / noise
-    return np.array([scaling[name] for name in block.parameters]) / noise
+        return np.array([abs(block.nominal[block.parameters.index(name)]) for name in names])
+    return np.array([scaling[name] for name in names], dtype=float)
 
 
-def scaling_flaws(blocks: tuple[Block, ...], scaling: Scaling) -> list[Flaw]:
-    """What keeps `scaling` from being applied to these blocks; [] if nothing."""
+def scaling_flaws(
+    blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
+) -> list[Flaw]:
+    """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing."""
     if scaling == "none":
         return []
+    chosen = [block.parameters for block in blocks] if parameters is None else parameters
     flaws = []
-    for block in blocks:
+    for block, names in zip(blocks, chosen, strict=True):
         if block.noise is None:
             text = f"the {block.name} noise is needed to weigh the information (or use scaling: none)"
             flaws.append(Flaw(("measurement", "noise"), text))
         if scaling == "relative":
-            zero = [name for name, value in zip(block.parameters, block.nominal, strict=True) if value == 0]
+            zero = [name for name in names if block.nominal[block.parameters.index(name)] == 0]
             if zero:
                 text = f"{', '.join(zero)} is nominally 0 and has no relative precision; give its scale"
                 flaws.append(Flaw(("criterion", "scaling"), text))
     if isinstance(scaling, Mapping):
-        flaws += _scale_name_flaws([name for block in blocks for name in block.parameters], scaling)
+        flaws += _scale_name_flaws([name for names in chosen for name in names], scaling)
     return flaws
 
 

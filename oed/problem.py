@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,22 +11,66 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.criteria import Criterion
+from oed.criteria import Criterion, Subject
 from oed.errors import Flaw, ProblemError
 from oed.expression import Expression
-from oed.information import information, scaling_flaws
+from oed.information import information, scale_factors, scaling_flaws
 from oed.limits.limit import Limit
 from oed.measurements.measurement import Block, Measurement
+from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import Model
+from oed.prior import Prior
 from oed.rollout import Drive, roll_out
 from oed.trajectory import DesignSpace
 
 Array = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Estimation:
+    """What one block of a drive's readings says, as expressions.
+
+    Attributes:
+        block: the readings.
+        parameters: those estimated, those of the criterion's interest first.
+        judged: the latter alone.
+        scales: of the judged parameters, SI.
+        matrix: information on the judged parameters, scaled, all else eliminated: what the criterion sees.
+        full: information on all estimated parameters, SI; None where the noise is not known.
+    """
+
+    block: Block
+    parameters: tuple[str, ...]
+    judged: tuple[str, ...]
+    scales: Array
+    matrix: Expression
+    full: Expression | None
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal values of the estimated parameters, SI."""
+        return np.array([self.block.nominal[self.block.parameters.index(name)] for name in self.parameters])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their SI units."""
+        return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What to design for: a robot, the drives allowed, a measurement, limits and a criterion.
+
+    Attributes:
+        model: the robot.
+        design: all drives allowed.
+        measurement: what is measured.
+        limits: what a drive must keep to.
+        criterion: what makes a drive good.
+        name: shown in reports.
+        estimate: the parameters to estimate, of the robot or of its coefficient matrix; all that the
+            measurement tells by default. Other parameters are taken as known.
+        prior: what is known of them beforehand.
 
     Raises:
         ProblemError: the parts do not fit together; every reason is listed.
@@ -37,13 +82,29 @@ class Problem:
     limits: tuple[Limit, ...]
     criterion: Criterion
     name: str = ""
+    estimate: tuple[str, ...] | None = None
+    prior: Prior | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
         object.__setattr__(self, "limits", tuple(self.limits))
+        if self.estimate is not None:
+            object.__setattr__(self, "estimate", tuple(self.estimate))
         flaws = _flaws(self)
         if flaws:
             raise ProblemError(flaws)
+
+    @cached_property
+    def robot(self) -> Model:
+        """The robot with the parameters to estimate: the model, or the same seen through its coefficients."""
+        known = {parameter.name for parameter in self.model.parameters}
+        wanted = set(self.estimate or ())
+        return self.model if wanted <= known else CoefficientRobot(base=self.model)
+
+    @cached_property
+    def objective(self) -> Criterion:
+        """The criterion, told which parameters it judges."""
+        return self.criterion.about(self._subject)
 
     @cached_property
     def input_bounds(self) -> Array:
@@ -55,18 +116,63 @@ class Problem:
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
 
-    def matrices(self, drive: Drive) -> tuple[tuple[Block, ...], list[Expression]]:
-        """The measurement's regressions of a drive, and the information matrices the criterion judges."""
-        blocks = self.measurement.blocks(drive)
-        return blocks, [information(block, self.criterion.scaling) for block in blocks]
+    def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
+        """What each block of a drive's readings says about the parameters to estimate."""
+        return tuple(
+            self._estimation(block) for block in self.measurement.blocks(drive) if self._judged(block)
+        )
 
-    def parameter_blocks(self) -> tuple[Block, ...]:
-        """The measurement's regressions of any drive: for their parameters and noise, not their values."""
-        return self.measurement.blocks(_any_drive(self))
+    @cached_property
+    def any_estimations(self) -> tuple[Estimation, ...]:
+        """The same of a drive without values: for parameters, noise and nuisances."""
+        return self.estimations(_any_drive(self))
+
+    def _estimated(self, block: Block) -> tuple[str, ...]:
+        wanted = block.parameters if self.estimate is None else self.estimate
+        return tuple(name for name in wanted if name in block.parameters)
+
+    def _judged(self, block: Block) -> tuple[str, ...]:
+        subset = self.criterion.subset
+        return tuple(name for name in self._estimated(block) if subset is None or name in subset)
+
+    def _estimation(self, block: Block) -> Estimation:
+        judged, scaling = self._judged(block), self.criterion.scaling
+        others = tuple(name for name in self._estimated(block) if name not in judged)
+        names = judged + others
+        prior = None if self.prior is None else _prior_of(self.prior, block, names)
+        return Estimation(
+            block=block,
+            parameters=names,
+            judged=judged,
+            scales=scale_factors(block, scaling, judged),
+            matrix=information(block, scaling, parameters=judged, unwanted=others, prior=prior),
+            full=None
+            if block.noise is None
+            else information(block, dict.fromkeys(names, 1.0), parameters=names, prior=prior),
+        )
+
+    @property
+    def _subject(self) -> Subject:
+        found = self.any_estimations
+        known = {parameter.name for parameter in self.robot.parameters}
+        plain = all(name in known for one in found for name in one.judged)
+        return Subject(
+            robot=self.robot if plain else CoefficientRobot(base=self.model),
+            integration=self.design.integration,
+            parameters=tuple(one.judged for one in found),
+            scales=tuple(one.scales for one in found),
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """The parts only: caches are made again where they are needed."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def _prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
+    if not set(prior.names) & set(names):
+        return None
+    places = [block.parameters.index(name) for name in names]
+    return prior.precision(names, block.nominal[places], [block.units[place] for place in places])
 
 
 def _flaws(problem: Problem) -> list[Flaw]:
@@ -90,13 +196,72 @@ def _flaws(problem: Problem) -> list[Flaw]:
             text = f"nothing bounds {entry.name}; add {entry.quantity}, without which no design is best"
             flaws.append(Flaw(("limits",), text))
     flaws += problem.measurement.flaws(model, space.samples)
+    flaws += _name_flaws(problem)
     # Blocks exist only for a measurement that fits the robot.
-    return flaws or scaling_flaws(problem.parameter_blocks(), problem.criterion.scaling)
+    return flaws or _estimation_flaws(problem)
+
+
+def _name_flaws(problem: Problem) -> list[Flaw]:
+    # Parameters that neither the robot nor its coefficient matrix has, or some of both.
+    wanted = problem.estimate
+    if wanted is None:
+        return []
+    own = [parameter.name for parameter in problem.model.parameters]
+    coefficients = [name for row in problem.model.coefficient_names for name in row]
+    if not wanted:
+        return [Flaw(("estimate",), "expected at least one parameter")]
+    if len(set(wanted)) < len(wanted):
+        return [Flaw(("estimate",), "a parameter is listed twice")]
+    if set(wanted) <= set(own) or set(wanted) <= set(coefficients):
+        return []
+    choices = f"parameters ({', '.join(own)})"
+    choices += f" or coefficients ({', '.join(coefficients)})" if coefficients else ""
+    return [Flaw(("estimate",), f"expected some of the robot's {choices}, got {', '.join(wanted)}")]
+
+
+def _estimation_flaws(problem: Problem) -> list[Flaw]:
+    blocks = problem.measurement.blocks(_any_drive(problem))
+    known = [name for block in blocks for name in block.parameters]
+    strangers = [name for name in problem.estimate or () if name not in known]
+    if strangers:
+        text = (
+            f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
+            f"which tell {', '.join(known)}"
+        )
+        return [Flaw(("estimate",), text)]
+    estimated = problem.estimate or known
+    unknown = [name for name in problem.criterion.subset or () if name not in estimated]
+    if unknown or problem.criterion.subset == ():
+        text = f"expected some of the estimated {', '.join(estimated)}, got {', '.join(unknown) or 'none'}"
+        return [Flaw(("criterion", "subset"), text)]
+    judged = [problem._judged(block) for block in blocks]
+    flaws = scaling_flaws(
+        [block for block, names in zip(blocks, judged, strict=True) if names],
+        problem.criterion.scaling,
+        [names for names in judged if names],
+    )
+    flaws += _prior_flaws(problem, blocks, list(estimated))
+    return flaws or problem.criterion.flaws(problem._subject)
+
+
+def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Flaw]:
+    if problem.prior is None:
+        return []
+    if problem.criterion.scaling == "none" and any(block.raw for block in blocks):
+        text = "a prior cannot be added to W'W, which leaves the noise out; use scaling: relative"
+        return [Flaw(("prior",), text)]
+    table = {
+        name: (value, unit)
+        for block in blocks
+        for name, value, unit in zip(block.parameters, block.nominal, block.units, strict=True)
+    }
+    values = np.array([table[name][0] for name in estimated])
+    return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])
 
 
 def _any_drive(problem: Problem) -> Drive:
     # A drive of the problem's shape without values: enough to ask which parameters there are.
-    model, space = problem.model, problem.design
+    model, space = problem.robot, problem.design
     inputs = ca.MX.sym("inputs", space.samples, len(model.inputs))
     return roll_out(
         model,

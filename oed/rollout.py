@@ -6,7 +6,7 @@ The same code serves CasADi's SX (unrolled, for the optimiser) and MX (compact, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ class Drive:
 
     Attributes:
         model: the robot.
+        integration: rule by which its poses follow from its twist.
         parameters: its parameters' values, (p,).
         period: sample period T [s].
         inputs: held in each period, (N, inputs).
@@ -38,6 +39,7 @@ class Drive:
     """
 
     model: Model
+    integration: Integration
     parameters: Expression
     period: Expression
     inputs: Expression
@@ -49,6 +51,24 @@ class Drive:
     path: Expression
     input_values: Expression
     input_rates: Expression
+
+    @cached_property
+    def sensitivities(self) -> Expression:
+        """Derivatives of the poses at the samples, side by side: (states, (N + 1) * (p + states)).
+
+        For each sample the columns are the parameters, then the start state. They are carried along the
+        drive by the chain rule, with exact derivatives of one step.
+        """
+        count, states = self.inputs.shape[0], len(self.model.states)
+        begin = ca.horzcat(ca.DM(states, len(self.model.parameters)), ca.DM.eye(states))
+        carried = carrier(self.model, self.integration).mapaccum(count)(
+            begin,
+            self.poses[:count, :].T,
+            self.inputs.T,
+            ca.repmat(self.parameters, 1, count),
+            ca.repmat(self.period, 1, count),
+        )
+        return ca.horzcat(begin, carried)
 
     def path_length(self, softening: float = 1e-9) -> Expression:
         """Distance travelled by the robot's origin [m].
@@ -68,6 +88,21 @@ def _sample(model: Model, integration: Integration) -> ca.Function:
     gain, direction = chord(twist[2], pose[2], period, integration)
     effective = model.effective_inputs(inputs, parameters)
     return ca.Function("sample", [pose, inputs, parameters, period], [twist, effective, gain, direction])
+
+
+@lru_cache(maxsize=32)
+def carrier(model: Model, integration: Integration) -> ca.Function:
+    """The function (S, pose, inputs, parameters, period) -> S at the next sample, for the derivatives
+    S (states, p + states) of the pose by the parameters and the start state.
+    """
+    states, size = len(model.states), len(model.parameters)
+    pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
+    parameters, period = ca.SX.sym("p", size), ca.SX.sym("period")
+    before = ca.SX.sym("S", states, size + states)
+    following = step(model, integration)(pose, inputs, parameters, period)
+    direct = ca.horzcat(ca.jacobian(following, parameters), ca.SX(states, states))
+    after = ca.jacobian(following, pose) @ before + direct
+    return ca.Function("carry", [before, pose, inputs, parameters, period], [ca.densify(after)])
 
 
 def roll_out(
@@ -94,6 +129,7 @@ def roll_out(
     )
     return Drive(
         model=model,
+        integration=integration,
         parameters=parameters,
         period=period,
         inputs=inputs,

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
-from pydantic import Field, ValidationError, create_model
+from pydantic import BeforeValidator, Field, ValidationError, create_model
 
 from oed.baselines import BaselineName
 from oed.component import Component, OneOf
@@ -16,6 +16,7 @@ from oed.errors import Flaw, ProblemError, StudyError
 from oed.limits import LIMITS, Limit
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
+from oed.prior import Prior
 from oed.problem import Problem
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
@@ -57,6 +58,11 @@ class ValidationOptions(Component):
     alpha: Annotated[float, Field(gt=0, lt=1)] = ALPHA
 
 
+def _sensor_list(value: Any) -> Any:
+    # Several sensors are given as a list of them.
+    return {"kind": "several", "sensors": value} if isinstance(value, list) else value
+
+
 class StudyFile(Component):
     """The keys of a study file."""
 
@@ -64,7 +70,9 @@ class StudyFile(Component):
     name: Annotated[str, Field(min_length=1)]
     robot: Annotated[Model, OneOf(MODELS)]
     trajectory: DesignSpace
-    measurement: Annotated[Measurement, OneOf(MEASUREMENTS)]
+    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
+    estimate: tuple[str, ...] | None = None
+    prior: Prior | None = None
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
@@ -160,6 +168,8 @@ def _problem(file: StudyFile) -> Problem:
         limits=_limits(file),
         criterion=file.criterion,
         name=file.name,
+        estimate=file.estimate,
+        prior=file.prior,
     )
 
 

@@ -16,9 +16,10 @@ PACKAGE = Path(__file__).parent.parent / "oed"
 FLOORS: tuple[set[str], ...] = (
     {"spline", "quantities", "component", "expression", "errors", "files"},
     {"models"},
-    {"trajectory", "rollout"},
+    {"trajectory", "rollout", "matrices"},
     {"measurements"},
-    {"limits", "criteria", "information", "regressors"},
+    {"limits", "information", "prior", "regressors"},
+    {"criteria"},
     {"problem"},
     {"evaluation"},
     {"solution"},

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oed.information import information, scale_factors, scaling_flaws
-from oed.measurements import Block
+from oed.measurements import Block, regression
 
 DESIGN = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.25]])
 
@@ -20,23 +20,23 @@ def make_block(**overrides) -> Block:
         "design_matrix": ca.DM(DESIGN),
         "parameters": ("c21", "c22"),
         "nominal": np.array([0.02, -0.05]),
-        "unit": "m",
+        "units": ("m", "m"),
         "noise": 0.1,
     }
-    return Block(**{**parts, **overrides})
+    return regression(**{**parts, **overrides})
 
 
 @pytest.mark.parametrize(
     ("scaling", "scales"),
     [
         ("none", [1.0, 1.0]),
-        ("relative", [0.2, 0.5]),
-        ({"c21": 3.0, "c22": 0.5}, [30.0, 5.0]),
-        ({"c22": 0.5, "c21": 3.0}, [30.0, 5.0]),
+        ("relative", [0.02, 0.05]),
+        ({"c21": 3.0, "c22": 0.5}, [3.0, 0.5]),
+        ({"c22": 0.5, "c21": 3.0}, [3.0, 0.5]),
     ],
 )
 def test_scaled_information(scaling, scales):
-    scaled = DESIGN * scales
+    scaled = DESIGN * scales if scaling == "none" else DESIGN * scales / make_block().noise
     np.testing.assert_allclose(np.array(information(make_block(), scaling)), scaled.T @ scaled, rtol=1e-14)
     np.testing.assert_allclose(scale_factors(make_block(), scaling), scales, rtol=1e-15)
 

@@ -186,7 +186,14 @@ class TestContract:
 
     def test_parameters(self, made: Record):
         assert made.data["parameters"] == [
-            {"name": name, "nominal": 0.0245, "unit": "m", "block": "position", "noise": 0.01}
+            {
+                "name": name,
+                "nominal": 0.0245,
+                "unit": "m",
+                "block": "position",
+                "noise": 0.01,
+                "judged": True,
+            }
             for name in ("c21", "c22")
         ]
 

@@ -244,7 +244,7 @@ BROKEN = {
         "solvers.0",
         "got 'oracle'",
     ),
-    "wrong kind of measurement": ("displacements", "guesses", "kind: guesses", "measurement.kind", "guesses"),
+    "wrong kind of measurement": ("displacements", "guesses", "measurement:", "measurement", "guesses"),
     "both radius forms": (
         "  track:",
         "  wheel_radius_left: 5 cm\n  track:",
@@ -538,7 +538,7 @@ class TestSchema:
 
     def test_it_names_the_keys(self):
         schema = json_schema()
-        assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {"bound"}
+        assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {"bound", "estimate", "prior"}
         assert schema["additionalProperties"] is False
         assert {"format", "name", "robot", "trajectory", "measurement", "limits"} == set(schema["required"])
         assert "json-schema.org" in schema["$schema"]

@@ -14,12 +14,14 @@ from scipy import sparse
 from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
-from oed.measurements.measurement import Block, Measurement
+from oed.matrices import harmonic
+from oed.measurements.measurement import Block, Measurement, regression
 from oed.models.model import Model
 from oed.quantities import Angle, Length
 from oed.rollout import Drive
 
 Regressor = Literal["position", "heading", "both"]
+NoiseModel = Literal["increments", "absolute"]
 
 
 class PoseNoise(Component):
@@ -35,13 +37,20 @@ class Displacements(Measurement):
     Attributes:
         segments: P, or "samples" for one per sample. Segments are as equal as whole samples allow.
         regressor: "position" (c21, c22 from Phi_xy), "heading" (c11, c12 from Phi_theta) or "both".
-        noise: standard deviations of one segment's displacement, per coordinate, and turn.
+        noise: standard deviations of one segment's displacement, per coordinate, and turn; with absolute
+            noise of one pose's coordinate and heading.
+        noise_model: "increments", independent from segment to segment as in the paper; or "absolute":
+            the poses between segments are measured, and neighbours share the error of the pose between.
+        estimator: of absolute increments, what the information is of: "gls", generalised least squares,
+            or "ols", the paper's ordinary ones with their true (sandwich) covariance.
     """
 
     kind: Literal["displacements"] = "displacements"
     segments: Annotated[int, Field(ge=1)] | Literal["samples"] = 10
     regressor: Regressor = "position"
     noise: PoseNoise = PoseNoise()
+    noise_model: NoiseModel = "increments"
+    estimator: Literal["gls", "ols"] = "gls"
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block per regressor: "heading", "position"."""
@@ -100,13 +109,31 @@ class Displacements(Measurement):
 
     def _block(self, drive: Drive, name: str, matrix: Expression) -> Block:
         # The heading row of c turns wheel angles into an angle, the forward row into a length.
-        row, unit, noise = {
-            "heading": (0, "", self.noise.heading),
-            "position": (1, "m", self.noise.position),
+        row, unit, noise, coordinates = {
+            "heading": (0, "", self.noise.heading, 1),
+            "position": (1, "m", self.noise.position, 2),
         }[name]
         model = drive.model
         nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[row]
-        return Block(name, matrix, model.coefficient_names[row], nominal, unit, noise)
+        return regression(
+            name,
+            matrix,
+            model.coefficient_names[row],
+            nominal,
+            units=(unit,) * len(nominal),
+            noise=noise,
+            information=self._information(matrix, coordinates),
+        )
+
+    def _information(self, matrix: Expression, coordinates: int) -> Expression:
+        if self.noise_model == "increments":
+            return matrix.T @ matrix
+        parts = [matrix[coordinate::coordinates, :] for coordinate in range(coordinates)]
+        if self.estimator == "gls":
+            # W' (D D')^-1 W with the first differences D: poses are sums of increments, less their mean.
+            return sum(_scatter(part) for part in parts)
+        spread = sum(_difference_square(part) for part in parts)
+        return harmonic(matrix.T @ matrix, spread)
 
     def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
         # (every * P, N): row every * i + offset adds up the samples of segment i.
@@ -116,3 +143,17 @@ class Displacements(Measurement):
         shape = (every * (len(edges) - 1), samples)
         ones = np.ones(samples)
         return ca.DM(sparse.csc_matrix((ones, (every * segment + offset, np.arange(samples))), shape=shape))
+
+
+def _scatter(increments: Expression) -> Expression:
+    # sum (G_k - Gbar)'(G_k - Gbar) of the cumulative sums G_0 = 0, ..., G_P of the rows.
+    sums = ca.vertcat(0 * increments[0, :], ca.cumsum(increments, 0))
+    centred = sums - ca.repmat(ca.sum1(sums) / sums.shape[0], sums.shape[0], 1)
+    return centred.T @ centred
+
+
+def _difference_square(increments: Expression) -> Expression:
+    # W' D D' W: each pose's error enters the segment before it and, with the other sign, the one after.
+    nothing = 0 * increments[0, :]
+    differences = ca.vertcat(nothing, increments) - ca.vertcat(increments, nothing)
+    return differences.T @ differences

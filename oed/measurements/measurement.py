@@ -1,10 +1,12 @@
-"""What is measured: the Measurement seam. A measurement turns a drive into design matrices and noise."""
+"""What is measured: the Measurement seam. A measurement turns a drive into information on its parameters."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -14,26 +16,79 @@ from oed.expression import Expression
 from oed.models.model import Model
 from oed.rollout import Drive
 
+Array = npt.NDArray[np.float64]
+
 
 @dataclass(frozen=True)
-class Block:
-    """One linear regression y = W c + noise, estimated by itself.
+class Nuisance:
+    """A constant that the readings depend on and nobody asks for, eliminated from the information.
 
     Attributes:
-        name: "position", "heading", ...
-        design_matrix: W (rows, parameters), an expression.
-        parameters: the parameters' names.
-        nominal: their nominal values, (parameters,), SI.
-        unit: their SI unit ("" for a ratio).
-        noise: standard deviation of one row's noise, or None where it is not known.
+        name: "initial_pose.x", "yaw_rate.bias", ...
+        nominal: value designed for, SI.
+        unit: SI unit.
+        deviation: standard deviation known beforehand, SI; None where nothing is known.
     """
 
     name: str
-    design_matrix: Expression
-    parameters: tuple[str, ...]
-    nominal: npt.NDArray[np.float64]
+    nominal: float
     unit: str
+    deviation: float | None = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Readings estimated together: their information on the parameters, and on nuisances after them.
+
+    Attributes:
+        name: "position", "heading", "joint", ...
+        parameters: the parameters' names.
+        nominal: their nominal values, (p,), SI.
+        units: their SI units ("" for a ratio).
+        response: noise-free readings y (rows,).
+        design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
+        information: W' K^-1 W (p + nuisances, p + nuisances) with the noise's covariance noise^2 K.
+        noise: standard deviation that the information is still to be divided by, None where not known.
+        nuisances: what is estimated along.
+        raw: whether `scaling: none` leaves the noise out, as the paper does.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    nominal: Array
+    units: tuple[str, ...]
+    response: Expression
+    design_matrix: Expression
+    information: Expression
     noise: float | None
+    nuisances: tuple[Nuisance, ...] = ()
+    raw: bool = False
+
+
+def regression(
+    name: str,
+    design_matrix: Expression,
+    parameters: Sequence[str],
+    nominal: Array,
+    *,
+    units: Sequence[str],
+    noise: float | None,
+    information: Expression | None = None,
+) -> Block:
+    """The block of a linear regression y = W c + noise, independent from row to row unless its
+    `information` says otherwise; `scaling: none` is then W'W.
+    """
+    return Block(
+        name=name,
+        parameters=tuple(parameters),
+        nominal=np.asarray(nominal, dtype=float),
+        units=tuple(units),
+        response=design_matrix @ ca.DM(nominal),
+        design_matrix=design_matrix,
+        information=design_matrix.T @ design_matrix if information is None else information,
+        noise=noise,
+        raw=True,
+    )
 
 
 class Measurement(Component, ABC):
@@ -43,7 +98,7 @@ class Measurement(Component, ABC):
 
     @abstractmethod
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
-        """The regressions that this measurement of `drive` allows, each with its own parameters."""
+        """The estimations that this measurement of `drive` allows, each with its own parameters."""
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """What makes this measurement impossible for `model` and that many samples; [] if nothing."""

@@ -90,7 +90,7 @@ class LocalSearch:
         self.scale = self.design.scale
         scaled = [matrix / self.scale for matrix in self.design.matrices]
         self._scaled = scaled
-        self._epigraph = problem.criterion.epigraph(scaled)
+        self._epigraph = problem.objective.epigraph(scaled)
         self._matrices = ca.Function("matrices", [self.design.unknowns], scaled)
 
     @cached_property
@@ -129,7 +129,7 @@ class LocalSearch:
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        value = float(self.problem.criterion.value(self._numeric(unknowns)))
+        value = float(self.problem.objective.value(self._numeric(unknowns)))
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         return self._tightened(self._second, unknowns, np.array([level]))

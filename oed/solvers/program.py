@@ -35,7 +35,7 @@ class DesignExpressions:
 
     def __init__(self, problem: Problem, refine: int = 1) -> None:
         """Write the expressions; nothing is solved."""
-        space, model = problem.design, problem.model
+        space, model = problem.design, problem.robot
         self.problem = problem
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
         self._free = np.arange(space.spline.coefficients)[space.free_rows]
@@ -54,7 +54,7 @@ class DesignExpressions:
             input_rates=_sparse(space.rate_matrix) @ coefficients,
             refine=refine,
         )
-        self.blocks, self.matrices = problem.matrices(self.drive)
+        self.matrices = [one.matrix for one in problem.estimations(self.drive)]
         self.rows = [_dependent(limit.rows(self.drive), self.unknowns) for limit in problem.limits]
 
     def _coefficients(self) -> Expression:
@@ -128,7 +128,7 @@ class DesignExpressions:
         count = len(candidates)
         mapped = self.scores.map(count, "thread", threads) if threads > 1 else self.scores.map(count)
         *matrices, violations = mapped(candidates.T)
-        values = self.problem.criterion.value(_stacks(matrices, count))
+        values = self.problem.objective.value(_stacks(matrices, count))
         return values, np.array(violations).T.reshape(count, -1)
 
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from oed.criteria import CRITERIA, E
+from oed.criteria import E
 
-criteria = pytest.mark.parametrize("kind", CRITERIA, ids=lambda kind: kind.__name__)
+criteria = pytest.mark.parametrize("kind", [E], ids=lambda kind: kind.__name__)
 seeds = st.integers(0, 2**32 - 1)
 sizes = st.integers(1, 5)
 

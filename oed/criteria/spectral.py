@@ -1,0 +1,103 @@
+"""Criteria of the eigenvalues: E, and modified E."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.criteria.criterion import Criterion, Epigraph, Factor
+from oed.expression import Expression
+
+Array = npt.NDArray[np.float64]
+
+
+class E(Criterion):
+    """E-optimality: the smallest eigenvalue, over all blocks [Choi, eq. 18].
+
+    Maximised as t with F - t I = L L', L lower triangular and free: this keeps its constraint
+    qualification where eigenvalues meet, which is where the optimum lies.
+    """
+
+    kind: Literal["E"] = "E"
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """lambda_min, the smallest over the blocks."""
+        # Information is positive semidefinite: what is below 0 is rounding.
+        smallest = [np.maximum(np.linalg.eigvalsh(matrix)[..., 0], 0.0) for matrix in matrices]
+        return np.asarray(np.min(smallest, axis=0))
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise t with F_b - t I = L_b L_b' for every block b."""
+        level = ca.SX.sym("t")
+        factors = [Factor("L", matrix.shape[0]) for matrix in matrices]
+        equalities = [
+            factor.residuals(matrix - level * ca.SX.eye(factor.size))
+            for factor, matrix in zip(factors, matrices, strict=True)
+        ]
+
+        def initial(numeric: Sequence[Array]) -> Array:
+            # A little below lambda_min, so that every factor exists; tiny pivots keep L away from 0.
+            start = 0.9 * float(self.value(numeric))
+            parts = [np.array([start])]
+            for factor, matrix in zip(factors, numeric, strict=True):
+                shift = start - 1e-6 * (1.0 + np.trace(matrix) / factor.size)
+                parts.append(factor.initial(matrix - shift * np.eye(factor.size)))
+            return np.concatenate(parts)
+
+        variables = ca.vertcat(level, *(factor.variables for factor in factors))
+        return Epigraph(level, variables, ca.vertcat(*equalities), initial)
+
+
+class ModifiedE(Criterion):
+    """Modified E-optimality: minus the condition number of F, the worst over the blocks.
+
+    It asks for equally good precision in all directions, however poor. Maximised as -k with
+    s F - I = L L' and k I - s F = M M', s free: without a quotient of eigenvalues.
+    """
+
+    kind: Literal["modified_E"] = "modified_E"
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """-lambda_max / lambda_min, minus infinity for a singular F."""
+        numbers = []
+        for matrix in matrices:
+            eigenvalues = np.linalg.eigvalsh(matrix)
+            positive = eigenvalues[..., 0] > 0
+            smallest = np.where(positive, eigenvalues[..., 0], 1.0)
+            numbers.append(np.where(positive, eigenvalues[..., -1] / smallest, np.inf))
+        return np.asarray(-np.max(numbers, axis=0))
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise -k with I <= s_b F_b <= k I for every block b."""
+        worst = ca.SX.sym("k")
+        variables, equalities, pairs = [worst], [], []
+        for matrix in matrices:
+            size, scale = matrix.shape[0], ca.SX.sym("s")
+            above, below = Factor("L", size), Factor("M", size)
+            identity = ca.SX.eye(size)
+            equalities.append(above.residuals(scale * matrix - identity))
+            equalities.append(below.residuals(worst * identity - scale * matrix))
+            variables += [scale, above.variables, below.variables]
+            pairs.append((above, below))
+
+        def initial(numeric: Sequence[Array]) -> Array:
+            # A little apart from the extremes, so that both factors exist.
+            smallest = [max(np.linalg.eigvalsh(each)[0], 1e-6 * np.trace(each)) for each in numeric]
+            largest = [np.linalg.eigvalsh(each)[-1] for each in numeric]
+            start = 1.2 * max(top / low for top, low in zip(largest, smallest, strict=True))
+            parts = [np.array([start])]
+            for (above, below), matrix, low in zip(pairs, numeric, smallest, strict=True):
+                scaled, identity = 1.1 * matrix / low, np.eye(len(matrix))
+                parts += [np.array([1.1 / low]), above.initial(scaled - identity)]
+                parts.append(below.initial(start * identity - scaled))
+            return np.concatenate(parts)
+
+        return Epigraph(-worst, ca.vertcat(*variables), ca.vertcat(*equalities), initial)
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """None: repeating a design leaves the condition number as it is."""
+        return None

@@ -1,0 +1,70 @@
+"""Criteria of the confidence ellipsoid as a whole: D, its volume; A, its mean squared axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.criteria.criterion import Criterion, Epigraph, factored
+from oed.expression import Expression
+
+Array = npt.NDArray[np.float64]
+
+
+class D(Criterion):
+    """D-optimality: log det F, all blocks together. Its optimum does not depend on the scaling."""
+
+    kind: Literal["D"] = "D"
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """Log det of every block, summed; minus infinity for a singular F."""
+        total = np.zeros(np.shape(matrices[0])[:-2])
+        for matrix in matrices:
+            signs, logs = np.linalg.slogdet(matrix)
+            total = total + np.where(signs > 0, logs, -np.inf)
+        return np.asarray(total)
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
+        return factored(
+            matrices, lambda factors: sum(ca.sum1(ca.log(ca.diag(each.matrix) ** 2)) for each in factors)
+        )
+
+    def concede(self, value: float, share: float) -> float:
+        """The value of a determinant `share` as large."""
+        return value + math.log(share)
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """(det F / det F_best)^(1 / p)."""
+        return math.exp((value - best) / size)
+
+
+class A(Criterion):
+    """A-optimality: minus the summed variances, -tr F^-1, over all blocks."""
+
+    kind: Literal["A"] = "A"
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """-tr F^-1, minus infinity for a singular F."""
+        total = np.zeros(np.shape(matrices[0])[:-2])
+        for matrix in matrices:
+            eigenvalues = np.linalg.eigvalsh(matrix)
+            positive = eigenvalues[..., 0] > 0
+            safe = np.where(positive[..., None], eigenvalues, 1.0)
+            total = total + np.where(positive, (1.0 / safe).sum(axis=-1), np.inf)
+        return np.asarray(-total)
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
+        return factored(
+            matrices, lambda factors: -sum(ca.sumsqr(each.inverse(ca.SX.eye(each.size))) for each in factors)
+        )
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """Ratio of the best design's summed variances to this one's."""
+        return best / value if value < 0 else None

@@ -1,0 +1,160 @@
+"""Absolute poses, as a laser tracker or motion capture gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator
+
+from oed.component import Component
+from oed.errors import Flaw
+from oed.expression import Expression
+from oed.measurements.measurement import Nuisance
+from oed.measurements.sensor import InitialPose, LeverArm, Moment, Sensor
+from oed.models.model import Model
+from oed.quantities import Angle, Duration, Length, Unit
+
+Array = npt.NDArray[np.float64]
+Matrix = tuple[tuple[float, ...], ...]
+Quantity = Literal["x", "y", "heading"]
+AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
+
+
+class AbsoluteNoise(Component):
+    """Errors of one absolute pose, as standard deviations or as a covariance matrix.
+
+    Attributes:
+        position: of x and of y [m]; x and y may be given apart.
+        x, y: [m].
+        heading: [rad].
+        position_per_speed: k in the variance sigma^2 + (k V)^2 of a position, V the speed [s].
+        heading_per_speed: the same of a heading [rad s/m].
+        covariance: of one pose's quantities, in their order, (q, q); or of all readings, pose by pose,
+            (K q, K q); in SI units. Instead of the others.
+    """
+
+    position: Annotated[Length, Field(gt=0)] | None = None
+    x: Annotated[Length, Field(gt=0)] | None = None
+    y: Annotated[Length, Field(gt=0)] | None = None
+    heading: Annotated[Angle, Field(gt=0)] | None = None
+    position_per_speed: Annotated[Duration, Field(ge=0)] = 0.0
+    heading_per_speed: Annotated[AnglePerSpeed, Field(ge=0)] = 0.0
+    covariance: Matrix | None = None
+
+    @field_validator("covariance")
+    @classmethod
+    def _is_a_covariance(cls, rows: Matrix | None) -> Matrix | None:
+        if rows is None:
+            return None
+        if any(len(row) != len(rows) for row in rows):
+            raise ValueError(f"expected a square matrix, got rows of {sorted({len(row) for row in rows})}")
+        matrix = np.array(rows)
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= 0:
+            raise ValueError("expected a symmetric, positive definite covariance matrix")
+        return rows
+
+    def deviation(self, quantity: Quantity) -> float | None:
+        """Standard deviation at rest, SI; None where it is not given."""
+        own: float | None = getattr(self, quantity)
+        return self.position if own is None and quantity != "heading" else own
+
+    def per_speed(self, quantity: Quantity) -> float:
+        """The k of sigma^2 + (k V)^2, SI."""
+        return self.heading_per_speed if quantity == "heading" else self.position_per_speed
+
+
+class Poses(Sensor):
+    """Absolute x, y [m] and heading [rad], or some of them, at every n-th sample.
+
+    Attributes:
+        quantities: which of x, y, heading are read.
+        noise: of one reading.
+        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
+        lever_arm: where on the robot the position is measured.
+    """
+
+    kind: Literal["poses"] = "poses"
+    quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)] = ("x", "y", "heading")
+    noise: AbsoluteNoise = AbsoluteNoise()
+    initial_pose: InitialPose = "unknown"
+    lever_arm: LeverArm = LeverArm()
+
+    @property
+    def initial_pose_known(self) -> InitialPose | None:
+        """What is known of the initial pose."""
+        return self.initial_pose
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """The lever arm's coordinates, where they are not known."""
+        return lever_arm_nuisances(self.lever_arm)
+
+    def reading(self, moment: Moment) -> Expression:
+        """The quantities, at the lever arm's end."""
+        x, y = sensor_position(self.lever_arm, moment)
+        read = {"x": x, "y": y, "heading": moment.pose[2]}
+        return ca.vertcat(*(read[quantity] for quantity in self.quantities))
+
+    def whitening(self, moment: Moment) -> Expression:
+        """1 / sigma of each quantity at the moment's speed; the inverse Cholesky factor of a covariance."""
+        if self.noise.covariance is not None:
+            if self.joint_whitening is not None:
+                return ca.SX.eye(len(self.quantities))
+            return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
+        square = moment.twist[0] ** 2 + moment.twist[1] ** 2
+        variances = [
+            (self.noise.deviation(name) or np.inf) ** 2 + self.noise.per_speed(name) ** 2 * square
+            for name in self.quantities
+        ]
+        return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))
+
+    @property
+    def joint_whitening(self) -> Array | None:
+        """The inverse Cholesky factor of a covariance of all readings."""
+        given = self.noise.covariance
+        return None if given is None or len(given) == len(self.quantities) else _inverse_factor(given)
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """Quantities without noise or given twice, a covariance of another size."""
+        flaws, noise = [], self.noise
+        if len(set(self.quantities)) < len(self.quantities):
+            flaws.append(Flaw(("measurement", "quantities"), "a quantity is listed twice"))
+        if noise.covariance is not None:
+            alone = len(self.quantities)
+            together = alone * len(self.columns(samples))
+            if len(noise.covariance) not in (alone, together):
+                got = len(noise.covariance)
+                text = f"expected {alone} rows (one pose) or {together} (all readings), got {got}"
+                flaws.append(Flaw(("measurement", "noise", "covariance"), text))
+            return flaws
+        missing = [name for name in self.quantities if noise.deviation(name) is None]
+        if missing:
+            text = f"the noise of {', '.join(missing)} is needed to weigh the readings"
+            flaws.append(Flaw(("measurement", "noise"), text))
+        return flaws
+
+
+def sensor_position(lever_arm: LeverArm, moment: Moment) -> tuple[Expression, Expression]:
+    """Where the end of a lever arm is: x, y [m]."""
+    ahead = moment.nuisances.get("lever_arm.x", lever_arm.x)
+    left = moment.nuisances.get("lever_arm.y", lever_arm.y)
+    x, y, heading = moment.pose[0], moment.pose[1], moment.pose[2]
+    cosine, sine = ca.cos(heading), ca.sin(heading)
+    return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
+
+
+def lever_arm_nuisances(lever_arm: LeverArm) -> tuple[Nuisance, ...]:
+    """The coordinates of a lever arm that is estimated along."""
+    if lever_arm.known:
+        return ()
+    return (
+        Nuisance("lever_arm.x", lever_arm.x, "m", lever_arm.deviation),
+        Nuisance("lever_arm.y", lever_arm.y, "m", lever_arm.deviation),
+    )
+
+
+def _inverse_factor(covariance: Matrix) -> Array:
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.array(covariance))))

@@ -1,0 +1,241 @@
+"""Sensors: readings that depend on the drive as it truly was, and are estimated from together.
+
+A sensor says what it reads at one moment, and how noisy that is. Its dependence on the parameters, the
+initial pose and its own nuisances follows by the chain rule along the drive, for every robot alike.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from oed.component import Component
+from oed.expression import Expression
+from oed.measurements.measurement import Block, Measurement, Nuisance
+from oed.models.model import Model
+from oed.quantities import Angle, Length
+from oed.rollout import Drive
+
+Array = npt.NDArray[np.float64]
+
+
+class PosePrior(Component):
+    """How well the initial pose is known beforehand: standard deviations [m, rad]."""
+
+    position: Annotated[Length, Field(gt=0)]
+    heading: Annotated[Angle, Field(gt=0)]
+
+
+InitialPose = Literal["unknown", "known"] | PosePrior
+
+
+class LeverArm(Component):
+    """Where on the robot a sensor sits: ahead of its origin, and to the left [m].
+
+    With `known: false` the place is estimated along; `deviation` is what is known of it beforehand.
+    """
+
+    x: Length = 0.0
+    y: Length = 0.0
+    known: bool = True
+    deviation: Annotated[Length, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _deviation_of_what_is_unknown(self) -> LeverArm:
+        if self.known and self.deviation is not None:
+            raise ValueError("a deviation belongs to a lever arm that is estimated: add known: false")
+        return self
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a sensor may read at one time; expressions.
+
+    Attributes:
+        pose: (states,).
+        inputs: held at that time, (inputs,).
+        twist: forward and lateral speed [m/s], yaw rate [rad/s], (3,).
+        nuisances: the sensor's own, by the names it gave them.
+    """
+
+    pose: Expression
+    inputs: Expression
+    twist: Expression
+    nuisances: Mapping[str, Expression]
+
+
+class Sensor(Measurement):
+    """One sensor of the drive as it is driven.
+
+    Attributes:
+        every: one reading every so many samples, from the first on.
+    """
+
+    when: ClassVar[Literal["at samples", "in periods"]] = "at samples"
+    """Whether it reads at the N + 1 samples' instants, or something of each of the N periods between."""
+
+    every: Annotated[int, Field(ge=1)] = 1
+
+    @abstractmethod
+    def reading(self, moment: Moment) -> Expression:
+        """The noise-free reading (q,) at a moment."""
+
+    @abstractmethod
+    def whitening(self, moment: Moment) -> Expression:
+        """A (q, q) with A R A' = 1, for the covariance R of one reading's noise."""
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """Constants of the sensor's own that are estimated along."""
+        return ()
+
+    @property
+    def initial_pose_known(self) -> InitialPose | None:
+        """What the sensor's owner knows of the initial pose; None for a sensor it does not concern."""
+        return None
+
+    @property
+    def joint_whitening(self) -> Array | None:
+        """The same as `whitening` for all readings together, where they are correlated over time."""
+        return None
+
+    def blocks(self, drive: Drive) -> tuple[Block, ...]:
+        """One block: the robot's parameters, with the initial pose and the sensor's nuisances."""
+        return (joint_block((self,), drive),)
+
+    def columns(self, samples: int) -> list[int]:
+        """Indices of the samples or periods that are read."""
+        last = samples + 1 if self.when == "at samples" else samples
+        return list(range(0, last, self.every))
+
+
+@dataclass(frozen=True)
+class Readings:
+    """One sensor's readings of a drive, as expressions.
+
+    Attributes:
+        response: noise-free, (rows,), SI.
+        jacobian: by (parameters, start state, the sensor's nuisances), (rows, columns).
+        whitening: A of each reading, side by side, (q, K * q).
+        white_response, white_jacobian: the same in units of the noise.
+    """
+
+    response: Expression
+    jacobian: Expression
+    whitening: Expression
+    white_response: Expression
+    white_jacobian: Expression
+
+
+def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) -> Readings:
+    """What `sensor` reads of `drive`, its nuisances at their nominal values or those given."""
+    samples = drive.inputs.shape[0]
+    columns = sensor.columns(samples)
+    # At the last sample's instant the inputs are those held until then.
+    held = [min(column, samples - 1) for column in columns]
+    width = len(drive.model.parameters) + len(drive.model.states)
+    stacked = [width * column + offset for column in columns for offset in range(width)]
+    values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances]) if nuisances is None else nuisances
+    count = len(columns)
+    response, transposed, whitening, white_response, white_transposed = _reading(sensor, drive.model).map(
+        count
+    )(
+        drive.poses.T[:, columns],
+        drive.sensitivities[:, stacked],
+        drive.inputs.T[:, held],
+        ca.repmat(drive.parameters, 1, count),
+        ca.repmat(ca.reshape(values, -1, 1), 1, count),
+    )
+    whole = sensor.joint_whitening
+    if whole is not None:
+        white_response, white_transposed = ca.DM(whole) @ ca.vec(response), transposed @ ca.DM(whole).T
+    return Readings(ca.vec(response), transposed.T, whitening, ca.vec(white_response), white_transposed.T)
+
+
+@lru_cache(maxsize=64)
+def _reading(sensor: Sensor, model: Model) -> ca.Function:
+    # One moment: the chain rule through the pose, and what depends on parameters and nuisances directly.
+    states, size = len(model.states), len(model.parameters)
+    pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
+    parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
+    carried = ca.SX.sym("S", states, size + states)
+    names = [nuisance.name for nuisance in sensor.nuisances]
+    moment = Moment(
+        pose, inputs, model.twist(inputs, parameters), dict(zip(names, ca.vertsplit(own), strict=True))
+    )
+    reading, whitening = sensor.reading(moment), sensor.whitening(moment)
+    direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
+    through = ca.jacobian(reading, pose) @ carried + direct
+    jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
+    return ca.Function(
+        "reading",
+        [pose, carried, inputs, parameters, own],
+        [reading, jacobian.T, ca.densify(whitening), whitening @ reading, (whitening @ jacobian).T],
+    )
+
+
+def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
+    """The readings of all sensors as one estimation of the robot's parameters."""
+    model = drive.model
+    size = len(model.parameters)
+    start = start_nuisances(sensors, drive)
+    labels = sensor_labels(sensors)
+    nuisances, rows = list(start), []
+    own = [sensor.nuisances for sensor in sensors]
+    responses, widths = [], [len(entries) for entries in own]
+    for index, sensor in enumerate(sensors):
+        found = readings(sensor, drive)
+        responses.append(found.white_response)
+        matrix, count = found.white_jacobian, found.white_jacobian.shape[0]
+        before, after = sum(widths[:index]), sum(widths[index + 1 :])
+        parts = [matrix[:, :size], matrix[:, size : size + len(start)]]
+        parts += [ca.DM(count, before), matrix[:, size + len(model.states) :], ca.DM(count, after)]
+        rows.append(ca.horzcat(*parts))
+        nuisances += [_labelled(nuisance, labels[index]) for nuisance in own[index]]
+    design = ca.vertcat(*rows)
+    known = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
+    return Block(
+        name="joint",
+        parameters=tuple(parameter.name for parameter in model.parameters),
+        nominal=np.array(model.nominal, dtype=float),
+        units=tuple(parameter.unit for parameter in model.parameters),
+        response=ca.vertcat(*responses),
+        design_matrix=design[:, :size],
+        information=design.T @ design + ca.diag(ca.DM(known)),
+        noise=1.0,
+        nuisances=tuple(nuisances),
+    )
+
+
+def start_nuisances(sensors: Sequence[Sensor], drive: Drive) -> tuple[Nuisance, ...]:
+    """The initial pose's coordinates that are estimated along; () where it is known or does not matter."""
+    known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
+    if not known or known[0] == "known":
+        return ()
+    prior = known[0] if isinstance(known[0], PosePrior) else None
+    deviations = (None,) * 3 if prior is None else (prior.position, prior.position, prior.heading)
+    return tuple(
+        Nuisance(f"initial_pose.{state}", 0.0, unit, deviation)
+        for state, unit, deviation in zip(drive.model.states, ("m", "m", "rad"), deviations, strict=True)
+    )
+
+
+def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
+    """A name for each sensor: its kind, numbered from the second of a kind on."""
+    labels: list[str] = []
+    for sensor in sensors:
+        before = sum(other.kind == sensor.kind for other in sensors[: len(labels)])
+        labels.append(sensor.kind if not before else f"{sensor.kind}_{before + 1}")
+    return labels
+
+
+def _labelled(nuisance: Nuisance, label: str) -> Nuisance:
+    return Nuisance(f"{label}.{nuisance.name}", nuisance.nominal, nuisance.unit, nuisance.deviation)

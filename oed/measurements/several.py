@@ -1,0 +1,45 @@
+"""Several sensors on one drive: their information adds up, the initial pose is theirs together."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from oed.component import OneOf
+from oed.errors import Flaw
+from oed.measurements.measurement import Block, Measurement
+from oed.measurements.poses import Poses
+from oed.measurements.ranges import Ranges
+from oed.measurements.sensor import Sensor, joint_block
+from oed.measurements.yaw_rate import YawRate
+from oed.models.model import Model
+from oed.rollout import Drive
+
+SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate)
+
+
+class Several(Measurement):
+    """Sensors used together; in a study, a list of them."""
+
+    kind: Literal["several"] = "several"
+    sensors: Annotated[tuple[Annotated[Sensor, OneOf(SENSORS)], ...], Field(min_length=1)]
+
+    def blocks(self, drive: Drive) -> tuple[Block, ...]:
+        """One block of all sensors."""
+        return (joint_block(self.sensors, drive),)
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """The sensors' own flaws, and sensors that disagree on what is known of the initial pose."""
+        flaws = [
+            Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
+            for index, sensor in enumerate(self.sensors)
+            for flaw in sensor.flaws(model, samples)
+        ]
+        known = [sensor.initial_pose_known for sensor in self.sensors]
+        given = [entry for entry in known if entry is not None]
+        for index, entry in enumerate(known):
+            if entry is not None and entry != given[0]:
+                text = f"differs from the first sensor's ({given[0]}); there is one initial pose"
+                flaws.append(Flaw(("measurement", index, "initial_pose"), text))
+        return flaws
