@@ -90,9 +90,16 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--replicates", type=_positive, help="simulated experiments (default: the study's)")
     command.add_argument(
         "--heading",
-        choices=("known", "predicted", "measured", "corrected"),
+        choices=("known", "predicted", "measured"),
         help="which headings the estimator uses (default: the study's)",
     )
+    command.add_argument(
+        "--estimator",
+        action="append",
+        choices=("ols", "sandwich", "gls", "errors_in_variables", "nonlinear"),
+        help="what estimates and promises; may be given again (default: the study's)",
+    )
+    command.add_argument("--workers", type=_positive, help="processes (default: one per processor)")
     command.add_argument("--seed", type=_whole, help="seed of the noise (default: the record's)")
     command.add_argument("--quiet", action="store_true", help="show no progress")
     add("schema", _schema, "print the JSON schema of study files, for editors")
@@ -183,6 +190,7 @@ def _check(options: argparse.Namespace) -> int:
         try:
             study = load_study(file)
             own_paths(study)
+            study.require_identifiable()
         except FileError as error:
             flawed = True
             say(str(error))
@@ -240,16 +248,18 @@ def _validate(options: argparse.Namespace) -> int:
     from oed.runner import validated, validation_options
 
     saved = load_record(options.folder)
-    chosen = validation_options(saved, replicates=options.replicates, heading=options.heading)
+    chosen = validation_options(
+        saved, replicates=options.replicates, estimators=options.estimator, heading=options.heading
+    )
     with progress(options.quiet) as listener:
-        record = validated(saved, chosen, seed=options.seed, progress=listener)
+        record = validated(saved, chosen, seed=options.seed, workers=options.workers, progress=listener)
     save_record(record, options.folder)
     page = write_report(record, options.folder)
     if options.json:
         print_json(record.data["validation"])
     else:
         for entry in record.data["validation"]["results"]:
-            print(f"{entry['name']}: {entry['verdict']}")
+            print(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}")
         print(f"report: {page}")
     return DONE
 

@@ -179,6 +179,15 @@ def parameter_table(problem: Problem) -> list[dict[str, Any]]:
     ]
 
 
+def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
+    """What is estimated along: name, SI unit, the block, and the deviation known beforehand (or None)."""
+    return [
+        {"name": entry.name, "unit": entry.unit, "block": one.block.name, "deviation": entry.deviation}
+        for one in problem.any_estimations
+        for entry in one.block.nuisances
+    ]
+
+
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 

@@ -44,8 +44,7 @@ def information(
     chosen = tuple(block.parameters if parameters is None else parameters)
     unknown = [block.parameters.index(name) for name in (*chosen, *unwanted)]
     nuisances = range(len(block.parameters), len(block.parameters) + len(block.nuisances))
-    order = [*unknown, *nuisances]
-    matrix = block.information[order, order] * _precision(block, scaling)
+    matrix = block.information([*unknown, *nuisances]) * _precision(block, scaling)
     if prior is not None:
         matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(len(nuisances), len(nuisances)))
     scales = ca.diag(ca.DM(scale_factors(block, scaling, chosen)))
@@ -97,6 +96,6 @@ def _scale_name_flaws(names: list[str], scaling: Mapping[str, float]) -> list[Fl
             flaws.append(Flaw(("criterion", "scaling"), f"the scale of {name} is missing"))
     for name in scaling:
         if name not in names:
-            text = f"{name} is not estimated here; the parameters are {', '.join(names)}"
+            text = f"{name} is not judged here; the parameters are {', '.join(names)}"
             flaws.append(Flaw(("criterion", "scaling", name), text))
     return flaws

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from oed.component import Component
 from oed.errors import Flaw
-from oed.quantities import parse_quantity
+from oed.quantities import parse_quantity, require_covariance
 
 Array = npt.NDArray[np.float64]
 
@@ -32,12 +32,15 @@ class Prior(Component):
         if bool(self.standard_deviations) == bool(self.covariance):
             raise ValueError("expected either standard_deviations, or parameters and their covariance")
         size = len(self.parameters)
-        if self.covariance:
-            if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
-                raise ValueError(f"expected a {size} x {size} covariance for {size} parameters")
-            matrix = np.array(self.covariance)
-            if not np.allclose(matrix, matrix.T, atol=0) or np.linalg.eigvalsh(_unit(matrix))[0] <= 0:
-                raise ValueError("expected a symmetric, positive definite covariance matrix")
+        if not self.covariance:
+            if size:
+                raise ValueError("parameters name the rows of a covariance; there is none")
+            return self
+        if len(set(self.parameters)) < size:
+            raise ValueError("a parameter is listed twice")
+        if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
+            raise ValueError(f"expected a {size} x {size} covariance for {size} parameters")
+        require_covariance(self.covariance)
         return self
 
     @property
@@ -69,8 +72,10 @@ class Prior(Component):
                 if name in self.standard_deviations:
                     matrix[index, index] = self._deviation(name, nominal[index], units[index]) ** -2
             return matrix
-        places = [list(names).index(name) for name in self.parameters]
-        matrix[np.ix_(places, places)] = np.linalg.inv(np.array(self.covariance))
+        # Of parameters that are estimated apart, each block has its own part of the covariance.
+        own = [index for index, name in enumerate(self.parameters) if name in names]
+        places = [list(names).index(self.parameters[index]) for index in own]
+        matrix[np.ix_(places, places)] = np.linalg.inv(np.array(self.covariance)[np.ix_(own, own)])
         return matrix
 
     def _deviation(self, name: str, nominal: float, unit: str) -> float:
@@ -82,8 +87,3 @@ class Prior(Component):
         if not size > 0:
             raise ValueError(f"expected a positive standard deviation, got {given!r}")
         return size
-
-
-def _unit(matrix: Array) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.asarray(matrix / np.outer(scale, scale))

@@ -104,7 +104,11 @@ class Problem:
     @cached_property
     def objective(self) -> Criterion:
         """The criterion, told which parameters it judges."""
-        return self.criterion.about(self._subject)
+        return self.told(self.criterion)
+
+    def told(self, criterion: Criterion) -> Criterion:
+        """Any criterion of the same scaling and subset, told which parameters it judges."""
+        return criterion.about(self._subject)
 
     @cached_property
     def input_bounds(self) -> Array:
@@ -156,6 +160,7 @@ class Problem:
         found = self.any_estimations
         known = {parameter.name for parameter in self.robot.parameters}
         plain = all(name in known for one in found for name in one.judged)
+        plain = plain or not self.model.coefficient_names
         return Subject(
             robot=self.robot if plain else CoefficientRobot(base=self.model),
             integration=self.design.integration,

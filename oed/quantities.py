@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
@@ -134,3 +135,21 @@ Angle = Annotated[float, Unit("rad", "10 deg")]
 Duration = Annotated[float, Unit("s", "20 s")]
 AngularSpeed = Annotated[float, Unit("rad/s", "10 rad/s")]
 Ratio = Annotated[float, Unit("", "5 %")]
+
+
+def require_covariance(rows: Sequence[Sequence[float]]) -> None:
+    """Check that nested rows are a covariance matrix.
+
+    Raises:
+        ValueError: not square, not finite, not symmetric or not positive definite.
+    """
+    if any(len(row) != len(rows) for row in rows):
+        raise ValueError(f"expected a square matrix, got rows of {sorted({len(row) for row in rows})}")
+    matrix = np.array(rows, dtype=float)
+    sizes = np.sqrt(np.abs(np.diag(matrix)))
+    if np.all(np.isfinite(matrix)) and np.all(sizes > 0):
+        # Scaled alike, so that units do not matter.
+        scaled = matrix / np.outer(sizes, sizes)
+        if np.allclose(scaled, scaled.T, atol=1e-9) and np.linalg.eigvalsh(scaled)[0] > 0:
+            return
+    raise ValueError("expected a symmetric, positive definite covariance matrix of finite numbers")

@@ -43,6 +43,12 @@ class Record:
         named = [one for one in feasible if one["name"] == self.data.get("best")]
         return max(named or feasible, key=lambda entry: float(entry["objective"]), default=None)
 
+    def result(self, name: str | None) -> Mapping[str, Any] | None:
+        """The result of that name, the best for None; None where there is no such result."""
+        if name is None:
+            return self.best
+        return next((entry for entry in self.results if entry["name"] == name), None)
+
     def to_json(self) -> str:
         """The text of record.json, every list of numbers on a line of its own."""
         return _layout(self.data, "") + "\n"
@@ -94,12 +100,18 @@ def finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+def finite_rows(matrix: Any) -> list[list[float | None]]:
+    """A matrix as lists, null where JSON cannot hold a number."""
+    return [[finite(value) for value in row] for row in np.asarray(matrix)]
+
+
 def result_data(solution: Solution, trajectory_file: str | None) -> dict[str, Any]:
     """One entry of a record's `results`."""
     evaluation, trajectory = solution.evaluation, solution.trajectory
     return {
         "name": solution.name,
         "kind": solution.kind,
+        "criterion": solution.criterion,
         "status": solution.status.value,
         "message": solution.message,
         **_evaluation_data(evaluation),
@@ -137,6 +149,7 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
             **dict.fromkeys(numbers),
             "singular_values": [],
             "standard_deviations": {},
+            "covariances": [],
             "margins": [],
         }
     return {
@@ -153,6 +166,10 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
         "standard_deviations": {
             name: finite(value) for name, value in evaluation.standard_deviations.items()
         },
+        "covariances": [
+            {"parameters": list(evaluation.parameters[block]), "covariance": finite_rows(covariance)}
+            for block, covariance in evaluation.covariances.items()
+        ],
         "margins": [
             {
                 "limit": margin.name,
@@ -192,6 +209,8 @@ def validation_data(name: str, validation: Validation) -> dict[str, Any]:
     """One result's entry in a record's `validation`."""
     return {
         "name": name,
+        "estimator": validation.estimator,
+        "heading": validation.heading,
         "passed": validation.passed,
         "verdict": validation.verdict,
         "parameters": list(validation.parameters),

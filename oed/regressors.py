@@ -58,6 +58,20 @@ class Regressors:
         stacked = np.array(self._position.map(count)(columns))
         return stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
 
+    @property
+    def samples(self) -> int:
+        """N."""
+        return self.trajectory.samples
+
+    @cached_property
+    def heading_effect(self) -> Array:
+        """Derivative of Phi_xy c by the coefficients that its headings are predicted from, (2 P, q)."""
+        columns = len(self.names["heading"])
+        coefficients = ca.SX.sym("c", len(self.nominal))
+        predicted = self._function(self._measurement)(coefficients)[1] @ ca.DM(self.nominal[columns:])
+        slope = ca.jacobian(predicted, coefficients)[:, :columns]
+        return np.array(ca.Function("effect", [coefficients], [ca.densify(slope)])(self.nominal))
+
     @cached_property
     def _position(self) -> ca.Function:
         both, coefficients = self._function(self._measurement), ca.SX.sym("c", len(self.nominal))

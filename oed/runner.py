@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,13 +14,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from oed.baselines import baselines
+from oed.criteria import A, Criterion, D, E
 from oed.errors import UserMistake
-from oed.evaluation import evaluate, parameter_table
+from oed.evaluation import evaluate, nuisance_table, parameter_table
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
-from oed.record import FORMAT, Record, drive_of, result_data, save_record, validation_data
+from oed.record import FORMAT, Record, drive_of, finite, result_data, save_record, validation_data
 from oed.solution import Solution, Status
-from oed.solvers import Progress, Silent, solve
+from oed.solvers import Progress, Silent, default_workers, solve
 from oed.study import PathFile, Study, ValidationOptions, file_stem, parse_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
@@ -54,8 +57,10 @@ def run(
     validation = None
     try:
         if not interrupted:
-            solutions += _baselines(study, paths, best_of(solutions), chosen, listener)
-            validation = _validation(study, solutions, chosen, listener)
+            solutions += _baselines(
+                study, paths, best_of(solutions, study.problem.criterion), chosen, listener
+            )
+            validation = _validation(study, solutions, chosen, listener, workers)
     except KeyboardInterrupt:
         interrupted = True
     return record(study, solutions, chosen, out, validation=validation, interrupted=interrupted)
@@ -66,7 +71,11 @@ def search(
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
     ended them early, with what had been found by then.
+
+    Raises:
+        StudyError: parameters that no drive tells apart.
     """
+    study.require_identifiable()
     done: dict[str, Solution] = {}
     for solver in study.solvers:
         try:
@@ -94,7 +103,7 @@ def own_paths(study: Study) -> dict[str, Trajectory]:
     }
 
 
-def best_of(solutions: list[Solution]) -> Solution | None:
+def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:
     """The feasible solution of largest objective; among practically equal ones the most informative.
 
     A search may give up a little of the objective to learn more in all other directions; one that did
@@ -104,7 +113,8 @@ def best_of(solutions: list[Solution]) -> Solution | None:
     if not feasible:
         return None
     largest = max(evaluation.objective for _, evaluation in feasible)
-    equal = [pair for pair in feasible if pair[1].objective >= largest - PRACTICALLY_EQUAL * abs(largest)]
+    enough = criterion.concede(largest, 1 - PRACTICALLY_EQUAL)
+    equal = [pair for pair in feasible if pair[1].objective >= enough]
     return max(equal, key=lambda pair: pair[1].log_determinant)[0]
 
 
@@ -118,7 +128,14 @@ def record(
     interrupted: bool = False,
 ) -> Record:
     """The record of solutions, written to `out` where given, with their trajectories."""
-    results = [result_data(solution, _file(solution) if out is not None else None) for solution in solutions]
+    judges = criteria_of(study)
+    results = [
+        {
+            **result_data(solution, _file(solution) if out is not None else None),
+            "criteria": _judged(study, judges, solution),
+        }
+        for solution in solutions
+    ]
     made = Record(
         {
             "format": FORMAT,
@@ -127,8 +144,9 @@ def record(
             "study_text": study.text,
             "seed": seed,
             "parameters": parameter_table(study.problem),
+            "nuisances": nuisance_table(study.problem),
             "results": results,
-            "best": best.name if (best := best_of(solutions)) is not None else None,
+            "best": best.name if (best := best_of(solutions, study.problem.criterion)) is not None else None,
             "certificate": None,
             "validation": validation,
             "interrupted": interrupted,
@@ -143,6 +161,36 @@ def record(
                 write_trajectory(path, study.problem, solution.trajectory, solution.evaluation.poses)
         save_record(made, out)
     return made
+
+
+def criteria_of(study: Study) -> dict[str, Criterion]:
+    """What every result is judged by: E, D and A in the study's scaling, and whatever it searches for."""
+    own = study.problem.criterion
+    common = {"scaling": own.scaling, "subset": own.subset}
+    judges: dict[str, Criterion] = {kind.__name__: kind(**common) for kind in (E, D, A)}
+    judges[own.kind] = own
+    for solver in study.solvers:
+        if solver.criterion is not None:
+            judges.setdefault(solver.criterion.kind, solver.criterion)
+    return judges
+
+
+def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -> dict[str, float | None]:
+    evaluation, trajectory = solution.evaluation, solution.trajectory
+    if evaluation is None or trajectory is None:
+        return {}
+    values: dict[str, float | None] = {}
+    for name, criterion in judges.items():
+        own = study.problem.criterion
+        same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
+        # The same matrices serve every criterion that sees the parameters alike.
+        value = (
+            float(study.problem.told(criterion).value(list(evaluation.information.values())))
+            if same
+            else evaluate(replace(study.problem, criterion=criterion), trajectory).objective
+        )
+        values[name] = finite(value)
+    return values
 
 
 def _file(solution: Solution) -> str:
@@ -180,21 +228,25 @@ def _baselines(
 
 
 def _validation(
-    study: Study, solutions: list[Solution], seed: int, progress: Progress
+    study: Study, solutions: list[Solution], seed: int, progress: Progress, workers: int | None
 ) -> dict[str, Any] | None:
     options = study.file.validation
-    return None if options is None else _simulated(study, solutions, options, seed, progress)
+    return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
 
 
 def validation_options(
-    saved: Record, *, replicates: int | None = None, heading: str | None = None
+    saved: Record,
+    *,
+    replicates: int | None = None,
+    estimators: Sequence[str] | None = None,
+    heading: str | None = None,
 ) -> ValidationOptions:
     """The simulation that a record's study asks for (or the default one), with what is given instead.
 
     Raises:
         UserMistake: fewer than 100 replicates.
     """
-    given = {"replicates": replicates, "heading": heading}
+    given = {"replicates": replicates, "estimators": estimators, "heading": heading}
     asked = saved.data["study"].get("validation") or {}
     changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
     try:
@@ -205,7 +257,12 @@ def validation_options(
 
 
 def validated(
-    saved: Record, options: ValidationOptions, *, seed: int | None = None, progress: Progress | None = None
+    saved: Record,
+    options: ValidationOptions,
+    *,
+    seed: int | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
 ) -> Record:
     """A saved record with its drives simulated anew.
 
@@ -213,6 +270,7 @@ def validated(
         saved: the record.
         options: of the simulation.
         seed: of the noise; None for the record's.
+        workers: processes; does not change the result.
         progress: told how far the work is.
 
     Raises:
@@ -222,28 +280,37 @@ def validated(
     drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
     solutions = [score(study, drive, name) for name, drive in drives if drive is not None]
     chosen = saved.data["seed"] if seed is None else seed
-    outcome = _simulated(study, solutions, options, chosen, progress or Silent())
+    outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
     return Record({**saved.data, "validation": outcome})
 
 
 def _simulated(
-    study: Study, solutions: list[Solution], options: ValidationOptions, seed: int, progress: Progress
+    study: Study,
+    solutions: list[Solution],
+    options: ValidationOptions,
+    seed: int,
+    progress: Progress,
+    workers: int | None,
 ) -> dict[str, Any]:
     entries = []
     for solution in solutions:
         evaluation, trajectory = solution.evaluation, solution.trajectory
         if trajectory is None or evaluation is None or not evaluation.feasible or evaluation.singular:
             continue
-        result = validate(
-            study.problem,
-            trajectory,
-            replicates=options.replicates,
-            heading=options.heading,
-            alpha=options.alpha,
-            seed=seed,
-            progress=progress,
-        )
-        entries.append(validation_data(solution.name, result))
+        for estimator in options.estimators or (None,):
+            result = validate(
+                study.problem,
+                trajectory,
+                replicates=options.replicates,
+                estimator=estimator,
+                heading=options.heading,
+                loss=options.loss,
+                alpha=options.alpha,
+                seed=seed,
+                workers=workers or default_workers(),
+                progress=progress,
+            )
+            entries.append(validation_data(solution.name, result))
     return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
 
 

@@ -90,6 +90,8 @@ class Solution:
         detail: what the status' sentence cannot know, e.g. which limits conflict.
         stages: objective reached after each stage of the search, by name.
         history: the best objective so far, re-scored, each time it rose, and at the end.
+        criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
+            and `history` are in its numbers then.
     """
 
     name: str
@@ -103,6 +105,7 @@ class Solution:
     detail: str = ""
     stages: Mapping[str, float] = field(default_factory=dict)
     history: tuple[HistoryPoint, ...] = ()
+    criterion: str | None = None
 
     @property
     def message(self) -> str:

@@ -7,21 +7,24 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
-from pydantic import BeforeValidator, Field, ValidationError, create_model
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
 
 from oed.baselines import BaselineName
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import Flaw, ProblemError, StudyError
+from oed.errors import Flaw, ProblemError, RecordError, StudyError
+from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
+from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
 from oed.prior import Prior
 from oed.problem import Problem
+from oed.record import load_record
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
-from oed.validation.monte_carlo import ALPHA, Heading, missing_noise
+from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
 
 FORMAT = 1
@@ -50,11 +53,37 @@ class PathFile(Component):
         return self.name or Path(self.file).stem
 
 
+class PriorRecord(Component):
+    """A prior from an earlier study: the covariance that its record predicts for a drive.
+
+    Attributes:
+        record: the earlier study's folder (or record file), found from this study's folder.
+        result: name of the drive that was driven; the record's best by default.
+    """
+
+    record: str
+    result: str | None = None
+
+
+def _prior_form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    from_record = "record" in value if isinstance(value, dict) else isinstance(value, PriorRecord)
+    return "from a record" if from_record else "as numbers"
+
+
+AnyPrior = Annotated[
+    Annotated[Prior, Tag("as numbers")] | Annotated[PriorRecord, Tag("from a record")],
+    Discriminator(_prior_form),
+]
+
+
 class ValidationOptions(Component):
     """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
 
     replicates: Annotated[int, Field(ge=100)] = 10_000
+    estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
     heading: Heading = "known"
+    loss: Loss = "linear"
     alpha: Annotated[float, Field(gt=0, lt=1)] = ALPHA
 
 
@@ -72,7 +101,7 @@ class StudyFile(Component):
     trajectory: DesignSpace
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
     estimate: tuple[str, ...] | None = None
-    prior: Prior | None = None
+    prior: AnyPrior | None = None
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
@@ -118,6 +147,18 @@ class Study:
         """Seed of every random draw."""
         return self.file.seed
 
+    def require_identifiable(self) -> None:
+        """Refuse a study whose parameters no drive tells apart.
+
+        Raises:
+            StudyError: names every combination that cannot be told, and what to do.
+        """
+        try:
+            require_identifiable(self.problem)
+        except ProblemError as error:
+            source = parse_yaml(self.text, self.source)
+            raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
         plain: dict[str, Any] = self.file.model_dump(mode="json", exclude_none=True)
@@ -151,6 +192,7 @@ def _study(source: YamlSource) -> Study:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
     try:
+        file = _with_prior(file, Path(source.file).parent)
         problem = _problem(file)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
@@ -160,7 +202,33 @@ def _study(source: YamlSource) -> Study:
     return Study(problem, file, source.text, source.file)
 
 
+def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
+    # A prior taken from a record becomes its numbers, so that the study stands on its own from here on.
+    if not isinstance(file.prior, PriorRecord):
+        return file
+    try:
+        saved = load_record(folder / file.prior.record)
+    except RecordError as error:
+        raise ProblemError([Flaw(("prior", "record"), str(error))]) from None
+    entry = saved.result(file.prior.result)
+    if entry is None:
+        names = ", ".join(str(one["name"]) for one in saved.results) or "none"
+        wanted = file.prior.result or "a feasible result"
+        raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {wanted}")])
+    found = [one for one in entry.get("covariances", []) if _all_known(one["covariance"])]
+    if len(found) != 1:
+        text = f"the record's {entry['name']} predicts no covariance of all parameters together"
+        raise ProblemError([Flaw(("prior", "record"), text)])
+    prior = Prior(parameters=found[0]["parameters"], covariance=found[0]["covariance"])
+    return file.model_copy(update={"prior": prior})
+
+
+def _all_known(covariance: list[list[float | None]]) -> bool:
+    return all(value is not None for row in covariance for value in row)
+
+
 def _problem(file: StudyFile) -> Problem:
+    assert not isinstance(file.prior, PriorRecord)
     return Problem(
         model=file.robot,
         design=file.trajectory,
@@ -215,11 +283,12 @@ def _start_flaws(file: StudyFile) -> list[Flaw]:
 def _validation_flaws(file: StudyFile) -> list[Flaw]:
     if file.validation is None:
         return []
-    missing = missing_noise(file.measurement, file.validation.heading)
-    if not missing:
-        return []
-    text = f"simulating {file.validation.heading} headings needs the noise of {', '.join(missing)}"
-    return [Flaw(("measurement", "noise"), text)]
+    options = file.validation
+    flaws: list[Flaw] = []
+    for name in options.estimators or (None,):
+        found = estimator_flaws(file.measurement, name, options.heading)
+        flaws += [flaw for flaw in found if flaw not in flaws]
+    return flaws
 
 
 def _limits(file: StudyFile) -> tuple[Limit, ...]:

@@ -63,6 +63,8 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         return f"expected {expected}, {came}"
     if kind == "union_tag_not_found":
         return "the key kind is missing, which says what this is"
+    if kind == "too_short":
+        return f"expected at least {context['min_length']} of them, {got}"
     plain = {
         "model_type": "keys and values",
         "model_attributes_type": "keys and values",

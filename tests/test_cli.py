@@ -397,7 +397,7 @@ class TestValidate:
         assert names[:2] == ["ipopt", "genetic"]
         assert "straight" not in names
         printed = capsys.readouterr().out
-        assert f"ipopt: {outcome['results'][0]['verdict']}" in printed
+        assert f"ipopt, ols: {outcome['results'][0]['verdict']}" in printed
         assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()
 
     def test_the_same_as_the_run_found(self, folder: Path):

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
 
-from oed.criteria import E
+from oed.criteria import A, E
 from oed.errors import ProblemError, UserMistake
 from oed.evaluation import evaluate
 from oed.limits import WheelSpeed
-from oed.measurements import Displacements
-from oed.models import DifferentialDrive, Input, Model, Parameter
+from oed.measurements import Displacements, Poses, Ranges, Several, YawRate
+from oed.models import DifferentialDrive, Input, Model, Parameter, SkidSteer
+from oed.prior import Prior
+from oed.problem import Problem
 from oed.trajectory import DesignSpace, Spline, StartPose
 
 
@@ -149,3 +151,248 @@ def test_a_problem_is_copied_to_workers_whole():
 
 def test_limits_may_come_as_a_list():
     assert make_problem(limits=[SPEED, BOX]).limits == (SPEED, BOX)
+
+
+POSES = Poses(noise={"position": 1e-3, "heading": 0.01})
+NOISY = Displacements(segments=4, noise={"position": 0.01, "heading": 0.02}, regressor="both")
+GEOMETRY = ("wheel_radius_right", "wheel_radius_left", "track")
+COEFFICIENTS = ("c11", "c12", "c21", "c22")
+
+
+def sensed(**overrides) -> Problem:
+    """The builders' problem with absolute poses, in SI units."""
+    return make_problem(**{"measurement": POSES, "criterion": E(scaling="none"), **overrides})
+
+
+def joint(problem: Problem, seed: int = 0) -> np.ndarray:
+    return evaluate(problem, random_drive(problem, seed)).information["joint"]
+
+
+class TestEstimate:
+    """Which parameters are estimated."""
+
+    WRONG: ClassVar = {
+        "unknown name": (("track", "wheelbase"), "got track, wheelbase"),
+        "unknown name alone": (("wheel_radius",), "expected some of the robot's parameters"),
+        "of both kinds": (("track", "c11"), "or coefficients (c11, c12, c21, c22), got track, c11"),
+        "listed twice": (("track", "track"), "a parameter is listed twice"),
+        "none": ((), "expected at least one parameter"),
+    }
+
+    @pytest.mark.parametrize(("names", "words"), WRONG.values(), ids=WRONG.keys())
+    @pytest.mark.parametrize("measurement", [POSES, NOISY], ids=["poses", "displacements"])
+    def test_wrong_names_are_flaws(self, measurement, names, words: str):
+        found = flaws_of(measurement=measurement, estimate=names)
+        assert list(found) == ["estimate"]
+        assert words in found["estimate"]
+
+    @pytest.mark.parametrize(
+        ("regressor", "names"), [("both", ("track",)), ("position", ("c11",)), ("heading", ("c21", "c11"))]
+    )
+    def test_what_displacements_do_not_tell(self, regressor: str, names):
+        measurement = Displacements(segments=4, regressor=regressor)
+        found = flaws_of(measurement=measurement, estimate=names)
+        assert list(found) == ["estimate"]
+        assert f"{names[0]} cannot be estimated from displacements, which tell c" in found["estimate"]
+
+    def test_a_robot_without_coefficients_names_its_parameters_only(self):
+        found = flaws_of(model=Unicycle(), measurement=POSES, estimate=("c11",), limits=())
+        assert found["estimate"] == "expected some of the robot's parameters (gain), got c11"
+
+    @pytest.mark.parametrize("names", [("track",), ("track", "wheel_radius_right"), GEOMETRY[::-1]])
+    def test_the_other_parameters_are_known(self, names):
+        # No nuisances: what is left is the chosen part of the whole information.
+        known = Poses(noise=POSES.noise, initial_pose="known")
+        whole, some = joint(sensed(measurement=known)), joint(sensed(measurement=known, estimate=names))
+        chosen = [GEOMETRY.index(name) for name in names]
+        np.testing.assert_allclose(some, whole[np.ix_(chosen, chosen)], rtol=1e-12)
+
+    def test_knowing_the_others_never_tells_less(self):
+        whole = joint(sensed())
+        some = joint(sensed(estimate=("wheel_radius_right", "track")))
+        left = np.linalg.inv(np.linalg.inv(whole)[np.ix_([0, 2], [0, 2])])
+        sizes = np.sqrt(np.diag(some))
+        assert np.linalg.eigvalsh((some - left) / np.outer(sizes, sizes))[0] > 0
+
+    def test_the_order_is_that_of_the_list(self):
+        names = ("track", "wheel_radius_left", "wheel_radius_right")
+        problem = sensed(estimate=names)
+        evaluation = evaluate(problem, random_drive(problem, 0))
+        assert evaluation.parameters["joint"] == names
+        assert list(evaluation.standard_deviations) == list(names)
+        np.testing.assert_allclose(evaluation.information["joint"], joint(sensed())[::-1, ::-1], rtol=1e-9)
+
+    def test_coefficients_may_be_estimated_from_sensors(self):
+        problem = sensed(estimate=COEFFICIENTS[1:], criterion=E())
+        (estimation,) = problem.any_estimations
+        assert estimation.parameters == COEFFICIENTS[1:]
+        np.testing.assert_allclose(estimation.nominal, [-RADIUS / TRACK, RADIUS / 2, RADIUS / 2])
+        assert estimation.units == ("", "m", "m")
+
+    @pytest.mark.parametrize(
+        ("names", "blocks"),
+        [(("c21",), {"position": ("c21",)}), (("c22", "c11"), {"heading": ("c11",), "position": ("c22",)})],
+    )
+    def test_some_coefficients_of_displacements(self, names, blocks):
+        problem = make_problem(measurement=NOISY, estimate=names)
+        drive = random_drive(problem, 0)
+        some, whole = evaluate(problem, drive), evaluate(make_problem(measurement=NOISY), drive)
+        assert dict(some.parameters) == blocks
+        for name, parameters in blocks.items():
+            place = whole.parameters[name].index(parameters[0])
+            expected = whole.information[name][place, place]
+            np.testing.assert_allclose(some.information[name], [[expected]])
+
+    def test_a_slip_that_is_nominally_zero_may_be_left_out(self):
+        model = SkidSteer(wheel_radius=RADIUS, track=TRACK)
+        found = flaws_of(model=model, measurement=POSES, criterion=E())
+        assert "slip_outer, slip_inner is nominally 0" in found["criterion.scaling"]
+        problem = sensed(model=model, criterion=E(), estimate=GEOMETRY)
+        assert evaluate(problem, random_drive(problem, 0)).lambda_min > 0
+
+    def test_a_criterion_judges_some_of_them(self):
+        found = flaws_of(measurement=POSES, criterion=E(subset=("track",)), estimate=GEOMETRY[:2])
+        assert "got track" in found["criterion.subset"]
+        whole, judged = joint(sensed()), joint(sensed(criterion=E(scaling="none", subset=("track",))))
+        np.testing.assert_allclose(1 / judged, np.linalg.inv(whole)[2:, 2:], rtol=1e-8)
+
+
+PRIORS = {
+    "deviations": Prior(standard_deviations={"track": "1 mm", "wheel_radius_right": "2 %"}),
+    "covariance": Prior(parameters=("track", "wheel_radius_left"), covariance=((1e-6, 2e-7), (2e-7, 8e-8))),
+}
+
+
+class TestPrior:
+    """Knowledge from before adds to the information."""
+
+    @staticmethod
+    def precision(name: str) -> np.ndarray:
+        """By hand, on the right and left radius and the track."""
+        matrix = np.zeros((3, 3))
+        if name == "deviations":
+            matrix[0, 0], matrix[2, 2] = (0.02 * RADIUS) ** -2, 1e6
+        else:
+            matrix[np.ix_([2, 1], [2, 1])] = np.linalg.inv([[1e-6, 2e-7], [2e-7, 8e-8]])
+        return matrix
+
+    @pytest.mark.parametrize("name", PRIORS)
+    @pytest.mark.parametrize(
+        "measurement",
+        [
+            POSES,
+            Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False}),
+            Several(sensors=[YawRate(noise=0.01), Ranges(beacons=[(3, 3), (-3, 2)], noise=0.02)]),
+        ],
+        ids=["poses", "with an arm", "several"],
+    )
+    def test_it_adds_and_nothing_else(self, measurement, name: str):
+        without = joint(sensed(measurement=measurement))
+        found = joint(sensed(measurement=measurement, prior=PRIORS[name]))
+        scale = 1e-9 * np.trace(without)
+        np.testing.assert_allclose(found - without, self.precision(name), rtol=1e-9, atol=scale)
+
+    @pytest.mark.parametrize("name", PRIORS)
+    def test_it_is_scaled_as_the_information_is(self, name: str):
+        without, found = joint(sensed(criterion=E())), joint(sensed(criterion=E(), prior=PRIORS[name]))
+        scales = np.array([RADIUS, RADIUS, TRACK])
+        expected = without + self.precision(name) * np.outer(scales, scales)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+    def test_of_parameters_that_are_estimated_but_not_judged(self):
+        prior, without = PRIORS["deviations"], joint(sensed())
+        judged = E(scaling="none", subset=("wheel_radius_left",))
+        found = joint(sensed(criterion=judged, prior=prior))
+        covariance = np.linalg.inv(without + self.precision("deviations"))
+        np.testing.assert_allclose(1 / found, covariance[1:2, 1:2], rtol=1e-8)
+
+    def test_predicted_covariances_know_of_it(self):
+        problem = sensed(prior=PRIORS["covariance"])
+        evaluation = evaluate(problem, random_drive(problem, 0))
+        expected = np.linalg.inv(joint(sensed()) + self.precision("covariance"))
+        np.testing.assert_allclose(evaluation.covariances["joint"], expected, rtol=1e-7)
+
+    @pytest.mark.parametrize("measurement", [POSES, Ranges(beacons=[(3, 3), (-3, 2), (1, -3)], noise=0.02)])
+    def test_one_experiment_after_another(self, measurement):
+        # The second knows what the first has told; initial poses and the like are each one's own.
+        problem = sensed(measurement=measurement)
+        first = evaluate(problem, random_drive(problem, 1))
+        covariance = first.covariances["joint"]
+        prior = Prior(
+            parameters=first.parameters["joint"], covariance=((covariance + covariance.T) / 2).tolist()
+        )
+        both = joint(sensed(measurement=measurement, prior=prior), seed=2)
+        total = first.information["joint"] + joint(problem, seed=2)
+        np.testing.assert_allclose(both, total, rtol=1e-6)
+
+    def test_displacements_are_divided_by_their_noise_first(self):
+        prior = Prior(standard_deviations={"c21": "1 mm", "c11": "3 %"})
+        plain, found = (make_problem(measurement=NOISY, criterion=E(), prior=way) for way in (None, prior))
+        drive = random_drive(plain, 0)
+        before, after = evaluate(plain, drive).information, evaluate(found, drive).information
+        share = (RADIUS / 2 / 1e-3) ** 2
+        np.testing.assert_allclose(after["position"] - before["position"], np.diag([share, 0]), atol=1e-6)
+        np.testing.assert_allclose(after["heading"] - before["heading"], np.diag([0.03**-2, 0]), atol=1e-6)
+
+    def test_it_cannot_be_added_to_what_leaves_the_noise_out(self):
+        prior = Prior(standard_deviations={"c21": "1 mm"})
+        found = flaws_of(measurement=NOISY, criterion=E(scaling="none"), prior=prior)
+        assert list(found) == ["prior"]
+        assert "cannot be added to W'W" in found["prior"]
+        sensed(prior=PRIORS["deviations"])
+
+    def test_it_makes_a_singular_design_regular(self):
+        # On yaw rates alone, radii and track are told by their ratios only.
+        rates = YawRate(noise=0.01)
+        prior = Prior(standard_deviations={"track": "1 mm"})
+        blind, seeing = (sensed(measurement=rates, criterion=A(), prior=way) for way in (None, prior))
+        drive = random_drive(blind, 0)
+        assert evaluate(blind, drive).singular
+        assert not evaluate(seeing, drive).singular
+
+    @pytest.mark.parametrize(
+        ("prior", "key", "words"),
+        [
+            (
+                Prior(standard_deviations={"slip": 1}),
+                "prior.standard_deviations.slip",
+                f"slip is not estimated here; the parameters are {', '.join(GEOMETRY)}",
+            ),
+            (
+                Prior(standard_deviations={"track": "1 kg"}),
+                "prior.standard_deviations.track",
+                "expected a length [m], got '1 kg'",
+            ),
+            (
+                Prior(standard_deviations={"track": "-1 mm"}),
+                "prior.standard_deviations.track",
+                "expected a positive standard deviation",
+            ),
+            (
+                Prior(parameters=("c11",), covariance=((1.0,),)),
+                "prior.parameters",
+                "c11 is not estimated here",
+            ),
+        ],
+        ids=["unknown name", "wrong unit", "negative", "covariance of an unknown name"],
+    )
+    def test_wrong_ones_are_flaws(self, prior: Prior, key: str, words: str):
+        found = flaws_of(measurement=POSES, prior=prior)
+        assert list(found) == [key]
+        assert words in found[key]
+
+    def test_of_a_parameter_taken_as_known_is_a_flaw(self):
+        found = flaws_of(measurement=POSES, estimate=("track",), prior=PRIORS["deviations"])
+        assert set(found) == {"prior.standard_deviations.wheel_radius_right"}
+        assert found.popitem()[1].endswith("the parameters are track")
+
+    def test_of_parameters_that_are_estimated_apart(self):
+        names, sizes = ("c11", "c12", "c21", "c22"), np.array([0.01, 0.02, 1e-3, 2e-3])
+        apart = Prior(standard_deviations=dict(zip(names, sizes, strict=True)))
+        together = Prior(parameters=names, covariance=np.diag(sizes**2).tolist())
+        found, expected = (
+            make_problem(measurement=NOISY, criterion=E(), prior=way) for way in (together, apart)
+        )
+        drive = random_drive(expected, 0)
+        for name, matrix in evaluate(expected, drive).information.items():
+            np.testing.assert_allclose(evaluate(found, drive).information[name], matrix, rtol=1e-9)

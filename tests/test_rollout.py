@@ -8,6 +8,7 @@ import oracle
 import pytest
 from robots import ROBOTS, Example, draw_inputs
 
+from oed.models.coefficient_robot import CoefficientRobot
 from oed.rollout import FINE, Drive, roll_out
 
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
@@ -117,3 +118,77 @@ def test_softened_length_is_a_lower_bound_within_the_softening(softening: float)
     found = float(length(inputs))
     assert exact - softening * PERIOD * SAMPLES - 1e-12 <= found <= exact + 1e-12
     assert float(length(np.zeros_like(inputs))) == 0
+
+
+def sensitivities(model, rule: str, inputs: np.ndarray, kind: type = ca.MX) -> tuple[ca.Function, np.ndarray]:
+    """The poses (states, N + 1) as a function of (parameters, start), and their derivatives by the package,
+    (N + 1, states, p + states).
+    """
+    parameters, start = kind.sym("p", len(model.parameters)), kind.sym("start", len(model.states))
+    held = kind(ca.DM(inputs))
+    drive = roll_out(
+        model,
+        rule,
+        inputs=held,
+        start=start,
+        parameters=parameters,
+        period=kind(PERIOD),
+        input_values=held,
+        input_rates=held,
+    )
+    function = ca.Function("poses", [parameters, start], [drive.poses, drive.sensitivities])
+    found = np.array(function(model.nominal, START)[1])
+    width = len(model.parameters) + len(model.states)
+    return function, found.reshape(len(model.states), len(inputs) + 1, width).swapaxes(0, 1)
+
+
+@robots
+@rules
+@pytest.mark.parametrize("seen", ["constants", "coefficients"])
+def test_sensitivities_are_the_derivatives_of_the_poses(example: Example, rule: str, seen: str):
+    model = example.model if seen == "constants" else CoefficientRobot(base=example.model)
+    function, found = sensitivities(model, rule, held_inputs(example))
+    size = len(model.parameters)
+
+    def poses(point: np.ndarray) -> np.ndarray:
+        return np.array(function(point[:size], point[size:])[0])
+
+    expected = oracle.central_difference(poses, np.array([*model.nominal, *START]))
+    expected = expected.reshape(found.shape)
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+
+
+@robots
+@rules
+def test_sensitivities_begin_with_the_start_itself(example: Example, rule: str):
+    _, found = sensitivities(example.model, rule, held_inputs(example))
+    size = len(example.model.parameters)
+    np.testing.assert_array_equal(found[0], np.hstack([np.zeros((3, size)), np.eye(3)]))
+
+
+@robots
+@rules
+def test_the_start_shifts_and_turns_all_poses(example: Example, rule: str):
+    # d(x, y)/d(th0) = (-(y - y0), x - x0).
+    function, found = sensitivities(example.model, rule, held_inputs(example))
+    poses = np.array(function(example.model.nominal, START)[0])
+    by_start = found[:, :, len(example.model.parameters) :]
+    expected = np.tile(np.eye(3), (SAMPLES + 1, 1, 1))
+    expected[:, 0, 2], expected[:, 1, 2] = -(poses[:, 1] - START[1]), poses[:, 0] - START[0]
+    np.testing.assert_allclose(by_start, expected, rtol=0, atol=1e-12)
+
+
+@robots
+@rules
+def test_unrolled_and_compact_sensitivities_agree(example: Example, rule: str):
+    unrolled, compact = (
+        sensitivities(example.model, rule, held_inputs(example), kind)[1] for kind in (ca.SX, ca.MX)
+    )
+    np.testing.assert_allclose(unrolled, compact, rtol=0, atol=1e-11)
+
+
+@rules
+def test_sensitivities_at_rest_are_finite(rule: str):
+    example = ROBOTS[0]
+    _, found = sensitivities(example.model, rule, np.zeros((SAMPLES, 2)))
+    assert not found[:, :, : len(example.model.parameters)].any()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from studies import GENETIC, IPOPT, saved_study, small
 
+from oed.criteria import E
 from oed.errors import PathFileError
 from oed.evaluation import evaluate
 from oed.path_file import read_trajectory
@@ -265,7 +266,7 @@ class TestBestOf:
         )
         (plain, settled), _ = search(make_study(tmp_path, text), seed=5, workers=1)
         assert settled.evaluation.log_determinant > plain.evaluation.log_determinant
-        assert best_of([plain, settled]) is best_of([settled, plain]) is settled
+        assert best_of([plain, settled], E()) is best_of([settled, plain], E()) is settled
 
     def test_nothing_feasible(self):
-        assert best_of([]) is None
+        assert best_of([], E()) is None

@@ -125,10 +125,14 @@ class Factor:
     def initial(self, matrix: Array) -> Array:
         """Entries of L for a numeric M; a little is added to one that has no factor."""
         columns, rows = np.triu_indices(self.size)  # column by column, as CasADi stores it
-        shift = 1e-6 * (1.0 + np.trace(matrix) / self.size)
-        smallest = np.linalg.eigvalsh(matrix)[0]
-        lifted = matrix + max(0.0, shift - smallest) * np.eye(self.size)
-        return np.asarray(np.linalg.cholesky(lifted)[rows, columns])
+        return np.asarray(np.linalg.cholesky(lifted(matrix))[rows, columns])
+
+
+def lifted(matrix: Array) -> Array:
+    """M, or where it has no factor a little more."""
+    shift = 1e-6 * (1.0 + abs(np.trace(matrix)) / len(matrix))
+    smallest = np.linalg.eigvalsh(matrix)[0]
+    return np.asarray(matrix + max(0.0, shift - smallest) * np.eye(len(matrix)))
 
 
 def factored(matrices: Sequence[Expression], objective: Callable[[Sequence[Factor]], Expression]) -> Epigraph:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
 from oed.component import Component
-from oed.criteria.criterion import Criterion, Epigraph, Factor, Subject, factored
+from oed.criteria.criterion import Criterion, Epigraph, Factor, Subject, factored, lifted
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.models.model import step
@@ -24,7 +25,7 @@ Array = npt.NDArray[np.float64]
 class Leg(Component):
     """A part of a test drive: inputs held [SI], and for how long [s]."""
 
-    inputs: Annotated[tuple[float, ...], Field(min_length=1)]
+    inputs: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
     duration: Annotated[Duration, Field(gt=0)]
 
 
@@ -54,9 +55,9 @@ class Prediction(Criterion):
         return self.model_copy(update={"rows": _nested(rows)})
 
     def flaws(self, subject: Subject) -> list[Flaw]:
-        """Legs with more or fewer inputs than the robot."""
+        """Legs with more or fewer inputs than the robot, parameters that do not move it."""
         names = subject.robot.input_names
-        return [
+        flaws = [
             Flaw(
                 ("criterion", "test_drive", index, "inputs"),
                 f"expected {len(names)} inputs ({', '.join(names)}), got {len(leg.inputs)}",
@@ -64,15 +65,23 @@ class Prediction(Criterion):
             for index, leg in enumerate(self.test_drive)
             if len(leg.inputs) != len(names)
         ]
+        own = {parameter.name for parameter in subject.robot.parameters}
+        strangers = [name for names in subject.parameters for name in names if name not in own]
+        if strangers:
+            text = f"predictions follow from the robot's parameters; {', '.join(strangers)} are none"
+            flaws.append(Flaw(("criterion", "kind"), text))
+        return flaws
 
     def variances(self, matrices: Sequence[Array]) -> Array:
         """Variance of each leg's prediction, (..., legs); infinite for a singular F."""
         total = np.zeros((*np.shape(matrices[0])[:-2], len(self.test_drive)))
         for matrix, rows in zip(matrices, self.rows, strict=True):
-            positive = np.linalg.eigvalsh(matrix)[..., 0] > 0
-            safe = np.where(positive[..., None, None], matrix, np.eye(matrix.shape[-1]))
-            inverse = np.linalg.inv(safe)
-            found = np.einsum("lci,...ij,lcj->...l", np.array(rows), inverse, np.array(rows))
+            # By eigenvalues: an inverse of a nearly singular matrix may not exist, nor be positive.
+            eigenvalues, vectors = np.linalg.eigh(matrix)
+            positive = eigenvalues[..., 0] > 0
+            safe = np.where(positive[..., None], eigenvalues, 1.0)
+            along = np.einsum("lci,...ij->...lcj", np.array(rows), vectors) ** 2
+            found = (along.sum(axis=-2) / safe[..., None, :]).sum(axis=-1)
             total = total + np.where(positive[..., None], found, np.inf)
         return np.asarray(total)
 
@@ -86,7 +95,7 @@ class Prediction(Criterion):
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's variance to this one's."""
-        return best / value if value < 0 else None
+        return best / value if value < 0 and math.isfinite(best) else None
 
 
 class G(Prediction):
@@ -107,7 +116,7 @@ class G(Prediction):
 
         def initial(numeric: Sequence[Array]) -> Array:
             entries = [factor.initial(each) for factor, each in zip(factors, numeric, strict=True)]
-            variances = self.variances(_lifted(numeric))
+            variances = self.variances([lifted(each) for each in numeric])
             start = 1.1 * float(variances.max())
             return np.concatenate([*entries, [start], np.sqrt(start - variances)])
 
@@ -129,11 +138,6 @@ class I(Prediction):  # noqa: E742
         return factored(
             matrices, lambda factors: -sum(self.symbolic_variances(factors)) / len(self.test_drive)
         )
-
-
-def _lifted(matrices: Sequence[Array]) -> list[Array]:
-    # As the factors begin: a singular matrix is raised a little.
-    return [each + 1e-6 * (1.0 + np.trace(each) / len(each)) * np.eye(len(each)) for each in matrices]
 
 
 def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:

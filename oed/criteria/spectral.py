@@ -15,6 +15,10 @@ from oed.expression import Expression
 Array = npt.NDArray[np.float64]
 
 
+FAINTEST = 1e-3
+"""Least eigenvalue, in the matrices' units (an optimiser's are typical ones), that modified E searches."""
+
+
 class E(Criterion):
     """E-optimality: the smallest eigenvalue, over all blocks [Choi, eq. 18].
 
@@ -56,7 +60,8 @@ class ModifiedE(Criterion):
     """Modified E-optimality: minus the condition number of F, the worst over the blocks.
 
     It asks for equally good precision in all directions, however poor. Maximised as -k with
-    s F - I = L L' and k I - s F = M M', s free: without a quotient of eigenvalues.
+    s F - I = L L' and k I - s F = M M', s free: without a quotient of eigenvalues. Only s <= 1/`FAINTEST`
+    keeps a search from drives that tell nothing, and that equally well.
     """
 
     kind: Literal["modified_E"] = "modified_E"
@@ -76,23 +81,25 @@ class ModifiedE(Criterion):
         worst = ca.SX.sym("k")
         variables, equalities, pairs = [worst], [], []
         for matrix in matrices:
-            size, scale = matrix.shape[0], ca.SX.sym("s")
+            size, spare = matrix.shape[0], ca.SX.sym("spare")
+            scale = 1 / (FAINTEST * (1 + spare**2))
             above, below = Factor("L", size), Factor("M", size)
             identity = ca.SX.eye(size)
             equalities.append(above.residuals(scale * matrix - identity))
             equalities.append(below.residuals(worst * identity - scale * matrix))
-            variables += [scale, above.variables, below.variables]
+            variables += [spare, above.variables, below.variables]
             pairs.append((above, below))
 
         def initial(numeric: Sequence[Array]) -> Array:
             # A little apart from the extremes, so that both factors exist.
-            smallest = [max(np.linalg.eigvalsh(each)[0], 1e-6 * np.trace(each)) for each in numeric]
+            smallest = [max(np.linalg.eigvalsh(each)[0], 1e-6 * np.trace(each), 1e-12) for each in numeric]
             largest = [np.linalg.eigvalsh(each)[-1] for each in numeric]
             start = 1.2 * max(top / low for top, low in zip(largest, smallest, strict=True))
             parts = [np.array([start])]
             for (above, below), matrix, low in zip(pairs, numeric, smallest, strict=True):
                 scaled, identity = 1.1 * matrix / low, np.eye(len(matrix))
-                parts += [np.array([1.1 / low]), above.initial(scaled - identity)]
+                beyond = max(low / (1.1 * FAINTEST) - 1, 0.0)
+                parts += [np.array([np.sqrt(beyond)]), above.initial(scaled - identity)]
                 parts.append(below.initial(start * identity - scaled))
             return np.concatenate(parts)
 

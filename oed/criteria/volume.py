@@ -41,7 +41,7 @@ class D(Criterion):
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """(det F / det F_best)^(1 / p)."""
-        return math.exp((value - best) / size)
+        return math.exp((value - best) / size) if math.isfinite(best) else None
 
 
 class A(Criterion):
@@ -67,4 +67,4 @@ class A(Criterion):
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's summed variances to this one's."""
-        return best / value if value < 0 else None
+        return best / value if value < 0 and math.isfinite(best) else None

@@ -122,7 +122,7 @@ class Displacements(Measurement):
             nominal,
             units=(unit,) * len(nominal),
             noise=noise,
-            information=self._information(matrix, coordinates),
+            information=lambda columns: self._information(columns, coordinates),
         )
 
     def _information(self, matrix: Expression, coordinates: int) -> Expression:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -47,7 +47,8 @@ class Block:
         units: their SI units ("" for a ratio).
         response: noise-free readings y (rows,).
         design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
-        information: W' K^-1 W (p + nuisances, p + nuisances) with the noise's covariance noise^2 K.
+        information: on chosen unknowns, by their indices among parameters and then nuisances, the others
+            known: W' K^-1 W of their columns, with the noise's covariance noise^2 K.
         noise: standard deviation that the information is still to be divided by, None where not known.
         nuisances: what is estimated along.
         raw: whether `scaling: none` leaves the noise out, as the paper does.
@@ -59,7 +60,7 @@ class Block:
     units: tuple[str, ...]
     response: Expression
     design_matrix: Expression
-    information: Expression
+    information: Callable[[Sequence[int]], Expression]
     noise: float | None
     nuisances: tuple[Nuisance, ...] = ()
     raw: bool = False
@@ -73,11 +74,13 @@ def regression(
     *,
     units: Sequence[str],
     noise: float | None,
-    information: Expression | None = None,
+    information: Callable[[Expression], Expression] | None = None,
 ) -> Block:
-    """The block of a linear regression y = W c + noise, independent from row to row unless its
-    `information` says otherwise; `scaling: none` is then W'W.
+    """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
+
+    Rows are independent and the information is W'W, unless `information` makes another of W's columns.
     """
+    weigh = information or _square
     return Block(
         name=name,
         parameters=tuple(parameters),
@@ -85,10 +88,14 @@ def regression(
         units=tuple(units),
         response=design_matrix @ ca.DM(nominal),
         design_matrix=design_matrix,
-        information=design_matrix.T @ design_matrix if information is None else information,
+        information=lambda chosen: weigh(design_matrix[:, list(chosen)]),
         noise=noise,
         raw=True,
     )
+
+
+def _square(columns: Expression) -> Expression:
+    return columns.T @ columns
 
 
 class Measurement(Component, ABC):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from oed.component import Component
 from oed.errors import Flaw
@@ -15,7 +15,7 @@ from oed.expression import Expression
 from oed.measurements.measurement import Nuisance
 from oed.measurements.sensor import InitialPose, LeverArm, Moment, Sensor
 from oed.models.model import Model
-from oed.quantities import Angle, Duration, Length, Unit
+from oed.quantities import Angle, Duration, Length, Unit, require_covariance
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -47,14 +47,16 @@ class AbsoluteNoise(Component):
     @field_validator("covariance")
     @classmethod
     def _is_a_covariance(cls, rows: Matrix | None) -> Matrix | None:
-        if rows is None:
-            return None
-        if any(len(row) != len(rows) for row in rows):
-            raise ValueError(f"expected a square matrix, got rows of {sorted({len(row) for row in rows})}")
-        matrix = np.array(rows)
-        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= 0:
-            raise ValueError("expected a symmetric, positive definite covariance matrix")
+        if rows is not None:
+            require_covariance(rows)
         return rows
+
+    @model_validator(mode="after")
+    def _one_way_to_give_it(self) -> AbsoluteNoise:
+        others = [name for name, value in self if name != "covariance" and value]
+        if self.covariance is not None and others:
+            raise ValueError(f"a covariance says it all: leave out {', '.join(others)}")
+        return self
 
     def deviation(self, quantity: Quantity) -> float | None:
         """Standard deviation at rest, SI; None where it is not given."""

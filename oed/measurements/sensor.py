@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from oed.component import Component
+from oed.errors import UserMistake
 from oed.expression import Expression
 from oed.measurements.measurement import Block, Measurement, Nuisance
 from oed.models.model import Model
@@ -156,6 +157,11 @@ def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) 
     )
     whole = sensor.joint_whitening
     if whole is not None:
+        rows = response.numel()
+        if len(whole) != rows:
+            raise UserMistake(
+                f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
+            )
         white_response, white_transposed = ca.DM(whole) @ ca.vec(response), transposed @ ca.DM(whole).T
     return Readings(ca.vec(response), transposed.T, whitening, ca.vec(white_response), white_transposed.T)
 
@@ -182,40 +188,86 @@ def _reading(sensor: Sensor, model: Model) -> ca.Function:
     )
 
 
+@dataclass(frozen=True)
+class JointReadings:
+    """The readings of all sensors of a drive, one below the other.
+
+    Attributes:
+        each: sensor by sensor.
+        nuisances: of all sensors, their names made unique.
+    """
+
+    each: tuple[Readings, ...]
+    nuisances: tuple[Nuisance, ...]
+    leading: int
+
+    @property
+    def response(self) -> Expression:
+        """Noise-free, (M,), SI."""
+        return ca.vertcat(*(one.response for one in self.each))
+
+    @property
+    def jacobian(self) -> Expression:
+        """By (parameters, start state, nuisances), (M, columns)."""
+        return self._stacked([one.jacobian for one in self.each])
+
+    @property
+    def white_jacobian(self) -> Expression:
+        """The same in units of the noise."""
+        return self._stacked([one.white_jacobian for one in self.each])
+
+    def _stacked(self, matrices: Sequence[Expression]) -> Expression:
+        # Parameters and start are common to all sensors, the other columns are each sensor's own.
+        widths = [matrix.shape[1] - self.leading for matrix in matrices]
+        rows = []
+        for index, matrix in enumerate(matrices):
+            before, after = sum(widths[:index]), sum(widths[index + 1 :])
+            count = matrix.shape[0]
+            own = [ca.DM(count, before), matrix[:, self.leading :], ca.DM(count, after)]
+            rows.append(ca.horzcat(matrix[:, : self.leading], *own))
+        return ca.vertcat(*rows)
+
+
+def joint_readings(
+    sensors: Sequence[Sensor], drive: Drive, nuisances: Expression | None = None
+) -> JointReadings:
+    """What all sensors read of `drive`, their nuisances (stacked) at nominal values or those given."""
+    each, found, first = [], list[Nuisance](), 0
+    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
+        own = sensor.nuisances
+        values = None if nuisances is None else nuisances[first : first + len(own)]
+        first += len(own)
+        each.append(readings(sensor, drive, values))
+        found += [replace(nuisance, name=f"{label}.{nuisance.name}") for nuisance in own]
+    leading = len(drive.model.parameters) + len(drive.model.states)
+    return JointReadings(tuple(each), tuple(found), leading)
+
+
 def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
     """The readings of all sensors as one estimation of the robot's parameters."""
     model = drive.model
     size = len(model.parameters)
-    start = start_nuisances(sensors, drive)
-    labels = sensor_labels(sensors)
-    nuisances, rows = list(start), []
-    own = [sensor.nuisances for sensor in sensors]
-    responses, widths = [], [len(entries) for entries in own]
-    for index, sensor in enumerate(sensors):
-        found = readings(sensor, drive)
-        responses.append(found.white_response)
-        matrix, count = found.white_jacobian, found.white_jacobian.shape[0]
-        before, after = sum(widths[:index]), sum(widths[index + 1 :])
-        parts = [matrix[:, :size], matrix[:, size : size + len(start)]]
-        parts += [ca.DM(count, before), matrix[:, size + len(model.states) :], ca.DM(count, after)]
-        rows.append(ca.horzcat(*parts))
-        nuisances += [_labelled(nuisance, labels[index]) for nuisance in own[index]]
-    design = ca.vertcat(*rows)
+    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, model)
+    nuisances = (*start, *joint.nuisances)
+    # A start pose that is known is no unknown.
+    own = list(range(joint.leading, joint.leading + len(joint.nuisances)))
+    design = joint.white_jacobian[:, [*range(size + len(start)), *own]]
     known = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
+    matrix = design.T @ design + ca.diag(ca.DM(known))
     return Block(
         name="joint",
         parameters=tuple(parameter.name for parameter in model.parameters),
         nominal=np.array(model.nominal, dtype=float),
         units=tuple(parameter.unit for parameter in model.parameters),
-        response=ca.vertcat(*responses),
+        response=ca.vertcat(*(one.white_response for one in joint.each)),
         design_matrix=design[:, :size],
-        information=design.T @ design + ca.diag(ca.DM(known)),
+        information=lambda chosen: matrix[list(chosen), list(chosen)],
         noise=1.0,
-        nuisances=tuple(nuisances),
+        nuisances=nuisances,
     )
 
 
-def start_nuisances(sensors: Sequence[Sensor], drive: Drive) -> tuple[Nuisance, ...]:
+def start_nuisances(sensors: Sequence[Sensor], model: Model) -> tuple[Nuisance, ...]:
     """The initial pose's coordinates that are estimated along; () where it is known or does not matter."""
     known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
     if not known or known[0] == "known":
@@ -224,18 +276,14 @@ def start_nuisances(sensors: Sequence[Sensor], drive: Drive) -> tuple[Nuisance, 
     deviations = (None,) * 3 if prior is None else (prior.position, prior.position, prior.heading)
     return tuple(
         Nuisance(f"initial_pose.{state}", 0.0, unit, deviation)
-        for state, unit, deviation in zip(drive.model.states, ("m", "m", "rad"), deviations, strict=True)
+        for state, unit, deviation in zip(model.states, ("m", "m", "rad"), deviations, strict=True)
     )
 
 
 def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
     """A name for each sensor: its kind, numbered from the second of a kind on."""
     labels: list[str] = []
-    for sensor in sensors:
-        before = sum(other.kind == sensor.kind for other in sensors[: len(labels)])
-        labels.append(sensor.kind if not before else f"{sensor.kind}_{before + 1}")
+    for index, sensor in enumerate(sensors):
+        before = sum(other.kind == sensor.kind for other in sensors[:index])
+        labels.append(f"{sensor.kind}_{before + 1}" if before else sensor.kind)
     return labels
-
-
-def _labelled(nuisance: Nuisance, label: str) -> Nuisance:
-    return Nuisance(f"{label}.{nuisance.name}", nuisance.nominal, nuisance.unit, nuisance.deviation)

@@ -40,6 +40,13 @@ class Several(Measurement):
         given = [entry for entry in known if entry is not None]
         for index, entry in enumerate(known):
             if entry is not None and entry != given[0]:
-                text = f"differs from the first sensor's ({given[0]}); there is one initial pose"
+                text = "differs from that of the sensors before; there is one initial pose"
                 flaws.append(Flaw(("measurement", index, "initial_pose"), text))
         return flaws
+
+
+def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
+    """The sensors of a measurement that are estimated from together; () for any other measurement."""
+    if isinstance(measurement, Several):
+        return measurement.sensors
+    return (measurement,) if isinstance(measurement, Sensor) else ()

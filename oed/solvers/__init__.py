@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+from oed.evaluation import evaluate
+from oed.identifiability import require_identifiable
 from oed.problem import Problem
 from oed.solution import Solution
 from oed.solvers.genetic import CmaEs, DifferentialEvolution, Genetic
@@ -33,11 +36,21 @@ def solve(
         workers: processes; by default one per processor. Does not change the result.
         progress: told how far the search is.
         earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
+
+    Raises:
+        ProblemError: parameters that no drive tells apart; it names them.
     """
     options = solver or Ipopt()
     chosen = seed if options.seed is None else options.seed
     context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
-    return options.search(problem, context)
+    own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
+    require_identifiable(own)
+    solution = options.search(own, context)
+    if own is problem:
+        return solution
+    # Found by another measure of quality, but told by the problem's.
+    evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
 
 
 __all__ = [

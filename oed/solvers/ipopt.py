@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
+from oed.criteria import D
 from oed.errors import Failure, Flaw, ProblemError
 from oed.problem import Problem
 from oed.quantities import Duration
@@ -163,6 +164,9 @@ class _Search:
     def _settle(self) -> None:
         options, best = self.options, self.best
         if options.second_stage == "none" or best is None or best.singular:
+            return
+        # Maximising log det is what the first stage of D has done.
+        if options.second_stage == "logdet" and isinstance(self.problem.criterion, D):
             return
         self.context.progress.begin("settle among equal optima", 1)
         settled = _work(self._task(best.unknowns, options.second_stage_share))

@@ -110,7 +110,11 @@ class DesignExpressions:
     def scale(self) -> float:
         """A typical lambda_min of the information: divides it in the program, so that it is of order 1."""
         rng = np.random.default_rng(0)
-        draws = rng.uniform(-1.0, 1.0, (200, self.size))
+        low, high = np.full((2, self.size), [[-1.0], [1.0]])
+        bounds = self.problem.input_bounds / self.input_scale[:, None]
+        count = self.coefficient_count
+        low[:count], high[:count] = np.repeat(bounds, len(self._free), axis=0).T
+        draws = rng.uniform(low, high, (200, self.size))
         *matrices, _ = self.scores.map(len(draws))(draws.T)
         smallest, means = [], []
         for stack in _stacks(matrices, len(draws)):

@@ -10,7 +10,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from oed.component import Component
+from oed.component import Component, OneOf
+from oed.criteria import CRITERIA, Criterion
 from oed.problem import Problem
 from oed.solution import Solution
 from oed.solvers.parallel import default_workers
@@ -44,11 +45,13 @@ class Solver(Component, ABC):
     Attributes:
         name: of its result; the kind by default.
         seed: instead of the study's.
+        criterion: instead of the problem's, to maximise; the design is scored by the problem's all the same.
     """
 
     kind: str
     name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
     seed: Annotated[int, Field(ge=0)] | None = None
+    criterion: Annotated[Criterion, OneOf(CRITERIA)] | None = None
 
     @property
     def label(self) -> str:

@@ -12,6 +12,7 @@ from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
 from scipy import stats
 
 from oed.errors import ProblemError
+from oed.estimators import EstimatorName, Heading, Regression, missing_noise
 from oed.evaluation import evaluate
 from oed.measurements import Displacements
 from oed.measurements.measurement import Measurement
@@ -21,7 +22,7 @@ from oed.solvers import Silent
 from oed.trajectory import DesignSpace, Spline, Trajectory
 from oed.validation import Validation, validate
 from oed.validation.checks import check_all
-from oed.validation.monte_carlo import BATCH, SHOWN, Experiment, missing_noise
+from oed.validation.monte_carlo import BATCH, SHOWN
 
 NOISE = {"position": "1 cm", "heading": "2 deg"}
 TEN_DEGREES = math.radians(10)
@@ -38,20 +39,34 @@ def make(regressor: str = "both", segments: int | str = 10, rule: str = "arc", *
 
 
 DRIVE = random_drive(make(), 3, 5.0)
+EVERY_WAY: tuple[tuple[EstimatorName, Heading], ...] = (
+    ("ols", "known"),
+    ("ols", "predicted"),
+    ("ols", "measured"),
+    ("errors_in_variables", "measured"),
+)
+every_way = pytest.mark.parametrize(("name", "heading"), EVERY_WAY)
 
 
 @cache
 def validated(
-    heading: str, regressor: str = "both", noise: tuple[str, str] = ("1 cm", "2 deg")
+    heading: Heading, regressor: str = "both", noise: tuple[str, str] = ("1 cm", "2 deg")
 ) -> Validation:
     problem = make(regressor, position=noise[0], heading=noise[1])
     return validate(problem, DRIVE, heading=heading, replicates=REPLICATES, seed=0)
 
 
-def simulated(problem: Problem, heading: str, replicates: int, drive: Trajectory = DRIVE, seed: int = 0):
-    """The experiment, and its estimates and linear estimates (R, p)."""
-    experiment = Experiment(problem, drive, heading)
-    return experiment, *experiment.estimate(np.random.default_rng(seed), replicates)
+def simulated(
+    problem: Problem,
+    heading: Heading,
+    replicates: int,
+    drive: Trajectory = DRIVE,
+    seed: int = 0,
+    name: EstimatorName = "ols",
+):
+    """The regression, and its estimates and linear estimates (R, p)."""
+    regression = Regression(problem, drive, name, heading)
+    return regression, *regression.replicate(np.random.default_rng(seed), replicates)
 
 
 class TestKnownHeading:
@@ -69,7 +84,7 @@ class TestKnownHeading:
         np.testing.assert_array_equal(estimates, linear)
 
     def test_the_paired_ratio_is_exactly_one(self):
-        np.testing.assert_array_equal(validated("known").paired_ratio, np.ones(4))
+        np.testing.assert_allclose(validated("known").paired_ratio, np.ones(4), rtol=1e-12)
         np.testing.assert_array_equal(validated("known").paired_error, np.zeros(4))
 
     def test_the_sample_covariance_is_within_its_interval(self):
@@ -94,12 +109,8 @@ class TestKnownHeading:
             result.true, [RADIUS / TRACK, -RADIUS / TRACK, RADIUS / 2, RADIUS / 2], rtol=1e-14
         )
         assert validated("known", "position").parameters == ("c21", "c22")
-        assert (result.replicates, result.seed, result.alpha, result.heading) == (
-            REPLICATES,
-            0,
-            0.01,
-            "known",
-        )
+        assert (result.replicates, result.seed, result.alpha) == (REPLICATES, 0, 0.01)
+        assert (result.estimator, result.heading) == ("ols", "known")
         assert result.estimates.shape == (SHOWN, 4)
         standard_errors = np.sqrt(np.diag(result.promised) / REPLICATES)
         assert np.all(np.abs(result.mean - result.true) < 4 * standard_errors)
@@ -116,9 +127,9 @@ class TestNegativeControls:
     @staticmethod
     def passes(seed: int, replicates: int, factor: float) -> bool:
         """Whether `factor` times the right covariance passes."""
-        experiment, estimates, _ = simulated(make(), "known", replicates, seed=seed)
-        assert experiment.promised.shape == (4, 4)
-        checks = check_all(estimates - experiment.true, factor * experiment.promised, 0.01)
+        regression, estimates, _ = simulated(make(), "known", replicates, seed=seed)
+        assert regression.promised.shape == (4, 4)
+        checks = check_all(estimates - regression.true, factor * regression.promised, 0.01)
         return all(check.passed for check in checks)
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
@@ -135,8 +146,7 @@ class TestNegativeControls:
         # Differences D n of absolute positions: neighbouring displacements share an error, so the naive
         # 2 sigma^2 (W'W)^-1 is wrong; the sandwich sigma^2 S W' D D' W S is right.
         problem, sigma = make("position"), 0.01
-        experiment = Experiment(problem, DRIVE, "known")
-        design = experiment.regressors.nominal_designs["position"]
+        design = Regression(problem, DRIVE, "ols").regressors.nominal_designs["position"]
         segments = len(design) // 2
         differences = np.kron(np.diff(np.eye(segments + 1), axis=0), np.eye(2))
         noise = sigma * np.random.default_rng(seed).standard_normal((REPLICATES, 2 * (segments + 1)))
@@ -178,15 +188,29 @@ class TestPredictedHeading:
     def test_estimates_are_least_squares_with_predicted_headings(self):
         # By the oracle: y from the true drive and noise, W from the headings of the first estimate.
         problem = make(position="0.001 mm", heading="2 deg")
-        experiment, estimates, _ = simulated(problem, "predicted", 20)
+        regression, estimates, _ = simulated(problem, "predicted", 20)
         edges = problem.measurement.segment_edges(40)
-        true = experiment.regressors.nominal_designs["position"] @ experiment.regressors.true["position"]
+        true = regression.regressors.nominal_designs["position"] @ regression.regressors.true["position"]
         for estimate in estimates:
             rates = DRIVE.inputs @ estimate[:2]
             headings = DRIVE.period * np.concatenate([[0.0], np.cumsum(rates)[:-1]])
             _, design = oracle.segment_regressors(DRIVE.inputs, headings, rates, DRIVE.period, edges, "arc")
             expected = np.linalg.lstsq(design, true, rcond=None)[0]
             np.testing.assert_allclose(estimate[2:], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "heading"), EVERY_WAY[1:])
+def test_linear_estimates_hold_the_first_order_of_all_noise(name: EstimatorName, heading: Heading):
+    # Half the noise, drawn alike, leaves a quarter of what is not linear.
+    whole, half = (
+        simulated(make(position=f"{size} mm", heading=f"{size} deg"), heading, 200, name=name)
+        for size in (0.2, 0.1)
+    )
+    regression, estimates, linear = whole
+    np.testing.assert_allclose(linear - regression.true, 2 * (half[2] - regression.true), atol=1e-12)
+    rest, quarter = np.abs(estimates - linear).sum(), np.abs(half[1] - half[2]).sum()
+    assert 0 < rest < 0.05 * np.abs(linear - regression.true).sum()
+    assert quarter == pytest.approx(rest / 4, rel=0.02)
 
 
 def long_drive(segments: int | str) -> tuple[Problem, Trajectory]:
@@ -204,50 +228,51 @@ class TestMeasuredHeading:
 
     shrink = math.exp(-(TEN_DEGREES**2) / 2)
 
-    def paired_bias(self, heading: str, segments: int | str, replicates: int = 800):
+    def paired_bias(self, name: EstimatorName, segments: int | str, replicates: int = 800):
         """Mean of (estimate - linear estimate) / truth and its standard error, (p,) each."""
         problem, drive = long_drive(segments)
-        experiment, estimates, linear = simulated(problem, heading, replicates, drive)
-        shares = (estimates - linear) / experiment.true
-        return experiment, shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(replicates)
+        regression, estimates, linear = simulated(problem, "measured", replicates, drive, name=name)
+        shares = (estimates - linear) / regression.true
+        return regression, shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(replicates)
 
     def test_ten_degrees(self):
         assert self.shrink - 1 == pytest.approx(-0.0151, abs=5e-5)
 
     def test_per_sample_estimates_shrink(self):
-        _, bias, error = self.paired_bias("measured", "samples")
+        _, bias, error = self.paired_bias("ols", "samples")
         assert error.max() < 5e-4
         np.testing.assert_allclose(bias, self.shrink - 1, atol=4 * error.max())
 
     def test_per_segment_estimates_tend_to_the_formula(self):
         # [k^2 W'W + (1 - k^2) S1]^-1 k W'W c with S1 the sum of the samples' own W'W.
-        experiment, bias, error = self.paired_bias("measured", 100)
-        design, k = experiment.regressors.nominal_designs["position"], self.shrink
+        regression, bias, error = self.paired_bias("ols", 100)
+        design, k = regression.regressors.nominal_designs["position"], self.shrink
         information = design.T @ design
-        rows = experiment.regressors.per_sample.reshape(-1, 2)
+        rows = regression.regressors.per_sample.reshape(-1, 2)
         own = rows.T @ rows
         normal = k**2 * information + (1 - k**2) * own
-        limit = np.linalg.solve(normal, k * information @ experiment.true)
-        expected = limit / experiment.true - 1
+        limit = np.linalg.solve(normal, k * information @ regression.true)
+        expected = limit / regression.true - 1
         assert np.abs(expected).min() > 20 * error.max()
         np.testing.assert_allclose(bias, expected, atol=4 * error.max() + 0.05 * np.abs(expected).max())
 
     @pytest.mark.parametrize("segments", ["samples", 100])
     def test_the_correction_removes_it(self, segments):
-        _, bias, error = self.paired_bias("corrected", segments)
+        _, bias, error = self.paired_bias("errors_in_variables", segments)
         assert error.max() < 2e-4
         assert np.abs(bias).max() < 5e-4 + 3 * error.max()
 
     def test_without_noise_all_agree(self):
         problem = make("position", position="1 cm", heading="1e-6 deg")
         expected = simulated(problem, "known", 100)[1]
-        for heading in ("measured", "corrected", "predicted"):
-            _, found, linear = simulated(problem, heading, 100)
-            np.testing.assert_allclose(found, linear, atol=1e-8)
         assert expected.shape == (100, 2)
+        for name, heading in EVERY_WAY[1:]:
+            _, found, linear = simulated(problem, heading, 100, name=name)
+            np.testing.assert_allclose(found, linear, atol=1e-8)
 
-    def test_only_positions_are_concerned(self):
-        _, estimates, linear = simulated(make(), "measured", 50)
+    @pytest.mark.parametrize("name", ["ols", "errors_in_variables"])
+    def test_only_positions_are_concerned(self, name: EstimatorName):
+        _, estimates, linear = simulated(make(), "measured", 50, name=name)
         np.testing.assert_array_equal(estimates[:, :2], linear[:, :2])
 
 
@@ -260,10 +285,11 @@ def same(first: Validation, second: Validation) -> None:
 
 
 class TestSeed:
-    @pytest.mark.parametrize("heading", ["known", "predicted", "measured", "corrected"])
-    def test_the_same_seed_gives_the_same_result(self, heading: str):
+    @every_way
+    def test_the_same_seed_gives_the_same_result(self, name: EstimatorName, heading: Heading):
         first, again, other = (
-            validate(make(), DRIVE, heading=heading, replicates=300, seed=seed) for seed in (1, 1, 2)
+            validate(make(), DRIVE, estimator=name, heading=heading, replicates=300, seed=seed)
+            for seed in (1, 1, 2)
         )
         np.testing.assert_array_equal(first.estimates, again.estimates)
         np.testing.assert_array_equal(first.sampled, again.sampled)
@@ -271,7 +297,7 @@ class TestSeed:
 
     @pytest.mark.slow
     @pytest.mark.parametrize("heading", ["known", "predicted"])
-    def test_whatever_the_workers(self, heading: str):
+    def test_whatever_the_workers(self, heading: Heading):
         replicates = 2 * BATCH + 500
         single, double = (
             validate(make(), DRIVE, heading=heading, replicates=replicates, seed=1, workers=workers)
@@ -314,11 +340,13 @@ class TestMistakes:
             ("both", "known", {"position": 0.1}, ["heading"]),
             ("position", "predicted", {"position": 0.1}, ["heading"]),
             ("position", "measured", {"heading": 0.1}, ["position"]),
-            ("position", "corrected", {"position": 0.1}, ["heading"]),
+            ("position", "measured", {"position": 0.1}, ["heading"]),
             ("position", "known", {"position": 0.1}, []),
         ],
     )
-    def test_missing_noise(self, regressor: str, heading: str, noise: dict[str, float], missing: list[str]):
+    def test_missing_noise(
+        self, regressor: str, heading: Heading, noise: dict[str, float], missing: list[str]
+    ):
         problem = make(regressor, **noise)
         assert missing_noise(problem.measurement, heading) == missing
         if missing:

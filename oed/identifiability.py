@@ -1,0 +1,134 @@
+"""Can the parameters be told apart at all? Asked before a search, and answered in words.
+
+A combination of parameters that no drive tells is a null vector of the information of several random
+drives together, the initial pose and all nuisances eliminated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.errors import Flaw, ProblemError
+from oed.evaluation import SINGULAR, evaluate
+from oed.problem import Estimation, Problem
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+
+DRIVES = 6
+"""Random drives whose information is added up: what none of them tells, no drive does."""
+STEP = 0.01
+"""Change of the first parameter, relative to its nominal value, by which a combination is described."""
+NEGLIGIBLE = 1e-5
+"""Share of the largest change below which a parameter is not part of a combination."""
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """A combination of parameters that no drive tells.
+
+    Attributes:
+        changes: of the parameters, SI, that together change nothing that is measured.
+        relative: the same as shares of the nominal values, where these are not 0.
+    """
+
+    changes: Mapping[str, float]
+    relative: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """In words."""
+        names = list(self.changes)
+        if len(names) == 1:
+            return f"{names[0]} changes nothing that is measured"
+        phrases = [
+            f"{name} by {100 * self.relative[name]:+.3g} %"
+            if name in self.relative
+            else f"{name} by {self.changes[name]:+.3g} (SI)"
+            for name in names
+        ]
+        return (
+            f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart: changing "
+            f"{', '.join(phrases[:-1])} and {phrases[-1]} together changes nothing that is measured"
+        )
+
+
+def require_identifiable(problem: Problem) -> None:
+    """Refuse a problem whose parameters no drive tells apart.
+
+    Raises:
+        ProblemError: names every combination that cannot be told, and what to do.
+    """
+    found = ambiguities(problem)
+    if not found:
+        return
+    remedy = "Take one of them as known (leave it out of `estimate`), give a `prior`, or measure more."
+    key = "measurement" if problem.estimate is None else "estimate"
+    raise ProblemError([Flaw((key,), f"{'; '.join(map(str, found))}. {remedy}")])
+
+
+def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
+    """Every combination of parameters that no drive of the design space tells."""
+    rng = np.random.default_rng(0)
+    totals: dict[str, Array] = {}
+    for _ in range(drives):
+        for name, matrix in evaluate(problem, _random_drive(problem, rng)).information.items():
+            totals[name] = totals.get(name, 0.0) + matrix
+    return tuple(
+        ambiguity
+        for one in problem.any_estimations
+        for ambiguity in _null_combinations(one, totals[one.block.name])
+    )
+
+
+def _null_combinations(one: Estimation, matrix: Array) -> list[Ambiguity]:
+    nominal = one.nominal[: len(one.judged)]
+    sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
+    factors = sizes / one.scales
+    eigenvalues, vectors = np.linalg.eigh(matrix * np.outer(factors, factors))
+    untold = eigenvalues <= SINGULAR * max(eigenvalues[-1], 0.0)
+    return [_ambiguity(one, row * sizes) for row in _reduced(vectors[:, untold].T)]
+
+
+def _reduced(rows: Array) -> Array:
+    # Gauss-Jordan elimination: combinations of as few parameters as possible.
+    rows = rows.copy()
+    for index in range(len(rows)):
+        rest = np.abs(rows[index:])
+        pivot_row, pivot = divmod(int(np.argmax(rest)), rest.shape[1])
+        rows[[index, index + pivot_row]] = rows[[index + pivot_row, index]]
+        rows[index] /= rows[index, pivot]
+        others = np.arange(len(rows)) != index
+        rows[others] -= np.outer(rows[others, pivot], rows[index])
+    return rows
+
+
+def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
+    nominal = one.nominal[: len(one.judged)]
+    sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
+    shares = changes / sizes
+    shares[np.abs(shares) < NEGLIGIBLE * np.abs(shares).max()] = 0.0
+    first = int(np.flatnonzero(shares)[0])
+    shares *= STEP / shares[first]
+    chosen = np.flatnonzero(shares)
+    return Ambiguity(
+        changes={one.judged[index]: float(shares[index] * sizes[index]) for index in chosen},
+        relative={
+            one.judged[index]: float(shares[index] * np.sign(nominal[index]))
+            for index in chosen
+            if nominal[index] != 0
+        },
+    )
+
+
+def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
+    # Whether it keeps to the room does not matter here.
+    space, bounds = problem.design, problem.input_bounds
+    coefficients = np.clip(np.zeros((space.spline.coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
+    rows = coefficients[space.free_rows]
+    rows[:] = rng.uniform(bounds[:, 0], bounds[:, 1], rows.shape)
+    start = space.fixed_start
+    return space.trajectory(coefficients, rng.uniform(-1, 1, 3) if start is None else start)
