@@ -10,31 +10,54 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from oed.criteria import A as A
     from oed.criteria import Criterion as Criterion
+    from oed.criteria import D as D
     from oed.criteria import E as E
+    from oed.criteria import G as G
+    from oed.criteria import I as I
+    from oed.criteria import ModifiedE as ModifiedE
     from oed.errors import Failure as Failure
     from oed.errors import OedError as OedError
     from oed.errors import ProblemError as ProblemError
     from oed.errors import StudyError as StudyError
     from oed.errors import UserMistake as UserMistake
+    from oed.estimators import Estimate as Estimate
+    from oed.estimators import Estimator as Estimator
+    from oed.estimators import Nonlinear as Nonlinear
+    from oed.estimators import Regression as Regression
+    from oed.estimators import make_estimator as make_estimator
     from oed.evaluation import Evaluation as Evaluation
     from oed.evaluation import Margin as Margin
     from oed.evaluation import evaluate as evaluate
+    from oed.identifiability import ambiguities as ambiguities
     from oed.limits import Limit as Limit
     from oed.limits import Rectangle as Rectangle
     from oed.limits import Rows as Rows
     from oed.limits import WheelAcceleration as WheelAcceleration
     from oed.limits import WheelSpeed as WheelSpeed
     from oed.limits import Workspace as Workspace
+    from oed.measurements import AbsoluteNoise as AbsoluteNoise
     from oed.measurements import Block as Block
     from oed.measurements import Displacements as Displacements
+    from oed.measurements import LeverArm as LeverArm
     from oed.measurements import Measurement as Measurement
+    from oed.measurements import Moment as Moment
+    from oed.measurements import Nuisance as Nuisance
     from oed.measurements import PoseNoise as PoseNoise
+    from oed.measurements import PosePrior as PosePrior
+    from oed.measurements import Poses as Poses
+    from oed.measurements import Ranges as Ranges
+    from oed.measurements import Sensor as Sensor
+    from oed.measurements import Several as Several
+    from oed.measurements import YawRate as YawRate
+    from oed.measurements import regression as regression
     from oed.models import DifferentialDrive as DifferentialDrive
     from oed.models import Model as Model
     from oed.models import SkidSteer as SkidSteer
     from oed.path_file import read_trajectory as read_trajectory
     from oed.path_file import write_trajectory as write_trajectory
+    from oed.prior import Prior as Prior
     from oed.problem import Problem as Problem
     from oed.record import Record as Record
     from oed.record import load_record as load_record
@@ -61,23 +84,106 @@ if TYPE_CHECKING:
     from oed.validation import validate as validate
 
 _HOMES = {
-    "oed.criteria": ("Criterion", "E"),
-    "oed.errors": ("Failure", "OedError", "ProblemError", "StudyError", "UserMistake"),
-    "oed.evaluation": ("Evaluation", "Margin", "evaluate"),
-    "oed.limits": ("Limit", "Rectangle", "Rows", "WheelAcceleration", "WheelSpeed", "Workspace"),
-    "oed.measurements": ("Block", "Displacements", "Measurement", "PoseNoise"),
-    "oed.models": ("DifferentialDrive", "Model", "SkidSteer"),
-    "oed.path_file": ("read_trajectory", "write_trajectory"),
+    "oed.criteria": (
+        "A",
+        "Criterion",
+        "D",
+        "E",
+        "G",
+        "I",
+        "ModifiedE",
+    ),
+    "oed.errors": (
+        "Failure",
+        "OedError",
+        "ProblemError",
+        "StudyError",
+        "UserMistake",
+    ),
+    "oed.estimators": (
+        "Estimate",
+        "Estimator",
+        "Nonlinear",
+        "Regression",
+        "make_estimator",
+    ),
+    "oed.evaluation": (
+        "Evaluation",
+        "Margin",
+        "evaluate",
+    ),
+    "oed.identifiability": ("ambiguities",),
+    "oed.limits": (
+        "Limit",
+        "Rectangle",
+        "Rows",
+        "WheelAcceleration",
+        "WheelSpeed",
+        "Workspace",
+    ),
+    "oed.measurements": (
+        "AbsoluteNoise",
+        "Block",
+        "Displacements",
+        "LeverArm",
+        "Measurement",
+        "Moment",
+        "Nuisance",
+        "PoseNoise",
+        "PosePrior",
+        "Poses",
+        "Ranges",
+        "Sensor",
+        "Several",
+        "YawRate",
+        "regression",
+    ),
+    "oed.models": (
+        "DifferentialDrive",
+        "Model",
+        "SkidSteer",
+    ),
+    "oed.path_file": (
+        "read_trajectory",
+        "write_trajectory",
+    ),
+    "oed.prior": ("Prior",),
     "oed.problem": ("Problem",),
-    "oed.record": ("Record", "load_record", "save_record"),
+    "oed.record": (
+        "Record",
+        "load_record",
+        "save_record",
+    ),
     "oed.report": ("write_report",),
     "oed.rollout": ("Drive",),
     "oed.runner": ("run",),
-    "oed.solution": ("Solution", "Status"),
-    "oed.solvers": ("CmaEs", "DifferentialEvolution", "Genetic", "Ipopt", "Solver", "solve"),
-    "oed.study": ("Study", "load_study", "parse_study"),
-    "oed.validation": ("Validation", "validate"),
-    "oed.trajectory": ("DesignSpace", "Spline", "StartPose", "Trajectory"),
+    "oed.solution": (
+        "Solution",
+        "Status",
+    ),
+    "oed.solvers": (
+        "CmaEs",
+        "DifferentialEvolution",
+        "Genetic",
+        "Ipopt",
+        "Solver",
+        "solve",
+    ),
+    "oed.study": (
+        "Study",
+        "load_study",
+        "parse_study",
+    ),
+    "oed.trajectory": (
+        "DesignSpace",
+        "Spline",
+        "StartPose",
+        "Trajectory",
+    ),
+    "oed.validation": (
+        "Validation",
+        "validate",
+    ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -19,6 +19,8 @@ PER_SAMPLE = 4
 """Points drawn per sample of a smooth input."""
 MOST_POINTS = 1500
 """Points drawn per input at most."""
+NOWHERE = 1e-3
+"""Path length [m] below which a drive goes nowhere."""
 
 
 def with_drive(record: Record) -> list[Entry]:
@@ -36,12 +38,38 @@ def value(entry: Entry, key: str) -> float | None:
 
 
 def heading(entry: Entry) -> str:
-    """A result's name in words, and on a second line its variant and that its drive breaks limits."""
+    """A result's name in words, and below it its variant, that it stays on the spot, that it breaks limits."""
     name, variant, _ = str(entry["name"]).partition("_same_length")
     broken = [words(limit) for limit in entry["violations"]]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
-    notes = (["same length"] if variant else []) + ([f"breaks {what}"] if broken else [])
-    return "\n".join(filter(None, [words(name), ", ".join(notes)]))
+    notes = ["same length"] if variant else []
+    notes += ["on the spot"] if on_the_spot(entry) else []
+    return "\n".join(filter(None, [words(name), ", ".join(notes), f"breaks {what}" if broken else ""]))
+
+
+def on_the_spot(entry: Entry) -> bool:
+    """Whether a drive goes nowhere: it turns, or rests."""
+    length = value(entry, "path_length")
+    return length is not None and length < NOWHERE
+
+
+def is_regression(record: Record) -> bool:
+    """Whether the displacements of segments are measured, the paper's way, rather than sensors read."""
+    return str(record.data["study"]["measurement"]["kind"]) == "displacements"
+
+
+def sensors(record: Record) -> list[Mapping[str, Any]]:
+    """The sensors that are read; [] where displacements are measured."""
+    measurement = record.data["study"]["measurement"]
+    if is_regression(record):
+        return []
+    return list(measurement["sensors"]) if measurement["kind"] == "several" else [measurement]
+
+
+def beacons(record: Record) -> Array:
+    """Positions (n, 2) [m] of all beacons that distances are measured to."""
+    found = [place for sensor in sensors(record) for place in sensor.get("beacons", [])]
+    return np.array(found, dtype=float).reshape(-1, 2)
 
 
 def blocks(record: Record) -> list[str]:
@@ -64,10 +92,8 @@ def limit_bounds(record: Record, name: str) -> tuple[float, float] | None:
 
 def solver_options(record: Record, entry: Entry) -> Mapping[str, Any]:
     """The study's options of the search that made a result; {} for anything but a search."""
-    same_kind = [other["name"] for other in record.results if other["kind"] == entry["kind"]]
-    solvers = [solver for solver in record.data["study"]["solvers"] if solver["kind"] == entry["kind"]]
-    index = same_kind.index(entry["name"])
-    return solvers[index] if index < len(solvers) else {}
+    solvers = [] if entry["kind"] == "baseline" else record.data["study"]["solvers"]
+    return next((one for one in solvers if (one.get("name") or one["kind"]) == entry["name"]), {})
 
 
 @dataclass(frozen=True)

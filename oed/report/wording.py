@@ -2,19 +2,54 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 from oed.report.tables import significant
 
 READABLE_UNITS = {"m": ("cm", 100.0)}
-"""SI unit -> unit in which parameters and their deviations are shown, and its factor."""
+"""SI unit -> unit in which parameters are shown, and its factor."""
+
+DEGREES = 180.0 / math.pi
+
+FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
+    "m": (("cm", 1e2), ("mm", 1e3), ("µm", 1e6)),
+    "": (("", 1.0), ("×10⁻³", 1e3), ("×10⁻⁶", 1e6)),
+    "rad": (("deg", DEGREES),),
+    "rad/s": (("deg/s", DEGREES),),
+}
+"""SI unit -> units in which deviations are shown, coarse to fine, and their factors."""
+
+LEAST = {"": 0.01}
+"""Least number that is shown of a deviation before the next finer unit is taken; 0.1 for other units."""
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
     """A parameter's value and unit as shown: lengths in cm."""
     shown, factor = READABLE_UNITS.get(unit, (unit, 1.0))
     return value * factor, shown
+
+
+def fine_unit(size: float | None, unit: str, least: float | None = None) -> tuple[str, float]:
+    """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read."""
+    choices = FINE_UNITS.get(unit, ((unit, 1.0),))
+    if size is None or not math.isfinite(size) or size <= 0:
+        return choices[0]
+    enough = LEAST.get(unit, 0.1) if least is None else least
+    return next((choice for choice in choices if size * choice[1] >= enough), choices[-1])
+
+
+def deviation_text(size: float, unit: str) -> str:
+    """A standard deviation [SI] in the unit that suits it: `30.3 µm`."""
+    shown, factor = fine_unit(size, unit)
+    return quantity(size * factor, shown)
+
+
+def given_text(size: float, unit: str) -> str:
+    """A quantity [SI] that somebody chose, without idle digits: `1 cm`, `2.5 deg`."""
+    shown, factor = fine_unit(abs(size), unit, least=1 - 1e-9)
+    return f"{size * factor:.4g} {unit_text(shown)}".strip()
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:

@@ -321,6 +321,9 @@ PLAIN = CASES[0]
 
 cases = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 losses = pytest.mark.parametrize("loss", ROBUST)
+simulated_losses = pytest.mark.parametrize(
+    "loss", ["huber", *(pytest.param(loss, marks=pytest.mark.slow) for loss in ROBUST[1:])]
+)
 
 
 def assert_same_estimate(found: np.ndarray, expected: np.ndarray, covariance: np.ndarray, share: float):
@@ -593,7 +596,7 @@ class TestRobust:
         assert np.all(np.diag(found.promised) > np.diag(case.covariance) * 1.01)
         np.testing.assert_array_equal(found.linear_covariance, case.estimator.promised)
 
-    @losses
+    @simulated_losses
     def test_the_covariance_is_what_is_simulated(self, loss: Loss):
         # Each estimate is paired with H^-1 (J' psi(z) + P z_0), whose covariance the formula is.
         case = LONG
@@ -607,11 +610,11 @@ class TestRobust:
             found = estimator.fit(exact + white / np.diag(case.whitener)).values - estimator.true
             first = (inverse @ jacobian.T @ PSI[loss](white))[:3]
             differences.append((found**2 - first**2) / np.diag(estimator.promised))
-        print(np.mean(differences, axis=0), np.std(differences, axis=0) / math.sqrt(REPLICATES))
-        assert np.abs(np.mean(differences, axis=0)).max() < 0.05
-        assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.03
+        # What is left is of the order of unknowns over readings.
+        assert np.abs(np.mean(differences, axis=0)).max() < 0.04
+        assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.02
 
-    @losses
+    @simulated_losses
     def test_it_passes_the_checks(self, loss: Loss):
         result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
         assert result.passed
@@ -701,9 +704,8 @@ def simulated(workers: int, loss: Loss = "linear"):
 
 class TestWorkers:
     @cases
-    @pytest.mark.parametrize("loss", ["linear", "huber"])
-    def test_workers_get_the_same(self, case: Case, loss: Loss):
-        estimator = Nonlinear(case.problem, case.drive, loss)
+    def test_workers_get_the_same(self, case: Case):
+        estimator = Nonlinear(case.problem, case.drive, "huber")
         estimator.replicate(np.random.default_rng(1), 1)
         again = pickle.loads(pickle.dumps(estimator))
         found, expected = (

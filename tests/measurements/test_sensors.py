@@ -297,7 +297,7 @@ class TestSeveral:
             problem_of(Several(sensors=[noise, poses, ranges]))
         (flaw,) = caught.value.flaws
         assert flaw.key == ("measurement", 2, "initial_pose")
-        assert "differs from that of the sensors before (unknown)" in flaw.message
+        assert "differs from that of the sensors before" in flaw.message
 
     def test_flaws_of_every_sensor_are_listed(self):
         good = Poses(noise={"position": 1e-3, "heading": 0.1})

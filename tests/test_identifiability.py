@@ -1,0 +1,499 @@
+"""Which parameters no drive tells apart, in words: slip laws as they are in the field, and plain loops as judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+
+import oed
+from oed.criteria import D, E
+from oed.errors import ProblemError
+from oed.evaluation import evaluate
+from oed.expression import Expression
+from oed.identifiability import STEP, ambiguities, require_identifiable
+from oed.measurements import Displacements, Measurement, Poses, Ranges, Several, YawRate
+from oed.models import DifferentialDrive, Model, Parameter, SkidSteer
+from oed.models.wheels import TWO_WHEEL_SPEEDS
+from oed.prior import Prior
+from oed.problem import Problem
+from oed.solution import Solution
+from oed.solvers import Context, Ipopt, Solver
+from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+
+OUTER, INNER = 0.1, -0.05
+POSES = Poses(noise={"position": 2e-3, "heading": 0.02})
+HEADINGS = Poses(quantities=("heading",), noise={"heading": 0.02})
+GYRO = YawRate(noise=0.01)
+RANGES = Ranges(beacons=((4, 3), (-3, 2)), noise=0.01)
+START = (0.2, -0.1, 0.4)
+
+
+class OneRadius(Model):
+    """Two sides with one wheel radius and a slip each; a law says which slip a side has."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        first, second = self.slips
+        return (
+            Parameter("radius", RADIUS, "m"),
+            Parameter("track", TRACK, "m"),
+            Parameter(first, OUTER, ""),
+            Parameter(second, INNER, ""),
+        )
+
+    inputs: ClassVar = TWO_WHEEL_SPEEDS
+    slips: ClassVar[tuple[str, str]]
+
+    def sides(self, inputs: Expression, first: Expression, second: Expression):
+        """Slip of the right and of the left side."""
+        raise NotImplementedError
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        radius, track, first, second = (parameters[index] for index in range(4))
+        right_slip, left_slip = self.sides(inputs, first, second)
+        right = radius * inputs[0] * (1 - right_slip)
+        left = radius * inputs[1] * (1 - left_slip)
+        return ca.vertcat((right + left) / 2, 0, (right - left) / track)
+
+
+class SlipOfEachSide(OneRadius):
+    """A constant slip of the right and of the left side."""
+
+    kind: Literal["slip_of_each_side"] = "slip_of_each_side"
+    slips: ClassVar = ("slip_right", "slip_left")
+
+    def sides(self, inputs, first, second):
+        return first, second
+
+
+class SlipInCurves(OneRadius):
+    """A slip of the outer and of the inner side of a curve; none on a straight."""
+
+    kind: Literal["slip_in_curves"] = "slip_in_curves"
+    slips: ClassVar = ("slip_outer", "slip_inner")
+    width: float = 0.5
+
+    def sides(self, inputs, first, second):
+        turning = ca.tanh((inputs[0] - inputs[1]) / self.width)
+        right_is_outer = (1 + turning) / 2
+        right = second + (first - second) * right_is_outer
+        left = first + (second - first) * right_is_outer
+        return turning**2 * right, turning**2 * left
+
+
+class TwoRadii(SlipOfEachSide):
+    """A radius and a slip for each side."""
+
+    kind: Literal["two_radii"] = "two_radii"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter("radius_right", RADIUS, "m"),
+            Parameter("radius_left", RADIUS, "m"),
+            Parameter("track", TRACK, "m"),
+            Parameter("slip_right", OUTER, ""),
+            Parameter("slip_left", INNER, ""),
+        )
+
+    def twist(self, inputs, parameters):
+        right = parameters[0] * inputs[0] * (1 - parameters[3])
+        left = parameters[1] * inputs[1] * (1 - parameters[4])
+        return ca.vertcat((right + left) / 2, 0, (right - left) / parameters[2])
+
+
+DIFFERENTIAL = DifferentialDrive(wheel_radius=RADIUS, track=TRACK)
+SKID = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=OUTER, slip_inner=INNER)
+SKID_NAMES = ("wheel_radius_right", "wheel_radius_left", "track", "slip_outer", "slip_inner")
+C = ("c11", "c12", "c21", "c22")
+
+
+def problem_of(model: Model, measurement: Measurement = POSES, **parts) -> Problem:
+    x, y, heading = START
+    space = DesignSpace(
+        duration=10,
+        samples=40,
+        spline=Spline(coefficients=8),
+        start=StartPose(x=x, y=y, heading=heading),
+    )
+    given = {"limits": (SPEED,), "criterion": E(), "design": space, **parts}
+    return make_problem(model=model, measurement=measurement, **given)
+
+
+def names_of(problem: Problem) -> list[tuple[str, ...]]:
+    """The parameters of each combination that no drive tells."""
+    return [tuple(ambiguity.changes) for ambiguity in ambiguities(problem)]
+
+
+def piecewise(*pieces: Sequence[float]) -> Trajectory:
+    """Wheel speeds held for equal parts of 40 samples."""
+    count = 40 // len(pieces)
+    return Trajectory.from_samples(
+        np.repeat(pieces, count, axis=0), count * len(pieces) / 4, START, rest_to_rest=False
+    )
+
+
+def rank(problem: Problem, drive: Trajectory) -> int:
+    """How many combinations of parameters a drive tells."""
+    eigenvalues = np.linalg.eigvalsh(evaluate(problem, drive).information["joint"])
+    return int(np.count_nonzero(eigenvalues > 1e-9 * eigenvalues[-1]))
+
+
+STRAIGHT, ARC, OTHER_ARC, MIRRORED = (4.0, 4.0), (6.0, 2.0), (8.0, 1.0), (2.0, 6.0)
+
+
+class TestSlipLaws:
+    """Which of r, B and two slips a drive tells, by the law that the slips follow."""
+
+    @pytest.mark.parametrize(
+        ("model", "pieces", "expected"),
+        [
+            (SlipOfEachSide(), (ARC,), 2),
+            (SlipOfEachSide(), (STRAIGHT, ARC), 3),
+            (SlipOfEachSide(), (STRAIGHT, ARC, OTHER_ARC, MIRRORED), 3),
+            (SlipInCurves(), (STRAIGHT,), 1),
+            (SlipInCurves(), (ARC,), 2),
+            (SlipInCurves(), (ARC, MIRRORED), 2),
+            (SlipInCurves(), (STRAIGHT, ARC), 3),
+            (SlipInCurves(), (STRAIGHT, ARC, MIRRORED), 3),
+            (SlipInCurves(), (ARC, OTHER_ARC), 3),
+            (SlipInCurves(), (STRAIGHT, ARC, OTHER_ARC), 4),
+        ],
+    )
+    def test_ranks_of_drives(self, model: Model, pieces, expected: int):
+        assert rank(problem_of(model), piecewise(*pieces)) == expected
+
+    def test_a_constant_slip_of_each_side_leaves_one_combination(self):
+        # Only r (1 - i_R), r (1 - i_L) and B show.
+        problem = problem_of(SlipOfEachSide())
+        (found,) = ambiguities(problem)
+        share = dict(found.changes)
+        assert share == pytest.approx(
+            {
+                "radius": STEP * RADIUS,
+                "slip_right": STEP * (1 - OUTER),
+                "slip_left": STEP * (1 - INNER),
+            },
+            rel=1e-5,
+        )
+        assert rank(problem, random_drive(problem, 1)) == 3
+
+    def test_two_radii_leave_two(self):
+        found = ambiguities(problem_of(TwoRadii()))
+        assert {tuple(one.changes) for one in found} == {
+            ("radius_right", "slip_right"),
+            ("radius_left", "slip_left"),
+        }
+        for one in found:
+            radius, slip = one.changes.values()
+            nominal = OUTER if "slip_right" in one.changes else INNER
+            assert slip / radius == pytest.approx((1 - nominal) / RADIUS, rel=1e-5)
+
+    @pytest.mark.parametrize("width", [0.1, 0.5, 3.0])
+    def test_slip_in_curves_alone_is_told(self, width: float):
+        problem = problem_of(SlipInCurves(width=width))
+        assert ambiguities(problem) == ()
+        require_identifiable(problem)
+        assert rank(problem, random_drive(problem, 1)) == 4
+
+    def test_slip_on_straights_too_is_not(self):
+        assert names_of(problem_of(SKID)) == [
+            ("wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner")
+        ]
+        with pytest.raises(ProblemError, match="slip_outer and slip_inner cannot be told apart"):
+            require_identifiable(problem_of(SKID))
+
+    @pytest.mark.parametrize(
+        ("known", "told"),
+        [
+            ((), False),
+            (("track",), False),
+            (("wheel_radius_right",), True),
+            (("wheel_radius_left",), True),
+            (("slip_outer",), True),
+            (("slip_inner",), True),
+            (("wheel_radius_right", "wheel_radius_left"), True),
+            (("slip_outer", "slip_inner"), True),
+        ],
+        ids=lambda value: "+".join(value) or "nothing" if isinstance(value, tuple) else str(value),
+    )
+    def test_until_one_of_them_is_known(self, known: tuple[str, ...], told: bool):
+        problem = problem_of(SKID, estimate=[name for name in SKID_NAMES if name not in known])
+        assert (ambiguities(problem) == ()) == told
+        assert (
+            np.isfinite(list(evaluate(problem, random_drive(problem, 1)).standard_deviations.values())).all()
+            == told
+        )
+
+
+class TestIdentifiable:
+    """No false alarm."""
+
+    @pytest.mark.parametrize(
+        "problem",
+        [
+            problem_of(DIFFERENTIAL),
+            problem_of(DIFFERENTIAL, RANGES),
+            problem_of(DIFFERENTIAL, Several(sensors=[GYRO, RANGES])),
+            problem_of(DIFFERENTIAL, HEADINGS, estimate=("c11", "c12")),
+            problem_of(DIFFERENTIAL, GYRO, estimate=("wheel_radius_right", "wheel_radius_left")),
+            problem_of(DIFFERENTIAL, estimate=C),
+            problem_of(SKID, estimate=C),
+            problem_of(SKID, estimate=("track", "slip_outer", "slip_inner")),
+            problem_of(DIFFERENTIAL, Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False})),
+            problem_of(DIFFERENTIAL, Displacements(regressor="both"), criterion=E(scaling="none")),
+            problem_of(SKID, Displacements(segments=4), criterion=E(scaling="none")),
+            problem_of(
+                SkidSteer(wheel_radius=RADIUS, track=TRACK),
+                estimate=("track", "slip_outer", "slip_inner"),
+                criterion=E(scaling={"track": 1e-3, "slip_outer": 0.1, "slip_inner": 0.1}),
+            ),
+        ],
+        ids=range(12),
+    )
+    def test_nothing_is_found(self, problem: Problem):
+        assert ambiguities(problem) == ()
+        require_identifiable(problem)
+
+    @pytest.mark.parametrize("scaling", ["relative", "none", "mapping"])
+    def test_whatever_the_scaling(self, scaling: str):
+        scales = {"wheel_radius_right": 1e-4, "wheel_radius_left": 10.0, "track": 1.0}
+        own = scales if scaling == "mapping" else scaling
+        assert ambiguities(problem_of(DIFFERENTIAL, criterion=E(scaling=own))) == ()
+        (found,) = ambiguities(problem_of(DIFFERENTIAL, GYRO, criterion=E(scaling=own)))
+        assert dict(found.relative) == pytest.approx(dict.fromkeys(scales, STEP), rel=1e-5)
+
+    def test_what_is_not_judged_need_not_be_told(self):
+        # The track is told whatever the radii and slips are.
+        problem = problem_of(SKID, criterion=E(subset=("track",)))
+        assert ambiguities(problem) == ()
+        assert names_of(problem_of(SKID, criterion=E(subset=("slip_outer",)))) == [("slip_outer",)]
+
+    @pytest.mark.parametrize("slip", [1e-3, 1e-5])
+    def test_a_small_slip(self, slip: float):
+        model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slip, slip_inner=0.05)
+        assert ambiguities(problem_of(model, estimate=("track", "slip_outer", "slip_inner"))) == ()
+
+    def test_sensors_of_very_different_quality(self):
+        # A very good gyro tells r_R / B and r_L / B, poor positions how large the robot is.
+        poor = Poses(quantities=("x", "y"), noise={"position": 0.1})
+        for noise in (1e-3, 1e-5, 1e-6):
+            problem = problem_of(DIFFERENTIAL, Several(sensors=[YawRate(noise=noise), poor]))
+            assert ambiguities(problem) == ()
+
+
+class TestWords:
+    """What the message says."""
+
+    def test_a_common_factor(self):
+        (found,) = ambiguities(problem_of(DIFFERENTIAL, GYRO))
+        assert str(found) == (
+            "wheel_radius_right, wheel_radius_left and track cannot be told apart: changing "
+            "wheel_radius_right by +1 %, wheel_radius_left by +1 % and track by +1 % together "
+            "changes nothing that is measured"
+        )
+        assert dict(found.relative) == pytest.approx(dict.fromkeys(SKID_NAMES[:3], STEP), rel=1e-5)
+
+    def test_signs_and_sizes(self):
+        # A slip of -5 % that becomes -3.95 % is 21 % smaller.
+        (found,) = ambiguities(problem_of(SlipOfEachSide()))
+        assert str(found) == (
+            "radius, slip_right and slip_left cannot be told apart: changing radius by +1 %, "
+            "slip_right by +9 % and slip_left by -21 % together changes nothing that is measured"
+        )
+
+    def test_what_is_nominally_nothing_is_said_in_si(self):
+        model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=OUTER)
+        (found,) = ambiguities(problem_of(model, criterion=E(scaling="none")))
+        assert "slip_outer by +9 % and slip_inner by +0.01 (SI) together" in str(found)
+        assert set(found.relative) == set(found.changes) - {"slip_inner"}
+
+    def test_a_parameter_on_its_own(self):
+        found = ambiguities(problem_of(DIFFERENTIAL, GYRO, estimate=C))
+        assert [str(one) for one in found] == [
+            "c21 changes nothing that is measured",
+            "c22 changes nothing that is measured",
+        ]
+
+    def test_the_refusal_names_all_of_them_and_what_to_do(self):
+        problem = problem_of(TwoRadii())
+        with pytest.raises(ProblemError) as raised:
+            require_identifiable(problem)
+        (flaw,) = raised.value.flaws
+        assert flaw.key == ("estimate",)
+        first, second = ambiguities(problem)
+        assert flaw.message == (
+            f"{first}; {second}. Take one of them as known (leave it out of `estimate`), "
+            "give a `prior`, or measure more."
+        )
+
+    def test_the_first_parameter_is_the_yardstick(self):
+        for problem in (problem_of(SKID), problem_of(SKID, GYRO), problem_of(TwoRadii())):
+            for found in ambiguities(problem):
+                first = next(iter(found.changes))
+                assert found.relative[first] == pytest.approx(STEP, rel=1e-9)
+
+    def test_it_is_the_same_every_time(self):
+        first, again = ambiguities(problem_of(SKID)), ambiguities(problem_of(SKID))
+        assert first == again
+
+
+def loops(
+    twist: Callable[[np.ndarray, Sequence[float]], np.ndarray], names: Sequence[str], nominal, quantity: str
+):
+    """Noise-free readings of a random drive for changed parameters, by plain loops."""
+    drive = random_drive(problem_of(DIFFERENTIAL), 5)
+
+    def readings(changes: Mapping[str, float]) -> np.ndarray:
+        values = [value + changes.get(name, 0.0) for name, value in zip(names, nominal, strict=True)]
+        twists = np.array([twist(row, values) for row in drive.inputs])
+        if quantity == "yaw rates":
+            return twists[:, 2]
+        return oracle.roll_out(twists, START, drive.period, "arc").ravel()
+
+    return readings
+
+
+def one_radius(speeds, values):
+    radius, track, right, left = values
+    return oracle.differential_twist([speeds[0] * (1 - right), speeds[1] * (1 - left)], radius, radius, track)
+
+
+def two_radii(speeds, values):
+    *geometry, right, left = values
+    return oracle.differential_twist([speeds[0] * (1 - right), speeds[1] * (1 - left)], *geometry)
+
+
+def skid(speeds, values):
+    *geometry, outer, inner = values
+    return oracle.differential_twist(oracle.skid_speeds(speeds, outer, inner), *geometry)
+
+
+def plain(speeds, values):
+    return oracle.differential_twist(speeds, *values)
+
+
+def by_coefficients(speeds, values):
+    yaw_rate, forward = np.reshape(values, (2, 2)) @ speeds
+    return np.array([forward, 0.0, yaw_rate])
+
+
+SKID_NOMINAL = (RADIUS, RADIUS, TRACK, OUTER, INNER)
+
+
+class TestSimulation:
+    """Changing the parameters as the message says leaves the readings as they are, to second order."""
+
+    @pytest.mark.parametrize(
+        ("problem", "twist", "nominal", "quantity", "count"),
+        [
+            (problem_of(SlipOfEachSide()), one_radius, (RADIUS, TRACK, OUTER, INNER), "poses", 1),
+            (problem_of(TwoRadii()), two_radii, SKID_NOMINAL, "poses", 2),
+            (problem_of(SKID), skid, SKID_NOMINAL, "poses", 1),
+            (problem_of(SKID, RANGES), skid, SKID_NOMINAL, "poses", 1),
+            (problem_of(DIFFERENTIAL, GYRO), plain, (RADIUS, RADIUS, TRACK), "yaw rates", 1),
+            (problem_of(DIFFERENTIAL, HEADINGS), plain, (RADIUS, RADIUS, TRACK), "yaw rates", 1),
+            (problem_of(SKID, GYRO), skid, SKID_NOMINAL, "yaw rates", 2),
+            (problem_of(TwoRadii(), GYRO), two_radii, SKID_NOMINAL, "yaw rates", 3),
+            (
+                problem_of(DIFFERENTIAL, GYRO, estimate=C),
+                by_coefficients,
+                (RADIUS / TRACK, -RADIUS / TRACK, RADIUS / 2, RADIUS / 2),
+                "yaw rates",
+                2,
+            ),
+        ],
+        ids=[
+            "sides",
+            "radii",
+            "skid",
+            "skid-ranges",
+            "gyro",
+            "headings",
+            "skid-gyro",
+            "radii-gyro",
+            "c-gyro",
+        ],
+    )
+    def test_nothing_changes(self, problem: Problem, twist, nominal, quantity: str, count: int):
+        names = [parameter.name for parameter in problem.robot.parameters]
+        readings = loops(twist, names, nominal, quantity)
+        found = ambiguities(problem)
+        assert len(found) == count
+
+        def moved(changes: Mapping[str, float]) -> float:
+            return float(np.abs(readings(changes) - readings({})).max())
+
+        for one in found:
+            together = moved(one.changes)
+            half = moved({name: change / 2 for name, change in one.changes.items()})
+            # Halved, what is left is a quarter.
+            assert half < 0.27 * together + 1e-7 * np.abs(readings({})).max()
+            for name, change in one.changes.items():
+                alone = moved({name: change})
+                assert together < 0.05 * alone or len(one.changes) == 1
+                opposite = {**one.changes, name: -change}
+                assert len(one.changes) == 1 or moved(opposite) > 1.5 * alone
+            for name, share in one.relative.items():
+                expected = one.changes[name] / nominal[names.index(name)]
+                assert share == pytest.approx(expected, rel=1e-12)
+
+
+class TestPrior:
+    """Knowledge from before tells what no drive does."""
+
+    @pytest.mark.parametrize("name", ["wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner"])
+    def test_of_any_parameter_of_the_combination(self, name: str):
+        size = "1 mm" if "radius" in name else 0.02
+        problem = problem_of(SKID, prior=Prior(standard_deviations={name: size}))
+        assert ambiguities(problem) == ()
+        require_identifiable(problem)
+
+    def test_of_another_parameter_does_not_help(self):
+        problem = problem_of(SKID, prior=Prior(standard_deviations={"track": "1 %"}))
+        assert names_of(problem) == names_of(problem_of(SKID))
+
+    def test_one_for_each_combination(self):
+        for known, left in (
+            (("slip_right",), [("radius_left", "slip_left")]),
+            (("slip_left",), [("radius_right", "slip_right")]),
+            (("slip_right", "slip_left"), []),
+        ):
+            prior = Prior(standard_deviations=dict.fromkeys(known, 0.02))
+            assert names_of(problem_of(TwoRadii(), prior=prior)) == left
+
+
+class Untouched(Solver):
+    """A search that must not begin."""
+
+    kind: Literal["untouched"] = "untouched"
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        raise AssertionError("the search has begun")
+
+
+class TestSolve:
+    """A search that could not end well does not begin."""
+
+    @pytest.mark.parametrize("solver", [Untouched(), Ipopt(), None], ids=["any", "ipopt", "default"])
+    def test_it_is_refused_before(self, solver: Solver | None):
+        with pytest.raises(ProblemError, match="cannot be told apart") as raised:
+            oed.solve(problem_of(SKID), solver)
+        assert raised.value.flaws[0].key == ("estimate",)
+
+    def test_what_can_be_told_is_searched(self):
+        with pytest.raises(AssertionError, match="the search has begun"):
+            oed.solve(problem_of(DIFFERENTIAL), Untouched())
+
+    def test_the_solvers_own_criterion_counts(self):
+        alone = E(subset=("track",))
+        with pytest.raises(AssertionError, match="the search has begun"):
+            oed.solve(problem_of(SKID), Untouched(criterion=alone))
+        with pytest.raises(ProblemError, match="cannot be told apart"):
+            oed.solve(problem_of(SKID, criterion=alone), Untouched(criterion=D()))
