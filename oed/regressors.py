@@ -11,7 +11,7 @@ import numpy.typing as npt
 from oed.measurements.displacements import Displacements
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import Integration, Model
-from oed.rollout import roll_out
+from oed.rollout import Drive, roll_out
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -64,6 +64,11 @@ class Regressors:
         return self.trajectory.samples
 
     @cached_property
+    def directions(self) -> Array:
+        """Heading in the middle of each period at the nominal coefficients, (N,) [rad]."""
+        return np.array(ca.evalf(self._drive(ca.SX(ca.DM(self.nominal))).direction)).ravel()
+
+    @cached_property
     def heading_effect(self) -> Array:
         """Derivative of Phi_xy c by the coefficients that its headings are predicted from, (2 P, q)."""
         columns = len(self.names["heading"])
@@ -78,8 +83,14 @@ class Regressors:
         return ca.Function("position", [coefficients], [both(coefficients)[1]])
 
     def _function(self, measurement: Displacements) -> ca.Function:
-        coefficients, inputs = ca.SX.sym("c", len(self.nominal)), ca.SX(ca.DM(self.trajectory.inputs))
-        drive = roll_out(
+        coefficients = ca.SX.sym("c", len(self.nominal))
+        both = measurement.model_copy(update={"regressor": "both"})
+        blocks = both.blocks(self._drive(coefficients))
+        return ca.Function("designs", [coefficients], [block.design_matrix for block in blocks])
+
+    def _drive(self, coefficients: ca.SX) -> Drive:
+        inputs = ca.SX(ca.DM(self.trajectory.inputs))
+        return roll_out(
             self.robot,
             self._integration,
             inputs=inputs,
@@ -89,8 +100,6 @@ class Regressors:
             input_values=inputs,
             input_rates=inputs,
         )
-        blocks = measurement.model_copy(update={"regressor": "both"}).blocks(drive)
-        return ca.Function("designs", [coefficients], [block.design_matrix for block in blocks])
 
     def __getstate__(self) -> dict[str, object]:
         """What workers need: compiled functions are made again there."""

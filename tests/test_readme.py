@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from oed.cli import main
 from oed.study import load_study, parse_study
@@ -46,9 +47,17 @@ def test_commands_run(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys:
 
 
 def test_the_study_explained_is_the_shipped_one():
-    (text,) = blocks("yaml")
+    text, _ = blocks("yaml")
     shipped = load_study(ROOT / "problems" / "choi_skid_steer.yaml")
     assert parse_study(text).echo() == shipped.echo()
+
+
+def test_the_keys_for_sensors_are_accepted():
+    # They stand in the place of the first study's keys of the same names.
+    whole, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    study = parse_study(yaml.safe_dump({**whole, **part}))
+    assert [sensor.kind for sensor in study.problem.measurement.sensors] == ["poses", "ranges", "yaw_rate"]
+    study.require_identifiable()
 
 
 @pytest.mark.slow

@@ -98,7 +98,7 @@ class Nonlinear(Estimator):
             covariance=self._covariance(self.loss, found.x * self._scale),
             nuisances=self.nuisances,
             nuisance_values=found.x[count:] * self._scale[count:],
-            residuals=np.asarray(found.fun[: len(measured)]),
+            residuals=-np.asarray(found.fun[: len(measured)]),
             converged=found.status > 0,
             message=str(found.message),
         )

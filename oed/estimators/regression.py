@@ -16,6 +16,7 @@ from scipy.linalg import block_diag
 
 from oed.errors import Flaw, ProblemError
 from oed.estimators.errors_in_variables import corrected, corrected_covariance
+from oed.estimators.estimate import Estimate
 from oed.estimators.estimator import Estimator, EstimatorName
 from oed.measurements.displacements import Displacements
 from oed.measurements.measurement import Measurement
@@ -111,23 +112,76 @@ class Regression(Estimator):
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
         linear = {name: true[name] + noise[name] @ self._map(name).T for name in noise}
-        estimates = dict(linear)
-        if "position" in estimates and self.heading != "known":
-            measured = designs["position"] @ true["position"] + noise["position"]
-            if self.heading == "predicted":
-                predicted = self.regressors.predicted_positions(linear["heading"])
-                estimates["position"] = self._least_squares(predicted, measured)
-                first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
-                linear["position"] = linear["position"] - first @ self._map("position").T
-            else:
-                errors = self._noise("heading") * rng.standard_normal((count, self.regressors.samples))
-                estimates["position"] = self._with_measured_headings(errors, measured)
-                linear["position"] = linear["position"] - errors @ (self._map("position") @ self._turned).T
-        chosen = self.measurement.regressions
-        return (
-            np.hstack([estimates[name] for name in chosen]),
-            np.hstack([linear[name] for name in chosen]),
+        errors = np.zeros((count, 0))
+        if "position" in noise and self.heading == "predicted":
+            first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
+            linear["position"] = linear["position"] - first @ self._map("position").T
+        if "position" in noise and self.heading == "measured":
+            errors = self._noise("heading") * rng.standard_normal((count, self.regressors.samples))
+            linear["position"] = linear["position"] - errors @ (self._map("position") @ self._turned).T
+        estimates = self._estimates(
+            {name: noise[name] + designs[name] @ true[name] for name in noise}, errors
         )
+        chosen = self.measurement.regressions
+        return estimates, np.hstack([linear[name] for name in chosen])
+
+    def fit(
+        self,
+        *,
+        turns: npt.ArrayLike | None = None,
+        displacements: npt.ArrayLike | None = None,
+        headings: npt.ArrayLike | None = None,
+    ) -> Estimate:
+        """Estimate from the readings of one drive.
+
+        Args:
+            turns: of the segments, (P,) [rad]; for the heading regression and for predicted headings.
+            displacements: x and y of each segment in turn, (2 P,) [m]; for the position regression.
+            headings: in the middle of every period, (N,) [rad]; where the method uses measured ones.
+
+        Raises:
+            ValueError: readings missing, of another number, or not finite.
+        """
+        given = {"heading": ("turns", turns), "position": ("displacements", displacements)}
+        designs = self.regressors.nominal_designs
+        readings = {
+            name: _readings(*given[name], expected=len(designs[name]))[None] for name in self._simulated
+        }
+        errors = np.zeros((1, 0))
+        if self.heading == "measured" and "position" in readings:
+            measured = _readings("headings", headings, expected=self.regressors.samples)
+            errors = (measured - self.regressors.directions)[None]
+        values = self._estimates(readings, errors)[0]
+        return Estimate(
+            parameters=self.parameters,
+            values=values,
+            covariance=self.promised,
+            nuisances=(),
+            nuisance_values=np.zeros(0),
+            residuals=self._residuals(readings, values),
+            converged=True,
+            message="Solved by linear least squares.",
+        )
+
+    def _residuals(self, readings: dict[str, Array], values: Array) -> Array:
+        # In units of the noise, against the design at the nominal headings.
+        parts, first = [], 0
+        for name in self.measurement.regressions:
+            design = self.regressors.nominal_designs[name]
+            own = values[first : first + design.shape[1]]
+            first += design.shape[1]
+            parts.append(self._whiteners[name] @ (readings[name][0] - design @ own) / self._noise(name))
+        return np.concatenate(parts)
+
+    def _estimates(self, readings: dict[str, Array], errors: Array) -> Array:
+        # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.
+        found = {name: rows @ self._map(name).T for name, rows in readings.items()}
+        if "position" in found and self.heading == "predicted":
+            designs = self.regressors.predicted_positions(found["heading"])
+            found["position"] = self._least_squares(designs, readings["position"])
+        if "position" in found and self.heading == "measured":
+            found["position"] = self._with_measured_headings(errors, readings["position"])
+        return np.hstack([found[name] for name in self.measurement.regressions])
 
     def _with_measured_headings(self, errors: Array, measured: Array) -> Array:
         designs = self._noisy_designs(errors)
@@ -241,3 +295,10 @@ def least_squares(designs: Array, measured: Array) -> Array:
     normal = np.einsum("rij,rik->rjk", designs, designs)
     right = np.einsum("rij,ri->rj", designs, measured)
     return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
+
+
+def _readings(what: str, values: npt.ArrayLike | None, *, expected: int) -> Array:
+    array = np.zeros(0) if values is None else np.asarray(values, dtype=float).ravel()
+    if len(array) != expected or not np.all(np.isfinite(array)):
+        raise ValueError(f"expected {expected} finite {what}, got {len(array)}")
+    return array
