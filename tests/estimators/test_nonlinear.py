@@ -444,7 +444,6 @@ class TestFit:
         deviations = dict(zip(found.parameters, np.sqrt(np.diag(found.covariance)), strict=True))
         assert found.standard_deviations == pytest.approx(deviations)
 
-    @pytest.mark.xfail(reason="fit() keeps the prediction less the readings", strict=True)
     @cases
     def test_residuals_are_readings_less_their_prediction(self, case: Case):
         readings = noisy(case, 3)

@@ -25,6 +25,7 @@ from oed.estimators import (
     make_estimator,
     usual_estimator,
 )
+from oed.estimators.errors_in_variables import corrected_covariance
 from oed.evaluation import evaluate
 from oed.measurements import Displacements, Poses, Ranges, Several, YawRate
 from oed.measurements.measurement import Measurement
@@ -144,24 +145,33 @@ class Experiment:
         self, name: EstimatorName, heading: Heading, count: int = REPLICATES, seed: int = 0
     ) -> np.ndarray:
         """c11, c12, c21, c22 of simulated experiments, (R, 4)."""
-        rng, designs = np.random.default_rng([seed, 77]), self.designs
-        sizes = self.problem.measurement.noise
+        rng = np.random.default_rng([seed, 77])
+        return self.estimated(name, heading, *self.readings(rng, count))
+
+    def readings(self, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Noisy turns (R, P) and complex displacements (R, P) and heading errors (R, N)."""
+        turns = self.designs["heading"] @ C[0] + self.noise(rng, "heading", count)
+        moves = self.designs["position"] @ C[1] + self.noise(rng, "position", count)
+        size = self.problem.measurement.noise.heading
+        return turns, moves, size * rng.standard_normal((count, self.drive.samples))
+
+    def estimated(
+        self, name: EstimatorName, heading: Heading, turns: np.ndarray, moves: np.ndarray, errors: np.ndarray
+    ) -> np.ndarray:
+        """c11, c12, c21, c22 from readings, (R, 4)."""
+        count, design = len(turns), self.designs["heading"]
         weight = np.eye(len(self.differences))
         if name == "gls":
             weight = np.linalg.inv(self.differences @ self.differences.T)
-        turns = designs["heading"] @ C[0] + self.noise(rng, "heading", count)
-        moves = designs["position"] @ C[1] + self.noise(rng, "position", count)
-        first = _weighed(
-            np.broadcast_to(designs["heading"], (count, *designs["heading"].shape)), turns, weight
-        )
+        first = _weighed(np.broadcast_to(design, (count, *design.shape)), turns, weight)
         rows = np.broadcast_to(self.rows(C[0]), (count, self.drive.samples, 2))
         if heading == "predicted":
             rows = self.rows(first)
         if heading == "measured":
-            rows = rows * np.exp(1j * sizes.heading * rng.standard_normal(rows.shape[:2]))[..., None]
+            rows = rows * np.exp(1j * errors)[..., None]
         if name != "errors_in_variables":
             return np.hstack([first, _weighed(self.sums(rows), moves, weight)])
-        shrink, own = math.exp(-(sizes.heading**2) / 2), self.rows(C[0])[0]
+        shrink, own = math.exp(-(self.problem.measurement.noise.heading**2) / 2), self.rows(C[0])[0]
         excess = (shrink**-2 - 1) * (own.conj().T @ own).real
         return np.hstack([first, _weighed(self.sums(rows) / shrink, moves, weight, excess)])
 
@@ -511,14 +521,41 @@ class TestErrorsInVariables:
         np.testing.assert_allclose(corrected.linear_covariance, sandwich, rtol=1e-12)
         np.testing.assert_allclose(corrected.promised, sandwich, rtol=1e-3, atol=1e-12)
 
-    def test_a_noise_of_no_displacements(self):
-        # What the headings alone scatter, by the moments of e^(j e) written out pair by pair.
+    @noise_models
+    def test_what_the_noise_of_displacements_scatters(self, noise_model: str):
+        # At rest headings scatter nothing of their own: E[W~' D D' W~] / k^2 is left, averaged over headings.
+        size, position = math.radians(20), 0.01
+        experiment = Experiment(make(noise_model, segments=20), DRIVE)
+        rows, shrink = experiment.rows(C[0])[0], math.exp(-(size**2) / 2)
+        spread = position**2 * experiment.differences @ experiment.differences.T
+        errors = size * np.random.default_rng(6).standard_normal((20_000, len(rows)))
+        designs = experiment.sums(rows * np.exp(1j * errors)[..., None])
+        middle = (designs.conj().transpose(0, 2, 1) @ spread @ designs).real.mean(axis=0) / shrink**2
+        design = experiment.designs["position"]
+        inverse = np.linalg.inv((design.conj().T @ design).real)
+        found = corrected_covariance(
+            rows,
+            experiment.edges,
+            np.zeros(2),
+            heading_noise=size,
+            spread=(design.conj().T @ spread @ design).real,
+            variance=spread[0, 0],
+        )
+        expected = inverse @ middle @ inverse
+        sizes = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(
+            found / np.outer(sizes, sizes), expected / np.outer(sizes, sizes), atol=0.005
+        )
+        without = inverse @ (design.conj().T @ spread @ design).real @ inverse
+        assert np.diag(found / without).min() > 1.04
+
+    def test_what_headings_alone_scatter(self):
+        # By errors e^(j e) - k of simulated headings, summed over the pairs of samples of each segment.
         problem = make(position="1e-6 mm", heading="5 deg", segments=4)
         experiment, size = Experiment(problem, DRIVE), math.radians(5)
         shrink = math.exp(-(size**2) / 2)
         rows = experiment.rows(C[0])[0]
         normal = (experiment.designs["position"].conj().T @ experiment.designs["position"]).real
-        # One estimating equation's error: sum over a segment's pairs of samples.
         rng = np.random.default_rng(5)
         spread = np.exp(1j * size * rng.standard_normal((20_000, len(rows)))) - shrink
         total = np.zeros((len(spread), 2))
@@ -536,6 +573,134 @@ class TestErrorsInVariables:
         np.testing.assert_allclose(
             sampled / np.outer(sizes, sizes), found / np.outer(sizes, sizes), atol=0.04
         )
+
+
+def two_columns(moves: np.ndarray) -> np.ndarray:
+    """Complex displacements (P,) as x and y in turn, (2 P,)."""
+    return np.column_stack([moves.real, moves.imag]).ravel()
+
+
+class TestFit:
+    """Estimates from readings of one's own."""
+
+    @staticmethod
+    def middles(c: np.ndarray) -> np.ndarray:
+        """True headings in the middle of every period, (N,)."""
+        turns = DRIVE.period * DRIVE.inputs @ c[0]
+        return DRIVE.start[2] + np.cumsum(turns) - turns / 2
+
+    @ways
+    @noise_models
+    def test_it_is_what_numpy_finds(self, name: EstimatorName, heading: Heading, noise_model: str):
+        problem = make(noise_model, "1 cm", "3 deg")
+        experiment, regression = Experiment(problem, DRIVE), Regression(problem, DRIVE, name, heading)
+        turns, moves, errors = experiment.readings(np.random.default_rng(8), 1)
+        headings = self.middles(C) + errors[0] if heading == "measured" else None
+        found = regression.fit(turns=turns[0], displacements=two_columns(moves[0]), headings=headings)
+        expected = experiment.estimated(name, heading, turns, moves, errors)[0]
+        np.testing.assert_allclose(found.values, expected, rtol=1e-9)
+        assert found.parameters == ("c11", "c12", "c21", "c22")
+        np.testing.assert_array_equal(found.covariance, regression.promised)
+        assert (found.converged, found.nuisances, found.nuisance_values.tolist()) == (True, (), [])
+
+    @pytest.mark.parametrize("name", ["ols", "sandwich", "gls"])
+    @pytest.mark.parametrize("heading", ["predicted", "measured"])
+    @noise_models
+    def test_readings_without_noise_give_another_robots_c(
+        self, name: EstimatorName, heading: Heading, noise_model: str
+    ):
+        # Its headings are its own: predicted from its turns, or measured.
+        other = C * [[1.03, 0.98], [0.97, 1.02]]
+        problem = make(noise_model, rule="midpoint")
+        turns = DRIVE.period * DRIVE.inputs @ other[0]
+        samples = DRIVE.period * np.exp(1j * self.middles(other)) * (DRIVE.inputs @ other[1])
+        edges = problem.measurement.segment_edges(40)[:-1]
+        found = Regression(problem, DRIVE, name, heading).fit(
+            turns=np.add.reduceat(turns, edges),
+            displacements=two_columns(np.add.reduceat(samples, edges)),
+            headings=self.middles(other) if heading == "measured" else None,
+        )
+        np.testing.assert_allclose(found.values, other.ravel(), rtol=1e-9)
+
+    @noise_models
+    def test_headings_may_be_given_in_any_turn(self, noise_model: str):
+        problem = make(noise_model)
+        turns, moves, errors = Experiment(problem, DRIVE).readings(np.random.default_rng(8), 1)
+        headings = self.middles(C) + errors[0]
+        regression = Regression(problem, DRIVE, "errors_in_variables", "measured")
+        whole, wrapped = (
+            regression.fit(turns=turns[0], displacements=two_columns(moves[0]), headings=given).values
+            for given in (headings, np.angle(np.exp(1j * headings)))
+        )
+        np.testing.assert_allclose(whole, wrapped, rtol=1e-9)
+
+    @pytest.mark.parametrize("name", ["ols", "sandwich", "gls"])
+    @noise_models
+    def test_residuals_are_readings_less_their_prediction(self, name: EstimatorName, noise_model: str):
+        experiment = Experiment(make(noise_model), DRIVE)
+        turns, moves, _ = experiment.readings(np.random.default_rng(8), 1)
+        found = Regression(make(noise_model), DRIVE, name).fit(
+            turns=turns[0], displacements=two_columns(moves[0])
+        )
+        spread = experiment.differences @ experiment.differences.T
+        whitener = np.linalg.inv(np.linalg.cholesky(spread))
+        misfits = [
+            readings[0] - experiment.designs[block] @ found.values[first : first + 2]
+            for first, block, readings in ((0, "heading", turns), (2, "position", moves))
+        ]
+        white = [
+            whitener @ misfits[0] / math.radians(2),
+            two_columns(whitener @ misfits[1] / 0.01),
+        ]
+        np.testing.assert_allclose(found.residuals, np.concatenate(white), rtol=1e-6, atol=1e-9)
+
+    @pytest.mark.parametrize("heading", ["predicted", "measured"])
+    @pytest.mark.xfail(reason="predicted with the nominal headings whatever headings were used", strict=True)
+    def test_a_perfect_fit_has_no_residuals(self, heading: Heading):
+        other = C * [[1.03, 0.98], [0.97, 1.02]]
+        problem = make(rule="midpoint")
+        turns = DRIVE.period * DRIVE.inputs @ other[0]
+        samples = DRIVE.period * np.exp(1j * self.middles(other)) * (DRIVE.inputs @ other[1])
+        edges = problem.measurement.segment_edges(40)[:-1]
+        found = Regression(problem, DRIVE, "ols", heading).fit(
+            turns=np.add.reduceat(turns, edges),
+            displacements=two_columns(np.add.reduceat(samples, edges)),
+            headings=self.middles(other) if heading == "measured" else None,
+        )
+        np.testing.assert_allclose(found.residuals, 0, atol=1e-6)
+
+    def test_only_what_is_used_is_needed(self):
+        turns, moves = np.zeros(10), np.zeros(20)
+        Regression(make(regressor="heading"), DRIVE, "ols").fit(turns=turns)
+        Regression(make(regressor="position"), DRIVE, "ols").fit(displacements=moves)
+        Regression(make(regressor="heading"), DRIVE, "ols", "measured").fit(turns=turns)
+        Regression(make(regressor="position"), DRIVE, "ols", "measured").fit(
+            displacements=moves, headings=np.zeros(40)
+        )
+        # Predicted headings come from the turns.
+        predicted = Regression(make(regressor="position"), DRIVE, "ols", "predicted")
+        found = predicted.fit(turns=turns, displacements=moves)
+        assert found.parameters == ("c21", "c22")
+        with pytest.raises(ValueError, match="expected 10 finite turns, got 0"):
+            predicted.fit(displacements=moves)
+
+    @pytest.mark.parametrize(("what", "expected"), [("turns", 10), ("displacements", 20), ("headings", 40)])
+    @pytest.mark.parametrize("fault", ["missing", "too few", "too many", "nan", "infinite"])
+    def test_readings_that_cannot_be_used(self, what: str, expected: int, fault: str):
+        readings: dict[str, list[float] | None] = {
+            "turns": [0.1] * 10,
+            "displacements": [0.1] * 20,
+            "headings": [0.1] * 40,
+        }
+        faulty = {
+            "missing": None,
+            "too few": [0.1] * (expected - 1),
+            "too many": [0.1] * (expected + 1),
+            "nan": [math.nan] + [0.1] * (expected - 1),
+            "infinite": [0.1] * (expected - 1) + [math.inf],
+        }[fault]
+        with pytest.raises(ValueError, match=f"expected {expected} finite {what}"):
+            Regression(make(), DRIVE, "ols", "measured").fit(**{**readings, what: faulty})
 
 
 class Guesses(Measurement):
