@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.limits.limit import Rows
-from oed.problem import Estimation, Problem
+from oed.problem import Problem
 from oed.rollout import FINE, roll_out
 from oed.trajectory import Trajectory
 
@@ -25,8 +25,8 @@ Array = npt.NDArray[np.float64]
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
 
-ROUNDING = 1e-13
-"""Share of the largest eigenvalue, parameters scaled alike, below which one is rounding."""
+ROUNDING = 1e-11
+"""Share of what is told of parameters alone, below which what is told of a combination is rounding."""
 
 SINGULAR = 1e-9
 """Share of lambda_max below which lambda_min counts as 0."""
@@ -81,6 +81,8 @@ class Evaluation:
         information: F of each block by name, on the parameters the criterion judges, in its scaling.
         covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
             is told; {} without noise.
+        full_information: F of each block's estimated parameters, SI.
+        alone: what F would tell of each, were all else known, (p,), SI.
         parameters: their names by block.
         poses: at the samples, (N + 1, states).
         path: on the fine grid, (10 N + 1, states).
@@ -96,6 +98,8 @@ class Evaluation:
     design_matrices: Mapping[str, Array]
     information: Mapping[str, Array]
     covariances: Mapping[str, Array]
+    full_information: Mapping[str, Array]
+    alone: Mapping[str, Array]
     parameters: Mapping[str, tuple[str, ...]]
     poses: Array
     path: Array
@@ -212,7 +216,8 @@ class _Scorer:
             [one.block.design_matrix for one in self.estimations],
             [one.block.response for one in self.estimations],
             [one.matrix for one in self.estimations],
-            [one.full for one in self.estimations if one.full is not None],
+            [one.full for one in self.estimations],
+            [one.alone for one in self.estimations],
             [rows.expression for rows in self.rows],
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
@@ -226,14 +231,13 @@ class _Scorer:
         )
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path), designs, responses, matrices, full, limits = groups
+        (length, poses, path), designs, responses, matrices, full, alone, limits = groups
         eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
         singular = [
             np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
             for one, design, values in zip(self.estimations, designs, eigenvalues, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
-        noisy = [one for one in self.estimations if one.full is not None]
         margins = [
             _margin(limit.name, rows, row_values.ravel())
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
@@ -249,8 +253,12 @@ class _Scorer:
             design_matrices=dict(zip(names, designs, strict=True)),
             information=dict(zip(names, matrices, strict=True)),
             covariances={
-                one.block.name: _covariance(one, matrix) for one, matrix in zip(noisy, full, strict=True)
+                one.block.name: _covariance(matrix, single.ravel())
+                for one, matrix, single in zip(self.estimations, full, alone, strict=True)
+                if one.noisy
             },
+            full_information=dict(zip(names, full, strict=True)),
+            alone={name: single.ravel() for name, single in zip(names, alone, strict=True)},
             parameters={one.block.name: one.parameters for one in self.estimations},
             poses=poses,
             path=path,
@@ -262,19 +270,30 @@ def _scorer(problem: Problem, samples: int, rates: int) -> _Scorer:
     return _Scorer(problem, samples, rates)
 
 
-def _covariance(one: Estimation, matrix: Array) -> Array:
+def _covariance(matrix: Array, alone: Array) -> Array:
     # F^-1, with infinite variances for parameters that a direction without information touches.
-    sizes = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale = np.where(sizes > 0, sizes, 1.0)
-    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    # An eigenvalue within rounding of 0 tells nothing.
-    told = eigenvalues > ROUNDING * max(eigenvalues[-1], 0.0)
+    told, eigenvalues, vectors, scale = told_directions(matrix, alone)
     inverse = np.where(told, 1.0 / np.where(told, eigenvalues, 1.0), 0.0)
     covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
     untold = (np.abs(vectors[:, ~told]) > np.sqrt(ROUNDING)).any(axis=1)
     covariance[untold, :] = covariance[:, untold] = np.nan
     covariance[untold, untold] = np.inf
     return np.asarray(covariance)
+
+
+def told_directions(matrix: Array, alone: Array) -> tuple[npt.NDArray[np.bool_], Array, Array, Array]:
+    """Which combinations of parameters an information matrix tells, to rounding.
+
+    Args:
+        matrix: F (p, p).
+        alone: what it would tell of each parameter, were all else known, (p,): the measure of rounding.
+
+    Returns:
+        Whether each is told, its eigenvalue, the combinations (columns) in units of the last: (p,).
+    """
+    scale = np.sqrt(np.where(alone > 0, alone, 1.0))
+    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return eigenvalues > ROUNDING, eigenvalues, vectors, scale
 
 
 def _margin(name: str, rows: Rows, values: Array) -> Margin:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import Flaw, ProblemError
-from oed.evaluation import SINGULAR, evaluate
+from oed.evaluation import evaluate, told_directions
 from oed.problem import Estimation, Problem
 from oed.trajectory import Trajectory
 
@@ -71,26 +71,28 @@ def require_identifiable(problem: Problem) -> None:
 
 
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
-    """Every combination of parameters that no drive of the design space tells."""
+    """Every combination of parameters that no drive of the design space tells, and the criterion judges."""
     rng = np.random.default_rng(0)
-    totals: dict[str, Array] = {}
-    for _ in range(drives):
-        for name, matrix in evaluate(problem, _random_drive(problem, rng)).information.items():
-            totals[name] = totals.get(name, 0.0) + matrix
+    found = [evaluate(problem, _random_drive(problem, rng)) for _ in range(drives)]
     return tuple(
         ambiguity
         for one in problem.any_estimations
-        for ambiguity in _null_combinations(one, totals[one.block.name])
+        for ambiguity in _null_combinations(
+            one,
+            sum((each.full_information[one.block.name] for each in found), np.zeros(())),
+            sum((each.alone[one.block.name] for each in found), np.zeros(())),
+        )
     )
 
 
-def _null_combinations(one: Estimation, matrix: Array) -> list[Ambiguity]:
-    nominal = one.nominal[: len(one.judged)]
-    sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
-    factors = sizes / one.scales
-    eigenvalues, vectors = np.linalg.eigh(matrix * np.outer(factors, factors))
-    untold = eigenvalues <= SINGULAR * max(eigenvalues[-1], 0.0)
-    return [_ambiguity(one, row * sizes) for row in _reduced(vectors[:, untold].T)]
+def _null_combinations(one: Estimation, matrix: Array, alone: Array) -> list[Ambiguity]:
+    told, _, vectors, scale = told_directions(matrix, alone)
+    sizes = np.where(one.nominal != 0, np.abs(one.nominal), 1.0)
+    rows = _reduced((vectors[:, ~told] / scale[:, None] / sizes[:, None]).T)
+    judged = np.isin(one.parameters, one.judged)
+    # What only hides parameters that nobody asks for does no harm.
+    touched = [row for row in rows if np.abs(row[judged]).max() > NEGLIGIBLE * np.abs(row).max()]
+    return [_ambiguity(one, row * sizes) for row in touched]
 
 
 def _reduced(rows: Array) -> Array:
@@ -107,7 +109,7 @@ def _reduced(rows: Array) -> Array:
 
 
 def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
-    nominal = one.nominal[: len(one.judged)]
+    nominal = one.nominal
     sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
     shares = changes / sizes
     shares[np.abs(shares) < NEGLIGIBLE * np.abs(shares).max()] = 0.0
@@ -115,9 +117,9 @@ def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
     shares *= STEP / shares[first]
     chosen = np.flatnonzero(shares)
     return Ambiguity(
-        changes={one.judged[index]: float(shares[index] * sizes[index]) for index in chosen},
+        changes={one.parameters[index]: float(shares[index] * sizes[index]) for index in chosen},
         relative={
-            one.judged[index]: float(shares[index] * np.sign(nominal[index]))
+            one.parameters[index]: float(shares[index] * np.sign(nominal[index]))
             for index in chosen
             if nominal[index] != 0
         },

@@ -27,6 +27,7 @@ def information(
     parameters: Sequence[str] | None = None,
     unwanted: Sequence[str] = (),
     prior: Array | None = None,
+    known_nuisances: bool = False,
 ) -> Expression:
     """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
 
@@ -40,10 +41,12 @@ def information(
         parameters: those of interest; all of the block's by default. Others are taken as known.
         unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
         prior: information on (parameters, unwanted) had beforehand, SI.
+        known_nuisances: whether the nuisances are known instead of eliminated.
     """
     chosen = tuple(block.parameters if parameters is None else parameters)
     unknown = [block.parameters.index(name) for name in (*chosen, *unwanted)]
-    nuisances = range(len(block.parameters), len(block.parameters) + len(block.nuisances))
+    own = 0 if known_nuisances else len(block.nuisances)
+    nuisances = range(len(block.parameters), len(block.parameters) + own)
     matrix = block.information([*unknown, *nuisances]) * _precision(block, scaling)
     if prior is not None:
         matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(len(nuisances), len(nuisances)))

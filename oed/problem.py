@@ -36,7 +36,8 @@ class Estimation:
         judged: the latter alone.
         scales: of the judged parameters, SI.
         matrix: information on the judged parameters, scaled, all else eliminated: what the criterion sees.
-        full: information on all estimated parameters, SI; None where the noise is not known.
+        full: information on all estimated parameters, SI (per unit of noise where that is not known).
+        alone: information on each of them (p,), were all else known.
     """
 
     block: Block
@@ -44,7 +45,13 @@ class Estimation:
     judged: tuple[str, ...]
     scales: Array
     matrix: Expression
-    full: Expression | None
+    full: Expression
+    alone: Expression
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise is known, and with it the precision."""
+        return self.block.noise is not None
 
     @property
     def nominal(self) -> Array:
@@ -143,6 +150,7 @@ class Problem:
         judged, scaling = self._judged(block), self.criterion.scaling
         others = tuple(name for name in self._estimated(block) if name not in judged)
         names = judged + others
+        ones = dict.fromkeys(names, 1.0)
         prior = None if self.prior is None else _prior_of(self.prior, block, names)
         return Estimation(
             block=block,
@@ -150,9 +158,8 @@ class Problem:
             judged=judged,
             scales=scale_factors(block, scaling, judged),
             matrix=information(block, scaling, parameters=judged, unwanted=others, prior=prior),
-            full=None
-            if block.noise is None
-            else information(block, dict.fromkeys(names, 1.0), parameters=names, prior=prior),
+            full=information(block, ones, parameters=names, prior=prior),
+            alone=ca.diag(information(block, ones, parameters=names, prior=prior, known_nuisances=True)),
         )
 
     @property

@@ -66,6 +66,18 @@ class PredictedReadings:
         """Their derivatives by the unknowns, (M, unknowns)."""
         return np.array(self._functions[1](unknowns))
 
+    def unwrapped(self, readings: Array) -> Array:
+        """Readings (M,) whose angles run on where they jumped by full turns, and begin near the nominal."""
+        found, nominal, first = readings.copy(), self.response(self.initial), 0
+        for sensor, one in zip(self.sensors, self._joint(self._nominal, None).each, strict=True):
+            size, rows = one.whitening.shape[0], one.response.numel()
+            for place in sensor.angles:
+                own = slice(first + place, first + rows, size)
+                angles = np.unwrap(found[own])
+                found[own] = angles + 2 * np.pi * np.rint((nominal[own][0] - angles[0]) / (2 * np.pi))
+            first += rows
+        return found
+
     @cached_property
     def whitener(self) -> Any:
         """Block diagonal A (M, M) with A R A' = 1, at the nominal values: the noise is taken for known."""

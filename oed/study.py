@@ -286,7 +286,7 @@ def _validation_flaws(file: StudyFile) -> list[Flaw]:
     options = file.validation
     flaws: list[Flaw] = []
     for name in options.estimators or (None,):
-        found = estimator_flaws(file.measurement, name, options.heading)
+        found = estimator_flaws(file.measurement, name, options.heading, options.loss)
         flaws += [flaw for flaw in found if flaw not in flaws]
     return flaws
 

@@ -24,7 +24,10 @@ def usual_estimator(measurement: Measurement) -> EstimatorName:
 
 
 def estimator_flaws(
-    measurement: Measurement, name: EstimatorName | None = None, heading: Heading = "known"
+    measurement: Measurement,
+    name: EstimatorName | None = None,
+    heading: Heading = "known",
+    loss: Loss = "linear",
 ) -> list[Flaw]:
     """What keeps the estimator `name` (the usual one by default) from a measurement; [] if nothing."""
     chosen = name or usual_estimator(measurement)
@@ -35,6 +38,9 @@ def estimator_flaws(
         if chosen == "errors_in_variables" and heading != "measured":
             text = f"errors in variables are those of heading: measured; these are {heading}"
             return [Flaw(("validation", "heading"), text)]
+        if loss != "linear":
+            text = f"a robust loss is for sensors; displacements are estimated by {chosen}"
+            return [Flaw(("validation", "loss"), text)]
         missing = missing_noise(measurement, heading)
         text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
         return [Flaw(("measurement", "noise"), text)] if missing else []
@@ -43,6 +49,9 @@ def estimator_flaws(
     if chosen != "nonlinear":
         text = f"{measurement.kind} are estimated by nonlinear least squares; not by {chosen}"
         return [Flaw(("validation", "estimators"), text)]
+    if heading != "known":
+        text = f"{heading} headings are for displacements; sensors read what they read"
+        return [Flaw(("validation", "heading"), text)]
     return []
 
 
@@ -66,7 +75,7 @@ def make_estimator(
     Raises:
         ProblemError: an estimator that does not suit the measurement, or a drive that tells too little.
     """
-    flaws = estimator_flaws(problem.measurement, name, heading)
+    flaws = estimator_flaws(problem.measurement, name, heading, loss)
     if flaws:
         raise ProblemError(flaws)
     chosen = name or usual_estimator(problem.measurement)

@@ -47,7 +47,7 @@ class Nonlinear(Estimator):
         sensors = sensors_of(problem.measurement)
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
-            raise ProblemError([Flaw(("validation", "estimator"), text)])
+            raise ProblemError([Flaw(("validation", "estimators"), text)])
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
@@ -80,7 +80,7 @@ class Nonlinear(Estimator):
         """Estimate from readings (M,), sensor by sensor and time by time, SI.
 
         Args:
-            readings: as `predicted` orders them.
+            readings: as `predicted` orders them. Angles may jump by full turns.
             before: values of what is known from before, in the order of the unknowns; nominal by default.
 
         Raises:
@@ -90,6 +90,7 @@ class Nonlinear(Estimator):
         if len(measured) != len(self.predicted()) or not np.all(np.isfinite(measured)):
             raise ValueError(f"expected {len(self.predicted())} finite readings, got {len(measured)}")
         known = self._initial if before is None else before
+        measured = self.readings.unwrapped(measured)
         found = self._least_squares(measured, known)
         count = len(self.parameters)
         return Estimate(

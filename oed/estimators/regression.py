@@ -158,16 +158,21 @@ class Regression(Estimator):
             covariance=self.promised,
             nuisances=(),
             nuisance_values=np.zeros(0),
-            residuals=self._residuals(readings, values),
+            residuals=self._residuals(readings, errors, values),
             converged=True,
             message="Solved by linear least squares.",
         )
 
-    def _residuals(self, readings: dict[str, Array], values: Array) -> Array:
-        # In units of the noise, against the design at the nominal headings.
+    def _residuals(self, readings: dict[str, Array], errors: Array, values: Array) -> Array:
+        # In units of the noise, against the design with the headings that were used.
         parts, first = [], 0
         for name in self.measurement.regressions:
             design = self.regressors.nominal_designs[name]
+            if name == "position" and self.heading == "predicted":
+                turned = readings["heading"] @ self._map("heading").T
+                design = self.regressors.predicted_positions(turned)[0]
+            elif name == "position" and self.heading == "measured":
+                design = self._noisy_designs(errors)[0]
             own = values[first : first + design.shape[1]]
             first += design.shape[1]
             parts.append(self._whiteners[name] @ (readings[name][0] - design @ own) / self._noise(name))

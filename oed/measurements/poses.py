@@ -85,6 +85,11 @@ class Poses(Sensor):
     lever_arm: LeverArm = LeverArm()
 
     @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading's place."""
+        return tuple(place for place, name in enumerate(self.quantities) if name == "heading")
+
+    @property
     def initial_pose_known(self) -> InitialPose | None:
         """What is known of the initial pose."""
         return self.initial_pose

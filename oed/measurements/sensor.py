@@ -99,6 +99,11 @@ class Sensor(Measurement):
         return ()
 
     @property
+    def angles(self) -> tuple[int, ...]:
+        """Which entries of a reading are angles, known up to full turns."""
+        return ()
+
+    @property
     def initial_pose_known(self) -> InitialPose | None:
         """What the sensor's owner knows of the initial pose; None for a sensor it does not concern."""
         return None

@@ -655,7 +655,6 @@ class TestFit:
         np.testing.assert_allclose(found.residuals, np.concatenate(white), rtol=1e-6, atol=1e-9)
 
     @pytest.mark.parametrize("heading", ["predicted", "measured"])
-    @pytest.mark.xfail(reason="predicted with the nominal headings whatever headings were used", strict=True)
     def test_a_perfect_fit_has_no_residuals(self, heading: Heading):
         other = C * [[1.03, 0.98], [0.97, 1.02]]
         problem = make(rule="midpoint")
