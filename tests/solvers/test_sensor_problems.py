@@ -1,0 +1,51 @@
+"""The shipped problems with sensors, solved from one start: known caps, and better than everyday paths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from oed.baselines import baselines
+from oed.evaluation import evaluate
+from oed.solvers import Ipopt, solve
+from oed.study import Study, load_study
+from oed.validation import validate
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+ONE = Ipopt(starts=1, perturbations=0, second_stage="none")
+READINGS, HALF_SIDE, TRACK, SIGMA = 201, 1.0, 0.18, 0.01
+
+pytestmark = pytest.mark.slow
+
+
+def shipped(name: str) -> Study:
+    return load_study(PROBLEMS / f"{name}.yaml")
+
+
+def test_the_laser_tracker_comes_close_to_the_best_known():
+    problem = shipped("laser_tracker").problem
+    found = solve(problem, ONE, workers=1)
+    cap = READINGS * 2 * HALF_SIDE**2 / (3 * SIGMA**2)
+    assert found.evaluation.feasible
+    assert 0.655 * cap <= found.evaluation.objective <= cap
+    result = validate(problem, found.trajectory, replicates=300, seed=1)
+    assert result.passed
+    assert result.paired_ratio == pytest.approx(1.0, abs=0.01)
+
+
+def test_coefficients_reach_their_cap():
+    found = solve(shipped("laser_tracker_coefficients").problem, ONE, workers=1)
+    cap = READINGS * TRACK**2 / (8 * SIGMA**2)
+    assert found.evaluation.feasible
+    assert 0.9999 * cap <= found.evaluation.objective <= cap * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["gyro_and_position", "second_experiment"])
+def test_designs_beat_everyday_paths(name: str):
+    study = shipped(name)
+    found = solve(study.problem, ONE, workers=1)
+    assert found.evaluation.feasible
+    for path in study.file.baselines:
+        (plain,) = baselines(study.problem, path, seed=0)
+        assert found.evaluation.objective > evaluate(study.problem, plain.trajectory).objective
