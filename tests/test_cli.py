@@ -387,6 +387,7 @@ class TestValidate:
         (tmp_path / "record.json").write_bytes(saved.read_bytes())
         return tmp_path
 
+    @pytest.mark.slow
     def test_the_record_and_report_are_updated(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert (
             main(["validate", str(folder), "--heading", "predicted", "--replicates", "500", "--quiet"]) == 0
@@ -400,6 +401,7 @@ class TestValidate:
         assert f"ipopt, ols: {outcome['results'][0]['verdict']}" in printed
         assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()
 
+    @pytest.mark.slow
     def test_the_same_as_the_run_found(self, folder: Path):
         before = json.loads((folder / "record.json").read_text())["validation"]
         assert main(["validate", str(folder), "--quiet"]) == 0

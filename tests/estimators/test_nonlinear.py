@@ -488,6 +488,7 @@ class TestFit:
 class TestMonteCarlo:
     """Simulated readings scatter the estimates as F^-1 says."""
 
+    @pytest.mark.slow
     @cases
     def test_to_one_per_cent(self, case: Case):
         result = validate(case.problem, case.drive, replicates=REPLICATES, seed=1)
@@ -595,6 +596,7 @@ class TestRobust:
         assert np.all(np.diag(found.promised) > np.diag(case.covariance) * 1.01)
         np.testing.assert_array_equal(found.linear_covariance, case.estimator.promised)
 
+    @pytest.mark.slow
     @simulated_losses
     def test_the_covariance_is_what_is_simulated(self, loss: Loss):
         # Each estimate is paired with H^-1 (J' psi(z) + P z_0), whose covariance the formula is.

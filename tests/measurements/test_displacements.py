@@ -196,6 +196,7 @@ def test_wrong_noise_is_refused(wrong):
         Displacements(noise=wrong)
 
 
+@pytest.mark.slow
 class TestPaperTable:
     """The three identities that any consistent reading of the table must reproduce."""
 

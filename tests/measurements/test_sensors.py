@@ -135,6 +135,7 @@ class TestOracle:
         np.testing.assert_allclose(found.design_matrices["joint"] / sizes, white / sizes, atol=1e-6)
         assert_close(found.information["joint"], expected.information, sizes)
 
+    @pytest.mark.slow
     @robots
     @examples
     def test_relative_information_of_some_parameters(self, example: Example, robot: Robot):
@@ -514,6 +515,7 @@ class TestBounds:
         assert found.lambda_min <= spread / (3 * SIGMA**2) * (1 + 1e-9)
 
 
+@pytest.mark.slow
 class TestChainRule:
     """Information on the coefficients and on the robot's constants say the same."""
 

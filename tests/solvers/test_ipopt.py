@@ -46,6 +46,7 @@ def rescored(problem: Problem, solution: Solution) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 class TestFlagship:
     """The paper's robot in a 2 m box: the cap 2 P (B / r)^2 is reached from nearly every start."""
 
@@ -98,6 +99,7 @@ def settling(request) -> tuple[Problem, float, dict[str, Solution]]:
     return problem, cap(segments), settled
 
 
+@pytest.mark.slow
 class TestSecondStage:
     """Among drives that are practically equal, the second stage chooses."""
 
@@ -248,6 +250,7 @@ KNOWN_OPTIMA = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("overrides", "optimum", "share"), KNOWN_OPTIMA.values(), ids=KNOWN_OPTIMA.keys())
 def test_known_optima(overrides, optimum: float, share: float):
     problem = make_problem(**overrides)
