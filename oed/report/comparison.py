@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,14 @@ from typing import Any
 from oed.record import Record
 from oed.report.page import render
 from oed.report.reading import Path as DrivenPath
-from oed.report.reading import path_of, value
+from oed.report.reading import beacons, is_regression, path_of, value
 from oed.report.section import Picture, Section
 from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import count
+from oed.report.wording import count, words
 
 Named = tuple[str, Record]
 
-TOLD = ("robot", "trajectory", "measurement", "limits", "criterion")
+TOLD = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
@@ -58,14 +59,15 @@ def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
     study, best = record.data["study"], record.best
     numbers: tuple[Cell, ...] = (None, None, None)
     if best is not None:
-        numbers = tuple(
-            value(best, key) for key in ("objective", "smallest_singular_value", "condition_number")
-        )
+        # Sensors have no regressor W.
+        keys = ("smallest_singular_value", "condition_number") if is_regression(record) else ()
+        own = [value(best, key) for key in keys] or [None, None]
+        numbers = (value(best, "objective"), *own)
     return (
         name,
         study["name"],
         study["robot"]["kind"],
-        f"{study['criterion']['kind']}, scaling {study['criterion']['scaling']}",
+        _criterion(study["criterion"]),
         None if best is None else str(best["name"]),
         *numbers,
         float(study["trajectory"]["duration"]),
@@ -73,9 +75,16 @@ def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
     )
 
 
+def _criterion(criterion: Mapping[str, Any]) -> str:
+    scaling = criterion["scaling"]
+    named = scaling if isinstance(scaling, str) else "given"
+    return f"{words(criterion['kind'])}, scaling {named}"
+
+
 def _differences(records: Sequence[Named]) -> Section:
     # Only the keys in which the studies differ: what else they say is the same for all.
-    flat = [_flattened({key: record.data["study"][key] for key in TOLD}) for _, record in records]
+    studies = [record.data["study"] for _, record in records]
+    flat = [_flattened({key: study[key] for key in TOLD if study.get(key) is not None}) for study in studies]
     keys = sorted({key for study in flat for key in study})
     differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
     columns = (Column("key"), *(Column(name) for name, _ in records))
@@ -87,11 +96,26 @@ def _differences(records: Sequence[Named]) -> Section:
 
 def _flattened(value_: Any, prefix: str = "") -> dict[str, str]:
     if isinstance(value_, Mapping):
-        pairs = ((f"{prefix}.{key}" if prefix else str(key), entry) for key, entry in value_.items())
-        return {key: text for path, entry in pairs for key, text in _flattened(entry, path).items()}
+        return _joined(value_.items(), prefix)
+    if isinstance(value_, list) and any(isinstance(entry, Mapping) for entry in value_):
+        return _joined(((str(index + 1), entry) for index, entry in enumerate(value_)), prefix)
+    return {prefix: _text(value_)}
+
+
+def _joined(pairs: Iterable[tuple[str, Any]], prefix: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for key, entry in pairs:
+        found |= _flattened(entry, f"{prefix}.{key}" if prefix else str(key))
+    return found
+
+
+def _text(value_: Any) -> str:
     if isinstance(value_, list):
-        return {prefix: ", ".join(_flattened(entry)[""] for entry in value_)}
-    return {prefix: f"{value_:g}" if isinstance(value_, float) else str(value_)}
+        # Brackets only where lists are in a list.
+        return ", ".join(f"({_text(one)})" if isinstance(one, list) else _text(one) for one in value_)
+    if isinstance(value_, bool):
+        return str(value_).lower()
+    return f"{value_:g}" if isinstance(value_, float) else str(value_)
 
 
 def _paths(records: Sequence[Named]) -> Section | None:
@@ -99,22 +123,22 @@ def _paths(records: Sequence[Named]) -> Section | None:
     if not drawn:
         return None
     pictures = tuple(
-        _picture(index, name, path_of(record, best), record.data["study"]["limits"].get("workspace"))
+        _picture(index, name, record, path_of(record, best))
         for index, (name, record, best) in enumerate(drawn)
         if best is not None
     )
     return Section("Best paths, each in its own workspace", figures=pictures)
 
 
-def _picture(index: int, name: str, path: DrivenPath, workspace: Any) -> Picture:
-    draw = partial(_draw, [path], workspace)
+def _picture(index: int, name: str, record: Record, path: DrivenPath) -> Picture:
+    draw = partial(_draw, [path], record.data["study"]["limits"].get("workspace"), beacons(record))
     return Picture(f"path_{index + 1}", f"Path of the best drive of {name}", name, draw)
 
 
-def _draw(paths: Any, workspace: Any) -> Any:
+def _draw(paths: Any, workspace: Any, places: Any) -> Any:
     from oed.report import panels
 
-    return panels.paths(paths, workspace)
+    return panels.paths(paths, workspace, places)
 
 
 def _precision(records: Sequence[Named]) -> Section | None:
@@ -124,7 +148,7 @@ def _precision(records: Sequence[Named]) -> Section | None:
     rows = tuple(row for row in (_precision_row(name, record, names) for name, record in records) if row)
     if not rows:
         return None
-    columns = (Column("record"), *(Column(name, "%", significant(3)) for name in names))
+    columns = (Column("record"), *(Column(words(name), "%", significant(3)) for name in names))
     text = "Predicted standard deviations of one best drive, as shares of the nominal values."
     return Section("Predicted precision", paragraphs=(text,), tables=(Table(columns, rows),))
 
@@ -134,8 +158,12 @@ def _precision_row(name: str, record: Record, names: Sequence[str]) -> tuple[Cel
     if best is None or not best["standard_deviations"]:
         return None
     nominal = {parameter["name"]: parameter["nominal"] for parameter in record.data["parameters"]}
-    shares: list[Cell] = []
-    for parameter in names:
-        deviation = best["standard_deviations"].get(parameter)
-        shares.append(None if deviation is None else 100.0 * deviation / abs(nominal[parameter]))
-    return (name, *shares)
+    known = best["standard_deviations"]
+    return (name, *(_share(known[one], nominal[one]) if one in known else None for one in names))
+
+
+def _share(deviation: float | None, nominal: float) -> float | None:
+    # A parameter that is not told has an infinite deviation, one that is nominally 0 no share.
+    if deviation is None:
+        return math.inf
+    return 100.0 * deviation / abs(nominal) if nominal else None

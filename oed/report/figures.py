@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from oed.report.reading import Cloud, Path, Series
+from oed.report.reading import NOWHERE, Cloud, Path, Series
 from oed.report.wording import unit_text
 
 INK = "#222222"
@@ -59,6 +59,24 @@ def plot_workspace(ax: Axes, workspace: Mapping[str, Any] | None) -> Axes:
         patch.set(facecolor="#f4f4f1", edgecolor=FAINT, linewidth=1.0, zorder=0)
         ax.add_patch(patch)
     return ax
+
+
+def plot_beacons(ax: Axes, beacons: Any) -> Axes:
+    """Beacons (n, 2) [m] that distances are measured to."""
+    for x, y in beacons:
+        ax.plot(x, y, **BEACON)
+    return ax
+
+
+BEACON: dict[str, Any] = {
+    "marker": "^",
+    "markersize": 7,
+    "markerfacecolor": "#e6c229",
+    "markeredgecolor": INK,
+    "markeredgewidth": 0.9,
+    "linestyle": "none",
+    "zorder": 4,
+}
 
 
 def plot_path(ax: Axes, path: Path, boundaries: Sequence[float], scale: float = 1.0) -> Axes:
@@ -125,7 +143,7 @@ def _mark_segments(ax: Axes, path: Path, scale: float) -> None:
 def _mark_directions(ax: Axes, path: Path, scale: float) -> None:
     steps = np.hypot(np.diff(path.x), np.diff(path.y))
     travelled = np.cumsum(steps)
-    if travelled[-1] <= 0:
+    if travelled[-1] < NOWHERE:
         return
     low, high = ax.get_xlim()
     count = int(np.clip(travelled[-1] / (APART * (high - low)), 2, scale * ARROWS))

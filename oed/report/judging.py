@@ -9,10 +9,14 @@ from typing import Any
 
 from oed.criteria import CRITERIA
 from oed.record import Record
-from oed.report.reading import Entry, solver_options
-from oed.report.wording import listing, words
+from oed.report.reading import Entry, is_regression, solver_options
+from oed.report.wording import count, deviation_text, listing, quantity, words
 
-KINDS = {str(kind.model_fields["kind"].default): kind.model_construct() for kind in CRITERIA}
+KINDS = {
+    name: criterion.model_construct(kind=name)
+    for criterion in CRITERIA
+    if (name := str(criterion.model_fields["kind"].default))
+}
 """Criteria by kind, for what does not depend on their options."""
 
 SINGULAR = 1e-9
@@ -21,12 +25,20 @@ SINGULAR = 1e-9
 NUMBERS = {"E": "λ_min", "D": "log det F", "A": "-tr F⁻¹", "modified_E": "-cond(F)"}
 """What a criterion's number is, in short."""
 
+MEANINGS = {
+    "E": "the smallest eigenvalue of the information",
+    "D": "the logarithm of the information's determinant",
+    "A": "minus the sum of the variances",
+    "modified_E": "minus the condition number of the information",
+}
+"""What a criterion's number is, in words; G and I speak of their test drive."""
+
 EFFICIENCIES = {
-    "E": "λ_min/λ_min,best, of the worst-determined combination of the parameters",
-    "D": "(det F/det F_best)^(1/p) with p = {size}, of the confidence ellipsoid's volume",
-    "A": "tr F_best⁻¹/tr F⁻¹, of the mean variance of the parameters",
-    "G": "the ratio of the largest variances of what is predicted for the test drive",
-    "I": "the ratio of the mean variances of what is predicted for the test drive",
+    "E": "λ_min/λ_min,best (the worst-determined combination of the parameters)",
+    "D": "(det F/det F_best)^(1/p), p = {size} (the volume of the confidence ellipsoid)",
+    "A": "tr F_best⁻¹/tr F⁻¹ (the mean variance of the parameters)",
+    "G": "the best drive's largest variance of what is predicted for the test drive over this one's",
+    "I": "the best drive's mean variance of what is predicted for the test drive over this one's",
 }
 """What an efficiency by a criterion is; the information F is the drive's, F_best the best drive's."""
 
@@ -123,3 +135,50 @@ def scaling_text(scaling: Any) -> str:
     """In what units a criterion sees the parameters."""
     known = {"relative": "relative to their nominal values", "none": "in SI units"}
     return known[scaling] if isinstance(scaling, str) else "in units of the scales given"
+
+
+def meaning(record: Record) -> str:
+    """The study's criterion: its name, and in other than the founding paper's case, what it is."""
+    criterion = record.data["study"]["criterion"]
+    kind, scaling = str(criterion["kind"]), criterion["scaling"]
+    if kind in ("G", "I"):
+        of = "largest" if kind == "G" else "mean"
+        legs = count(len(criterion["test_drive"]), "leg")
+        return f"{kind}, minus the {of} variance of the {criterion['quantity']} predicted after {legs} driven"
+    if kind == "E" and scaling == "none" and is_regression(record):
+        return kind
+    return f"{words(kind)}, {MEANINGS[kind]}, the parameters taken {scaling_text(scaling)}"
+
+
+def precision(record: Record, entry: Entry) -> list[str]:
+    """What a result's numbers say of its precision, in words: its worst direction, and its criterion's."""
+    if singular(entry) or not entry["lambda_min"]:
+        return ["some combination of the parameters cannot be told"]
+    scaling = record.data["study"]["criterion"]["scaling"]
+    worst = entry["lambda_min"] ** -0.5
+    size = f"{quantity(100 * worst, '%')} of nominal" if scaling == "relative" else quantity(worst, "")
+    names = [words(parameter["name"]) for parameter in judged(record)]
+    what = names[0] if len(names) == 1 else "the worst-determined combination of the parameters"
+    told = f"{what} has a standard deviation of {size}"
+    if scaling != "relative":
+        told += f", {scaling_text(scaling)}"
+    return [told, *_by_criterion(record, entry)]
+
+
+def _by_criterion(record: Record, entry: Entry) -> list[str]:
+    criterion, objective = record.data["study"]["criterion"], objective_of(entry)
+    kind, size = criterion["kind"], len(judged(record))
+    if objective is None or not math.isfinite(objective):
+        return []
+    if kind in ("G", "I"):
+        unit = {"position": "m", "heading": "rad"}[criterion["quantity"]]
+        of = "largest" if kind == "G" else "root mean square of the"
+        deviation = deviation_text(math.sqrt(-objective), unit)
+        return [f"the {of} standard deviation of a predicted {criterion['quantity']} is {deviation}"]
+    if criterion["scaling"] != "relative" or kind not in ("D", "A") or size == 1:
+        return []
+    if kind == "D":
+        name, mean = "geometric mean of those along the ellipsoid's axes", math.exp(-objective / 2 / size)
+    else:
+        name, mean = "root mean square of those of the parameters", math.sqrt(-objective / size)
+    return [f"the {name} is {quantity(100 * mean, '%')}"]

@@ -20,6 +20,10 @@ from oed.report.wording import slug
 HTML = "report.html"
 MARKDOWN = "report.md"
 FIGURES = "figures"
+UNITS = "%|m|cm|mm|µm|s|rad|deg|rad/s²?|rad²|deg/s|×10⁻³|×10⁻⁶"
+"""Units that follow a number in a text."""
+WIDE = 9
+"""Columns beyond which a table is set smaller."""
 
 
 def write_report(record: Record, folder: str | Path) -> Path:
@@ -38,7 +42,7 @@ def render(title: str, sections: list[Section], target: Path) -> Path:
         UserMistake: the folder cannot be written to.
     """
     drawings = _drawings(sections)
-    content = {"title": title, "sections": sections, "svg": drawings}
+    content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = _environment()
     pages = {name: templates.get_template(f"{name}.jinja").render(content) for name in (MARKDOWN, HTML)}
     for name, text in drawings.items():
@@ -87,8 +91,9 @@ def _environment() -> jinja2.Environment:
 
 
 def html_text(text: str) -> Markup:
-    """Plain text with `backticks`, as HTML."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text)))  # noqa: S704 - escaped above
+    """Plain text with `backticks`, as HTML; a number and its unit stay on one line."""
+    together = re.sub(rf"(?<=\d) (?=(?:{UNITS})(?!\w))", "\u00a0", escape(text))
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", together))  # noqa: S704 - escaped above
 
 
 def markdown_text(text: str) -> str:

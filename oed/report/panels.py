@@ -21,13 +21,19 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from oed.report import figures
-from oed.report.reading import Cloud, Path, Series
+from oed.report.reading import NOWHERE, Cloud, Path, Series
 from oed.report.wording import unit_text
 
 WIDTH = 7.2
 """Width of a report's column [inch]."""
 BEYOND = 0.3
 """How far beyond the limits a panel shows a drive that breaks them, as a share of the limits' width."""
+LONG = 22
+"""Letters of a legend's entry beyond which there are fewer of them on a line."""
+APART = 3.0
+"""Ratio of the widths of two estimates beyond which they are drawn on scales of their own."""
+Line = tuple[str, Sequence[tuple[float, float]]]
+"""A search's name, and its shortfalls [%] over its seconds."""
 STYLE = {
     "font.size": 9.5,
     "axes.titlesize": 10,
@@ -94,22 +100,25 @@ def _grid(count: int, columns: int, width: float, panel_height: float, share_y: 
     return Grid(figure, axes[:count])
 
 
-def paths(drives: Sequence[Path], workspace: Mapping[str, Any] | None) -> Figure:
-    """One panel per drive on one scale, the workspace behind it, speed as colour and width."""
+def paths(drives: Sequence[Path], workspace: Mapping[str, Any] | None, beacons: Any = ()) -> Figure:
+    """One panel per drive on one scale, workspace and beacons behind it, speed as colour and width."""
     boundaries = _speed_classes(drives)
-    box = _view(_extent_of(workspace), drives)
+    box = _view(_extent_of(workspace), drives, beacons)
     columns = _path_columns(len(drives), box)
     grid = _grid(len(drives), columns, WIDTH, 3.0)
     _equal_scales(grid, columns, box)
     for ax, drive in zip(grid.axes, drives, strict=True):
         figures.plot_workspace(ax, workspace)
+        figures.plot_beacons(ax, beacons)
         figures.plot_path(ax, drive, boundaries, scale=(1.0, 0.85, 0.7)[columns - 1])
         ax.set_title(drive.title, fontsize=(10, 10, 9)[columns - 1])
     grid.label("x [m]", "y [m]")
     _speed_bar(grid, boundaries)
     handles = _path_legend(drives)
+    if len(beacons):
+        handles.append(Line2D([], [], **figures.BEACON, label="beacon"))
     grid.figure.legend(
-        handles=handles, loc="outside lower center", ncols=5, columnspacing=1.2, handletextpad=0.3
+        handles=handles, loc="outside lower center", ncols=6, columnspacing=1.2, handletextpad=0.3
     )
     return grid.figure
 
@@ -121,9 +130,10 @@ def _speed_bar(grid: Grid, boundaries: Sequence[float]) -> None:
     grid.figure.colorbar(bar, ax=grid.axes, label="speed [m/s]", shrink=share, aspect=22, pad=0.02)
 
 
-def _view(area: Bbox | None, drives: Sequence[Path]) -> Bbox:
-    # All that is feasible, and of drives that break limits as much as leaves the others in sight.
-    everything = [_extent(drive) for drive in drives] + ([area] if area else [])
+def _view(area: Bbox | None, drives: Sequence[Path], beacons: Any = ()) -> Bbox:
+    # All that is feasible, and of beacons and drives that break limits as much as leaves that in sight.
+    marks = [Bbox.from_extents(x, y, x, y) for x, y in beacons]
+    everything = [_extent(drive) for drive in drives] + marks + ([area] if area else [])
     core = [_extent(drive) for drive in drives if drive.feasible] + ([area] if area else [])
     if not core:
         return Bbox.union(everything)
@@ -175,8 +185,9 @@ def _path_legend(drives: Sequence[Path]) -> list[Line2D]:
     handles = [
         Line2D([], [], **figures.START, label="start"),
         Line2D([], [], **figures.END, label="end"),
-        Line2D([], [], marker=arrow, **figures.arrow_style(True), label="forwards"),
     ]
+    if any(np.hypot(np.diff(drive.x), np.diff(drive.y)).sum() >= NOWHERE for drive in drives):
+        handles.append(Line2D([], [], marker=arrow, **figures.arrow_style(True), label="forwards"))
     if any((drive.speed < 0).any() for drive in drives):
         handles.append(Line2D([], [], marker=arrow, **figures.arrow_style(False), label="backwards"))
     if any(0 < len(drive.edges) < figures.MOST_TICKS for drive in drives):
@@ -238,18 +249,27 @@ def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> Figure:
     return grid.figure
 
 
-def convergence(lines: Sequence[tuple[str, Sequence[tuple[float, float]]]]) -> Figure:
-    """All searches on one pair of axes: shortfall from the best [%] against seconds."""
+def convergence(lines: Sequence[Line], apart: bool) -> Figure:
+    """All searches on one pair of axes: shortfall from the best [%] against seconds.
+
+    Args:
+        lines: of each search.
+        apart: whether the best is that by each search's own criterion.
+    """
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     ax = figure.subplots()
     for (_, points), line in zip(lines, _cycled(len(lines)), strict=True):
         figures.plot_convergence(ax, points, line)
+    lowest, highest = (choose(value for _, points in lines for _, value in points) for choose in (min, max))
+    ax.set_ylim(lowest / 2, 2 * max(highest, 1.0))
     ax.set_xlabel("time [s]")
-    ax.set_ylabel("below the best [%]")
+    ax.set_ylabel("below the best by\nits own criterion [%]" if apart else "below the best [%]")
     handles = [
         Line2D([], [], **line, label=name) for (name, _), line in zip(lines, _cycled(len(lines)), strict=True)
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.2)
+    longest = max(len(name) for name, _ in lines)
+    columns = 4 if longest <= LONG else 2 if longest <= 2 * LONG else 1
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=3.2)
     return figure
 
 
@@ -261,12 +281,13 @@ def clouds(drawn: Sequence[Cloud]) -> Figure:
     """One panel per drive, all on one scale: simulated estimates and their ellipses."""
     columns = min(len(drawn), 2)
     grid = _grid(len(drawn), columns, WIDTH, 3.1)
-    reach = max(float(np.abs(figures.ellipse(0 * one.true, one.promised)).max()) for one in drawn)
+    reach = _reach(drawn)
     for ax, cloud in zip(grid.axes, drawn, strict=True):
         figures.plot_cloud(ax, cloud)
-        ax.set_xlim(cloud.true[0] - 1.25 * reach, cloud.true[0] + 1.25 * reach)
-        ax.set_ylim(cloud.true[1] - 1.25 * reach, cloud.true[1] + 1.25 * reach)
-        ax.set_aspect("equal")
+        ax.set_xlim(cloud.true[0] - 1.25 * reach[0], cloud.true[0] + 1.25 * reach[0])
+        ax.set_ylim(cloud.true[1] - 1.25 * reach[1], cloud.true[1] + 1.25 * reach[1])
+        if reach[0] == reach[1]:
+            ax.set_aspect("equal")
         ax.set_title(cloud.title)
     grid.label(*drawn[0].labels)
     handles = [
@@ -277,3 +298,11 @@ def clouds(drawn: Sequence[Cloud]) -> Figure:
     ]
     grid.figure.legend(handles=handles, loc="outside upper center", ncols=4)
     return grid.figure
+
+
+def _reach(drawn: Sequence[Cloud]) -> tuple[float, float]:
+    # How far the widest ellipse goes along either axis; one scale for both where they are alike.
+    outlines = [np.abs(figures.ellipse(0 * one.true, one.promised)).max(axis=1) for one in drawn]
+    x, y = (float(size) for size in np.max(outlines, axis=0))
+    alike = drawn[0].alike and max(x, y) <= APART * min(x, y)
+    return (max(x, y), max(x, y)) if alike else (x, y)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.record import Record, drive_of
-from oed.report.wording import words
+from oed.report.wording import Unit, common_units, words
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]
@@ -38,7 +38,7 @@ def value(entry: Entry, key: str) -> float | None:
 
 
 def heading(entry: Entry) -> str:
-    """A result's name in words, and below it its variant, that it stays on the spot, that it breaks limits."""
+    """A result's name in words, and below it what is special about it: its variant, limits it breaks."""
     name, variant, _ = str(entry["name"]).partition("_same_length")
     broken = [words(limit) for limit in entry["violations"]]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
@@ -82,6 +82,13 @@ def segments(record: Record, samples: int) -> int | None:
     measurement = record.data["study"]["measurement"]
     given = measurement.get("segments")
     return samples if given == "samples" else given
+
+
+def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
+    """The unit, and its factor from SI, in which each parameter's deviation is shown: as suits one drive."""
+    units = {parameter["name"]: str(parameter["unit"]) for parameter in record.data["parameters"]}
+    known = entry["standard_deviations"]
+    return common_units({name: known.get(name) for name in units}, units)
 
 
 def limit_bounds(record: Record, name: str) -> tuple[float, float] | None:
@@ -164,6 +171,7 @@ class Cloud:
         points: estimates, (k, 2).
         true: (2,).
         promised, sampled: covariances, (2, 2).
+        alike: whether both axes are of one unit.
     """
 
     title: str
@@ -172,6 +180,7 @@ class Cloud:
     true: Array
     promised: Array
     sampled: Array
+    alike: bool = True
 
 
 def inputs_of(entry: Entry) -> Series:

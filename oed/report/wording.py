@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from oed.report.tables import significant
 
@@ -21,8 +21,12 @@ FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
 }
 """SI unit -> units in which deviations are shown, coarse to fine, and their factors."""
 
+ENOUGH = 0.1
+"""Least number that is shown of a deviation before the next finer unit is taken."""
 LEAST = {"": 0.01}
-"""Least number that is shown of a deviation before the next finer unit is taken; 0.1 for other units."""
+"""The same of the coarsest unit, where that is another."""
+
+Unit = tuple[str, float]
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
@@ -31,18 +35,34 @@ def readable(value: float, unit: str) -> tuple[float, str]:
     return value * factor, shown
 
 
-def fine_unit(size: float | None, unit: str, least: float | None = None) -> tuple[str, float]:
+def fine_unit(size: float | None, unit: str, least: float | None = None) -> Unit:
     """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read."""
     choices = FINE_UNITS.get(unit, ((unit, 1.0),))
     if size is None or not math.isfinite(size) or size <= 0:
         return choices[0]
-    enough = LEAST.get(unit, 0.1) if least is None else least
-    return next((choice for choice in choices if size * choice[1] >= enough), choices[-1])
+    first, others = (LEAST.get(unit, ENOUGH), ENOUGH) if least is None else (least, least)
+    needed = [first, *[others] * (len(choices) - 1)]
+    good = (choice for choice, enough in zip(choices, needed, strict=True) if size * choice[1] >= enough)
+    return next(good, choices[-1])
 
 
-def deviation_text(size: float, unit: str) -> str:
-    """A standard deviation [SI] in the unit that suits it: `30.3 µm`."""
-    shown, factor = fine_unit(size, unit)
+def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) -> dict[str, Unit]:
+    """A unit, and its factor from SI, for the deviations of each parameter: one for all lengths, and so on.
+
+    Args:
+        sizes: standard deviations by parameter, SI; None for those that are not told.
+        units: SI units by parameter.
+    """
+    smallest: dict[str, float] = {}
+    for name, size in sizes.items():
+        if size is not None and math.isfinite(size) and size > 0:
+            smallest[units[name]] = min(size, smallest.get(units[name], math.inf))
+    return {name: fine_unit(smallest.get(unit), unit) for name, unit in units.items()}
+
+
+def deviation_text(size: float, unit: str, chosen: Unit | None = None) -> str:
+    """A standard deviation [SI] in the unit that suits it, or the one chosen: `30.3 µm`."""
+    shown, factor = chosen or fine_unit(size, unit)
     return quantity(size * factor, shown)
 
 

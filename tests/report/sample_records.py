@@ -9,6 +9,7 @@ import numpy as np
 
 from oed.evaluation import evaluate, parameter_table
 from oed.record import Record, result_data
+from oed.runner import record as record_of
 from oed.solution import Solution, Status
 from oed.study import Study, parse_study
 
@@ -29,23 +30,30 @@ SHAPE = np.array([0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.0])
 WAVE = np.array([0.0, 0.6, -0.8, 0.9, -0.7, 0.2, 0.3, 0.0])
 
 
-def drive(study: Study, name: str, right: np.ndarray, left: np.ndarray) -> dict[str, Any]:
-    """A result that was scored as given."""
+SHAPES = {
+    "ipopt": (6 * WAVE, 5 * SHAPE),
+    "arc": (5 * SHAPE, 3 * SHAPE),
+    "straight": (3 * SHAPE, 3 * SHAPE),
+    "fast": (30 * SHAPE, 29 * SHAPE),
+}
+"""Drives by name: winding, an arc, a straight that tells too little, one that breaks limits."""
+
+
+def solution(study: Study, name: str, right: np.ndarray, left: np.ndarray) -> Solution:
+    """A drive that was scored as given."""
     trajectory = study.problem.design.trajectory(np.column_stack([right, left]), [0.0, 0.0, 0.0])
-    evaluation = evaluate(study.problem, trajectory)
-    return result_data(Solution(name, "path", trajectory, evaluation, Status.SCORED), None)
+    return Solution(name, "path", trajectory, evaluate(study.problem, trajectory), Status.SCORED)
+
+
+def drive(study: Study, name: str, right: np.ndarray, left: np.ndarray) -> dict[str, Any]:
+    """The same as a record's result."""
+    return result_data(solution(study, name, right, left), None)
 
 
 def scored(regressor: str = "position", noise: str = "{position: 10 cm, heading: 10 deg}") -> dict[str, Any]:
     """A record's data: a winding drive, an arc, a straight (singular) and a fast drive (infeasible)."""
     text = TEXT.replace("REGRESSOR", regressor).replace("NOISE", noise)
     study = parse_study(text)
-    shapes = {
-        "ipopt": (6 * WAVE, 5 * SHAPE),
-        "arc": (5 * SHAPE, 3 * SHAPE),
-        "straight": (3 * SHAPE, 3 * SHAPE),
-        "fast": (30 * SHAPE, 29 * SHAPE),
-    }
     return {
         "format": 1,
         "oed_version": "1.2.3",
@@ -53,7 +61,7 @@ def scored(regressor: str = "position", noise: str = "{position: 10 cm, heading:
         "study_text": study.text,
         "seed": 7,
         "parameters": parameter_table(study.problem),
-        "results": [drive(study, name, *pair) for name, pair in shapes.items()],
+        "results": [drive(study, name, *pair) for name, pair in SHAPES.items()],
         "certificate": None,
         "validation": None,
         "notes": [],
@@ -83,6 +91,124 @@ def as_search(entry: dict[str, Any]) -> dict[str, Any]:
         "stages": {"starts": best, "second_stage": 0.999 * best},
         "wall_seconds": 1.5,
     }
+
+
+SENSORS = """\
+format: 1
+name: Sensors
+robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 18 cm}
+trajectory: {duration: 4 s, samples: 20, spline: {degree: 3, coefficients: 8}}
+measurement:
+  - kind: poses
+    quantities: [x, y]
+    every: 5
+    noise: {position: 1 cm, position_per_speed: 20 ms}
+    initial_pose: {position: 5 cm, heading: 2 deg}
+    lever_arm: {x: 6 cm, y: -2 cm, known: false, deviation: 1 cm}
+  - kind: ranges
+    beacons: [[-1 m, -1 m], [9 m, 1 m]]
+    noise: 5 cm
+    initial_pose: {position: 5 cm, heading: 2 deg}
+  - {kind: yaw_rate, noise: 1 deg/s}
+estimate: [wheel_radius_right, wheel_radius_left, track]
+prior: {standard_deviations: {wheel_radius_left: 0.2 mm, track: 10 %}}
+limits:
+  wheel_speed: 10 rad/s
+  wheel_acceleration: 20 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+criterion: {kind: E}
+solvers:
+  - {kind: ipopt, starts: 3}
+  - {kind: ipopt, name: arc, starts: 3, criterion: {kind: D}}
+"""
+ABSOLUTE = TEXT.replace("REGRESSOR", "both").replace(
+    "noise: NOISE", "noise: {position: 1 cm, heading: 1 deg}, noise_model: absolute"
+)
+
+
+def judged(text: str) -> dict[str, Any]:
+    """A record's data as `oed run` would leave it, of the same four drives."""
+    study = parse_study(text)
+    return dict(record_of(study, [solution(study, name, *pair) for name, pair in SHAPES.items()], 7).data)
+
+
+def as_search_by(entry: dict[str, Any], criterion: str) -> dict[str, Any]:
+    """A result made to look like that of a search by another criterion, whose numbers it then has."""
+    best = entry["criteria"][criterion]
+    found = as_search({**entry, "objective": best})
+    for start, lost in zip(found["starts"], (0.0, 0.3, None), strict=True):
+        start["objective"] = None if lost is None else best - lost
+    history = [
+        {"evaluations": 100 * step, "seconds": 0.5 * step, "objective": value}
+        for step, value in enumerate((None, best - 0.3, best), 1)
+    ]
+    stages = {"starts": best - 0.1, "second_stage": best}
+    changed = {"criterion": criterion, "history": history, "stages": stages}
+    return {**found, **changed, "objective": entry["objective"]}
+
+
+def simulated(entry: dict[str, Any], parameters: list[dict[str, Any]], estimator: str) -> dict[str, Any]:
+    """A validation's entry, with estimates drawn from the promised covariances."""
+    sizes = [len(one["parameters"]) for one in entry["covariances"]]
+    covariance, first = np.zeros((sum(sizes), sum(sizes))), 0
+    for one, size in zip(entry["covariances"], sizes, strict=True):
+        covariance[first : first + size, first : first + size] = one["covariance"]
+        first += size
+    nominal = {one["name"]: one["nominal"] for one in parameters}
+    names = [name for one in entry["covariances"] for name in one["parameters"]]
+    true = np.array([nominal[name] for name in names])
+    estimates = np.random.default_rng(0).multivariate_normal(true, covariance, 50)
+    check = {"name": "bias", "question": "is it?", "statistic": 3.0, "expected": [0.0, 2.0], "p_value": 0.01}
+    return {
+        "name": entry["name"],
+        "estimator": estimator,
+        "heading": "known",
+        "passed": True,
+        "verdict": f"{estimator} keeps its promise.",
+        "parameters": names,
+        "true": true.tolist(),
+        "mean": estimates.mean(axis=0).tolist(),
+        "promised_covariance": covariance.tolist(),
+        "sampled_covariance": np.cov(estimates, rowvar=False).tolist(),
+        "paired_variance_ratio": [1.0] * len(names),
+        "paired_standard_error": [1e-16] * len(names),
+        "checks": [{**check, "passed": True}],
+        "estimates": estimates.tolist(),
+    }
+
+
+def validation_of(data: dict[str, Any], estimators: tuple[str, ...], loss: str = "linear") -> dict[str, Any]:
+    """A validation of the feasible drives that tell all parameters, by each estimator."""
+    told = [
+        one for one in data["results"] if one["feasible"] and None not in one["standard_deviations"].values()
+    ]
+    results = [simulated(one, data["parameters"], estimator) for one in told for estimator in estimators]
+    options = {"replicates": 500, "heading": "known", "loss": loss, "alpha": 0.01, "seed": 7}
+    return {**options, "estimators": list(estimators), "results": results}
+
+
+def sensors() -> Record:
+    """Three sensors, nuisances and a prior; a search by E, one by D, a singular and an infeasible drive."""
+    data = judged(SENSORS)
+    first, second, *others = data["results"]
+    history = [{"evaluations": 100, "seconds": 0.5, "objective": first["objective"]}]
+    data["results"] = [{**as_search(first), "history": history}, as_search_by(second, "D"), *others]
+    data["validation"] = validation_of(data, ("nonlinear",), "soft_l1")
+    return Record(data)
+
+
+def by_criterion(criterion: str) -> Record:
+    """The same sensors without a prior, designed for by another criterion of the track alone."""
+    kept = [line for line in SENSORS.splitlines() if not line.startswith("prior")]
+    text = "\n".join(kept).replace("criterion: {kind: E}", f"criterion: {criterion}")
+    return Record(judged(text))
+
+
+def absolute() -> Record:
+    """Displacements between measured poses, estimated in three ways."""
+    data = judged(ABSOLUTE)
+    data["validation"] = validation_of(data, ("ols", "sandwich", "gls"))
+    return Record(data)
 
 
 def full(**options: str) -> Record:
@@ -158,4 +284,13 @@ RECORDS = {
     "unbounded_numbers": unbounded_numbers,
     "piecewise_constant": piecewise_constant,
     "empty": empty,
+    "sensors": sensors,
+    "absolute": absolute,
+    "by_D": lambda: by_criterion("{kind: D, subset: [track]}"),
+    "by_A": lambda: by_criterion("{kind: A}"),
+    "by_modified_E": lambda: by_criterion("{kind: modified_E, scaling: none}"),
+    "by_G": lambda: by_criterion("{kind: G, test_drive: [{inputs: [5, 5], duration: 2 s}]}"),
+    "by_I": lambda: by_criterion(
+        "{kind: I, quantity: heading, test_drive: [{inputs: [5, 2], duration: 2 s}]}"
+    ),
 }

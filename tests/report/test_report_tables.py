@@ -7,7 +7,16 @@ import math
 import pytest
 
 from oed.report.tables import Column, Table, fixed, significant
-from oed.report.wording import count, listing, quantity, readable, slug
+from oed.report.wording import (
+    common_units,
+    count,
+    deviation_text,
+    given_text,
+    listing,
+    quantity,
+    readable,
+    slug,
+)
 
 
 @pytest.mark.parametrize(
@@ -46,3 +55,46 @@ def test_words() -> None:
     assert (listing([]), listing(["a"]), listing(["a", "b", "c"])) == ("", "a", "a, b and c")
     assert (count(1, "start"), count(12, "start")) == ("1 start", "12 starts")
     assert slug("The paper's figures") == "the-paper-s-figures"
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "text"),
+    [
+        (0.00472, "m", "0.472 cm"),
+        (3.03e-4, "m", "0.303 mm"),
+        (3.03e-5, "m", "30.3 µm"),
+        (3.03e-9, "m", "0.00303 µm"),
+        (0.05, "", "0.0500"),
+        (0.00361, "", "3.61 ×10⁻³"),
+        (3.61e-5, "", "36.1 ×10⁻⁶"),
+        (math.inf, "m", "∞ cm"),
+    ],
+)
+def test_deviations_in_the_unit_that_suits_them(size: float, unit: str, text: str) -> None:
+    assert deviation_text(size, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "text"),
+    [
+        (0.01, "m", "1 cm"),
+        (0.0005, "m", "500 µm"),
+        (math.radians(2.5), "rad", "2.5 deg"),
+        (0.2, "s", "0.2 s"),
+    ],
+)
+def test_given_quantities_have_no_idle_digits(size: float, unit: str, text: str) -> None:
+    assert given_text(size, unit) == text
+
+
+def test_parameters_of_one_kind_share_a_unit() -> None:
+    units = common_units(
+        {"radius": 3e-5, "track": 1e-3, "slip": 0.02, "untold": None},
+        {"radius": "m", "track": "m", "slip": "", "untold": "m"},
+    )
+    assert {name: unit for name, (unit, _) in units.items()} == {
+        "radius": "µm",
+        "track": "µm",
+        "slip": "",
+        "untold": "µm",
+    }

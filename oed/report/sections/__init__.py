@@ -6,6 +6,7 @@ from oed.record import Record
 from oed.report.section import Section
 from oed.report.sections.candidates import candidates
 from oed.report.sections.convergence import convergence
+from oed.report.sections.criteria import criteria
 from oed.report.sections.deviations import deviations
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.limits import limits
@@ -19,6 +20,7 @@ from oed.report.sections.validation import validation
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     summary,
     candidates,
+    criteria,
     paths,
     player,
     wheels,

@@ -7,7 +7,16 @@ from functools import partial
 from typing import Any
 
 from oed.record import Record
-from oed.report.reading import inputs_of, limit_bounds, path_of, rates_of, segments, with_drive
+from oed.report.reading import (
+    beacons,
+    inputs_of,
+    limit_bounds,
+    on_the_spot,
+    path_of,
+    rates_of,
+    segments,
+    with_drive,
+)
 from oed.report.section import Picture, Section
 from oed.report.wording import count, words
 
@@ -21,19 +30,24 @@ def paths(record: Record) -> Section | None:
         return None
     workspace = record.data["study"]["limits"].get("workspace")
     parts = segments(record, record.data["study"]["trajectory"]["samples"])
-    ticks = f" Ticks across the path are where the {count(parts, 'segment')} meet." if parts else ""
+    marks = f" Ticks across the path are where the {count(parts, 'segment')} meet." if parts else ""
+    places = beacons(record)
+    marks += " Triangles are beacons; one far outside is not shown." if len(places) else ""
+    marks += " A drive on the spot is a dot." if any(map(on_the_spot, with_drive(record))) else ""
     area = "The shaded area is the workspace." if workspace else "The study sets no workspace."
     caption = (
         f"Path of the robot's origin. {area} Darker and wider is faster; arrows point where the robot "
-        f"moves, hollow where it drives backwards.{ticks}{_cut(record)}"
+        f"moves, hollow where it drives backwards.{marks}{_cut(record)}"
     )
     alt = f"Paths of {count(len(drives), 'drive')} in the x-y plane, coloured by speed"
-    pictures = [Picture("paths", alt, caption, partial(_draw, "paths", drives, workspace))]
+    pictures = [Picture("paths", alt, caption, partial(_draw, "paths", drives, workspace, places))]
     if record.best is not None and len(drives) > 1:
         winner = [path_of(record, record.best)]
         note = f"The best drive, {record.best['name']}; the same as in the panel below."
         alt = f"Path of the best drive, {record.best['name']}"
-        pictures.insert(0, Picture("best_path", alt, note, partial(_draw, "paths", winner, workspace)))
+        pictures.insert(
+            0, Picture("best_path", alt, note, partial(_draw, "paths", winner, workspace, places))
+        )
     return Section("Paths in the workspace", figures=tuple(pictures))
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from oed.record import Record
-from oed.report.reading import Entry, blocks, value, with_drive
+from oed.report.judging import scaling_text
+from oed.report.reading import Entry, blocks, is_regression, value, with_drive
 from oed.report.section import Section
 from oed.report.tables import Cell, Column, Table, significant
 from oed.report.wording import readable
@@ -13,13 +14,16 @@ RESPONSES = {"position": "m", "heading": "rad"}
 
 
 def paper(record: Record) -> Section | None:
-    """One row per result: eigenvalues, cond(W), s_min(W), |y| and the error factor of eq. 17."""
-    if not with_drive(record):
+    """One row per result: eigenvalues, cond(W), s_min(W), |y| and the error factor of eq. 17.
+
+    None for sensors: they have no regressor W.
+    """
+    if not with_drive(record) or not is_regression(record):
         return None
     unit = _response_unit(record)
     columns = (*_columns(record), *_response_columns(unit))
     rows = tuple(_row(entry, unit) for entry in record.results)
-    return Section("The paper's figures", paragraphs=_reading(unit), tables=(Table(columns, rows),))
+    return Section("The paper's figures", paragraphs=_reading(record, unit), tables=(Table(columns, rows),))
 
 
 def _columns(record: Record) -> tuple[Column, ...]:
@@ -64,11 +68,10 @@ def _response(entry: Entry, unit: str | None) -> tuple[Cell, ...]:
     return shown, condition / shown if shown else None
 
 
-def _reading(unit: str | None) -> tuple[str, ...]:
+def _reading(record: Record, unit: str | None) -> tuple[str, ...]:
     general = (
         "W is the regressor of y = W c + ρ, with ρ the noise: s_min(W) and cond(W) = s_max/s_min are "
-        "taken of W itself, in radians of wheel angle. The parameters' standard deviations are at most "
-        "σ/s_min(W) [Choi, eq. 18], so a large s_min is what a drive is designed for."
+        "taken of W itself, in radians of wheel angle."
     )
     if unit is None:
         factor = "|y| and eq. 17 are left out: this W has rows in m and in rad."
@@ -77,4 +80,29 @@ def _reading(unit: str | None) -> tuple[str, ...]:
             "The relative error |c − ĉ|/|c| is at most cond(W)/|y| times |ρ| [Choi, eq. 17], with |y| the "
             f"size of the noise-free measurement, in {readable(1.0, unit)[1]}; smaller is better."
         )
-    return general, factor
+    return f"{general} {_bound(record)}", *_eigenvalues(record), factor
+
+
+def _bound(record: Record) -> str:
+    study = record.data["study"]
+    if study["measurement"].get("noise_model", "increments") == "absolute":
+        return (
+            "The bound σ/s_min(W) on the standard deviations [Choi, eq. 18] takes independent displacements; "
+            "here neighbours share the error of the pose between them, which only F knows."
+        )
+    bound = "The parameters' standard deviations are at most σ/s_min(W) [Choi, eq. 18]"
+    aimed = study["criterion"]["kind"] == "E"
+    return f"{bound}, so a large s_min is what a drive is designed for." if aimed else f"{bound}."
+
+
+def _eigenvalues(record: Record) -> tuple[str, ...]:
+    # What is special about F, whose eigenvalues stand in the table; in the paper's case it is W'W.
+    study = record.data["study"]
+    scaling, notes = study["criterion"]["scaling"], []
+    if scaling != "none":
+        notes.append(f"is in units of the noise, the parameters taken {scaling_text(scaling)}")
+    if study.get("prior"):
+        notes.append("holds what was known beforehand, which W does not")
+    if study["criterion"].get("subset"):
+        notes.append("is on the parameters that the criterion judges, the others eliminated")
+    return (f"The information F, of which λ_min and λ_max are, {'; it '.join(notes)}.",) if notes else ()

@@ -7,10 +7,13 @@ from statistics import median
 from typing import Any
 
 from oed.record import Record
+from oed.report.judging import EFFICIENCIES, Aim, aim_of, study_aim
 from oed.report.reading import Entry, solver_options
 from oed.report.section import Picture, Section
 from oed.report.tables import Cell, Column, Table, fixed, significant, whole
 from oed.report.wording import count, listing, quantity, words
+
+Search = tuple[Aim, Entry]
 
 WITHIN = 1.0
 """Shortfall from the best start up to which a start counts as having found it [%]."""
@@ -21,23 +24,25 @@ STAGES = {
     "second_stage": "settling among practically equal designs gave",
 }
 SECOND_STAGES = {
-    "logdet": "it keeps {share} of the objective and then seeks the most information in all directions",
-    "shortest_path": "it keeps {share} of the objective and then seeks the shortest path",
+    "logdet": "it keeps {share} of the {what} and then seeks the most information in all directions",
+    "shortest_path": "it keeps {share} of the {what} and then seeks the shortest path",
 }
 
 
 def starts(record: Record) -> Section | None:
     """Spread of the starts, per search, as dots and as a table; the stages in words."""
-    searches = [entry for entry in record.results if entry["starts"]]
+    searches = [(aim_of(record, entry), entry) for entry in record.results if entry["starts"]]
     if not searches:
         return None
-    sentences = [_agreement(entry) for entry in searches]
-    stages = [_stages(record, entry) for entry in searches if entry["stages"]]
+    own = study_aim(record).label
+    apart = any(aim.label != own for aim, _ in searches)
+    sentences = [_agreement(aim, entry, apart) for aim, entry in searches]
+    stages = [_stages(record, aim, entry, apart) for aim, entry in searches if entry["stages"]]
     return Section(
         "Spread over the starts",
         paragraphs=(*sentences, *stages),
-        figures=_figures(searches),
-        tables=(_table(searches),),
+        figures=_figures(searches, apart),
+        tables=(_table(searches, apart),),
     )
 
 
@@ -46,64 +51,74 @@ def _objectives(entry: Entry) -> list[float]:
     return sorted((value for value in found if value is not None), reverse=True)
 
 
-def _shortfalls(entry: Entry) -> list[float]:
-    # In percent of the best start's magnitude: 0 for the best, negative below it.
+def _shortfalls(aim: Aim, entry: Entry) -> list[float]:
+    # In percent of the best start: 0 for the best, negative below it.
     found = _objectives(entry)
-    return [100.0 * (value - found[0]) / (abs(found[0]) or 1.0) for value in found]
+    return [aim.change(value, found[0]) for value in found]
 
 
-def _close(entry: Entry) -> int:
-    return sum(shortfall >= -WITHIN for shortfall in _shortfalls(entry))
+def _close(aim: Aim, entry: Entry) -> int:
+    return sum(shortfall >= -WITHIN for shortfall in _shortfalls(aim, entry))
 
 
-def _agreement(entry: Entry) -> str:
+def _agreement(aim: Aim, entry: Entry, apart: bool) -> str:
     number, found = len(entry["starts"]), len(_objectives(entry))
+    name = f"{entry['name']}, by {aim.label}" if apart else str(entry["name"])
     if not found:
-        return f"{entry['name']}: none of {count(number, 'start')} found a feasible design."
+        return f"{name}: none of {count(number, 'start')} found a feasible design."
     lost = "" if found == number else f"; {number - found} found no feasible design"
-    share = f"{_close(entry)} of {count(number, 'start')}"
-    return f"{entry['name']}: {share} end within 1 % of the best one{lost}."
+    share = f"{_close(aim, entry)} of {count(number, 'start')}"
+    return f"{name}: {share} end within 1 % of the best one{lost}."
 
 
-def _stages(record: Record, entry: Entry) -> str:
+def _stages(record: Record, aim: Aim, entry: Entry, apart: bool) -> str:
     phrases, before = [], None
     for name, objective in entry["stages"].items():
-        phrases.append(f"{STAGES.get(name, words(name) + ' gave')} {_reached(objective, before)}")
+        phrases.append(f"{STAGES.get(name, words(name) + ' gave')} {_reached(aim, objective, before)}")
         before = objective
-    return f"Stages of {entry['name']}: {'; '.join(phrases)}{_purpose(record, entry)}."
+    numbers = f", in {aim.number}" if apart else ""
+    return f"Stages of {entry['name']}{numbers}: {'; '.join(phrases)}{_purpose(record, aim, entry)}."
 
 
-def _reached(objective: float | None, before: float | None) -> str:
+def _reached(aim: Aim, objective: float | None, before: float | None) -> str:
     if objective is None:
         return "nothing"
     text = quantity(objective, "", 6)
     if not before:
         return text
-    change = 100.0 * (objective - before) / abs(before)
-    return f"{text} ({'no change' if abs(change) < 0.0005 else f'{change:+.3g} %'})"
+    change = aim.change(objective, before)
+    of = " in efficiency" if aim.kind == "D" else ""
+    return f"{text} ({'no change' if abs(change) < 0.0005 else f'{change:+.3g} %{of}'})"
 
 
-def _purpose(record: Record, entry: Entry) -> str:
+def _purpose(record: Record, aim: Aim, entry: Entry) -> str:
     options = solver_options(record, entry)
     purpose = SECOND_STAGES.get(options.get("second_stage", ""), "")
     if "second_stage" not in entry["stages"] or not purpose:
         return ""
+    what = "determinant" if aim.kind == "D" else "objective"
     share = f"{100 * options['second_stage_share']:g} %"
-    return f": {purpose.format(share=share)}"
+    return f": {purpose.format(share=share, what=what)}"
 
 
-def _figures(searches: list[Entry]) -> tuple[Picture, ...]:
+def _figures(searches: list[Search], apart: bool) -> tuple[Picture, ...]:
+    shown = [(aim, entry) for aim, entry in searches if len(_objectives(entry)) > 1]
     spreads = [
-        (str(entry["name"]), _shortfalls(entry), len(entry["starts"]) - len(_objectives(entry)))
-        for entry in searches
-        if len(_objectives(entry)) > 1
+        (
+            f"{entry['name']}\nby {aim.label}" if apart else str(entry["name"]),
+            _shortfalls(aim, entry),
+            len(entry["starts"]) - len(_objectives(entry)),
+        )
+        for aim, entry in shown
     ]
     if not spreads:
         return ()
     caption = (
         "Objective of every start, against the best start of its search. Dots in the band are within 1 %."
     )
-    alt = f"Objectives of the starts, sorted, of {listing([title for title, _, _ in spreads])}"
+    if any(aim.kind in EFFICIENCIES and aim.kind != "E" for aim, _ in searches):
+        caption += " Percentages are of efficiency by the criterion searched for."
+    alt = f"Objectives of the starts, sorted, of {listing([str(entry['name']) for _, entry in shown])}"
     return (Picture("starts", alt, caption, partial(_draw, spreads)),)
 
 
@@ -113,10 +128,11 @@ def _draw(spreads: Any) -> Any:
     return panels.starts(spreads)
 
 
-def _table(searches: list[Entry]) -> Table:
+def _table(searches: list[Search], apart: bool) -> Table:
     six = significant(6)
     columns = (
         Column("result"),
+        *((Column("searched for"),) if apart else ()),
         Column("starts", "", whole),
         Column("within 1 %", "", whole),
         Column("worst objective", "", six),
@@ -126,13 +142,15 @@ def _table(searches: list[Entry]) -> Table:
         Column("most iterations", "", whole),
         Column("whole search", "s", fixed(1)),
     )
-    caption = "Starts only; the time is that of the whole search, with all its stages."
-    return Table(columns, tuple(_row(entry) for entry in searches), caption)
+    numbers = " Objectives are those of the criterion searched for." if apart else ""
+    caption = f"Starts only; the time is that of the whole search, with all its stages.{numbers}"
+    return Table(columns, tuple(_row(aim, entry, apart) for aim, entry in searches), caption)
 
 
-def _row(entry: Entry) -> tuple[Cell, ...]:
+def _row(aim: Aim, entry: Entry, apart: bool) -> tuple[Cell, ...]:
     found = _objectives(entry)
     spread: tuple[Cell, ...] = (found[-1], median(found), found[0]) if found else (None, None, None)
     iterations = [start["iterations"] for start in entry["starts"]]
     effort = (median(iterations), max(iterations), entry["wall_seconds"])
-    return (str(entry["name"]), len(entry["starts"]), _close(entry), *spread, *effort)
+    named = (str(entry["name"]), *((aim.label,) if apart else ()))
+    return (*named, len(entry["starts"]), _close(aim, entry), *spread, *effort)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from oed.record import Record
-from oed.report.reading import Entry, blocks, segments
+from oed.report.judging import aim_of, judged, meaning, precision, singular, study_aim
+from oed.report.measured import along_text, measured_as, prior_text
+from oed.report.reading import Entry, deviation_units, is_regression, on_the_spot
 from oed.report.section import Section
 from oed.report.sections.candidates import repetitions_of
-from oed.report.wording import count, listing, quantity, readable, words
+from oed.report.wording import Unit, deviation_text, listing, quantity, words
 
 
 def summary(record: Record) -> Section:
@@ -25,55 +29,93 @@ def _question(record: Record) -> str:
     study = record.data["study"]
     duration = f"{study['trajectory']['duration']:g} s"
     robot = words(study["robot"]["kind"])
-    names = [parameter["name"] for parameter in record.data["parameters"]]
-    parts = segments(record, study["trajectory"]["samples"])
-    how = f", measured as the {_regressor(record)} of {count(parts, 'segment')}" if parts else ""
-    return (
+    names = [words(parameter["name"]) for parameter in judged(record)]
+    measured = measured_as(record)
+    how = f", measured as {measured}" if measured else ""
+    question = (
         f"Which drive of {duration} tells {listing(names)} of this {robot} robot best{how}? The criterion is "
-        f"{study['criterion']['kind']}, where a larger objective is a better drive."
+        f"{meaning(record)}, where a larger objective is a better drive."
     )
+    more = (_not_judged(record), along_text(record), prior_text(record))
+    return " ".join(filter(None, [question, *more]))
 
 
-def _regressor(record: Record) -> str:
-    return {"position": "displacements", "heading": "turns"}.get(
-        "/".join(blocks(record)), "displacements and turns"
-    )
+def _not_judged(record: Record) -> str:
+    names = [words(one["name"]) for one in record.data["parameters"] if not one.get("judged", True)]
+    return f"{listing(names).capitalize()}: estimated too, but not judged." if names else ""
 
 
 def _answer(record: Record, entry: Entry) -> tuple[str, ...]:
     of = "" if len(record.results) == 1 else f", the best of {len(record.results)} results,"
-    numbers = [
-        f"λ_min is {_number(entry['lambda_min'])}",
-        f"the smallest singular value of W is {_number(entry['smallest_singular_value'])} rad",
-    ]
     text = (
-        f"The result {entry['name']}{of} reaches an objective of {_number(entry['objective'])} with a "
-        f"drive of {quantity(entry['path_length'], 'm')} that keeps every limit; {listing(numbers)}. "
-        f"{_deviations(record, entry)}"
+        f"The result {entry['name']}{_found_by(record, entry)}{of} reaches an objective of "
+        f"{_number(entry['objective'])} with a drive {_extent(entry)} that keeps every limit; "
+        f"{listing(_numbers(record, entry))}. {_deviations(record, entry)}"
     )
     compared = " ".join(filter(None, [_everyday(record, entry), _simulated(record, entry)]))
     return tuple(filter(None, [text, compared, f"How the search ended: {entry['message']}"]))
 
 
+def _found_by(record: Record, entry: Entry) -> str:
+    label = aim_of(record, entry).label
+    return "" if label == study_aim(record).label else f", found by searching for {label}"
+
+
+def _extent(entry: Entry) -> str:
+    if not on_the_spot(entry):
+        return f"of {quantity(entry['path_length'], 'm')}"
+    angles = [pose[2] for pose in entry["drive"]["poses"]]
+    turns = sum(abs(after - before) for before, after in pairwise(angles)) / math.tau
+    return f"on the spot ({quantity(turns, '', 2)} turns)"
+
+
+def _numbers(record: Record, entry: Entry) -> list[str]:
+    if is_regression(record):
+        return [
+            f"λ_min is {_number(entry['lambda_min'])}",
+            f"the smallest singular value of W is {_number(entry['smallest_singular_value'])} rad",
+        ]
+    return precision(record, entry)
+
+
 def _everyday(record: Record, entry: Entry) -> str:
-    # Against the square, which is what people drive to calibrate, or else the first everyday path.
-    paths = [one for one in record.results if one["kind"] == "baseline" and one["feasible"]]
-    chosen = next((one for one in paths if one["name"] == "square"), paths[0] if paths else None)
-    parameters = [one for one in record.data["parameters"] if entry["standard_deviations"].get(one["name"])]
-    if chosen is None or not parameters:
+    chosen = _usual(record)
+    known = entry["standard_deviations"]
+    parameters = [one for one in judged(record) if known.get(one["name"]) and one["nominal"]]
+    if chosen is None or chosen["name"] == entry["name"] or not parameters:
         return ""
     parameter, duration = parameters[-1], record.data["study"]["trajectory"]["duration"]
     name = parameter["name"]
     shares = [_percent(one["standard_deviations"].get(name), parameter["nominal"]) for one in (entry, chosen)]
-    repetitions = repetitions_of(record, chosen)
-    needed = (
-        "No number of them" if repetitions == math.inf else f"{quantity(repetitions or 0.0, '', 2)} of them"
-    )
+    before = "With what was known beforehand, one" if record.data["study"].get("prior") else "One"
+    everyday = words(chosen["name"])
     return (
-        f"One {duration:g} s drive gives {name} to {shares[0]}; the {words(chosen['name'])} you would have "
-        f"driven gives {shares[1]}. {needed} would be needed to tell the worst-determined combination of "
-        "parameters as well."
+        f"{before} {duration:g} s drive gives {words(name)} to {shares[0]}; the {everyday} you would have "
+        f"driven gives {shares[1]}.{_needed(record, chosen)}"
     )
+
+
+def _usual(record: Record) -> Entry | None:
+    # The square, which is what people drive to calibrate, or else the first everyday path that tells all.
+    paths = [
+        one
+        for one in record.results
+        if one["kind"] == "baseline" and one["feasible"] and not one["name"].startswith("random")
+    ]
+    order = sorted(paths, key=lambda one: (one["name"] != "square", singular(one)))
+    return order[0] if order else None
+
+
+def _needed(record: Record, chosen: Entry) -> str:
+    repetitions, aim = repetitions_of(record, chosen), study_aim(record)
+    if repetitions is None:
+        return ""
+    told = "tell the worst-determined combination of parameters as well"
+    if aim.kind != "E":
+        told = f"be worth as much by {aim.label}"
+    if repetitions == math.inf:
+        return f" No number of them would {told}."
+    return f" {quantity(repetitions, '', 2)} of them would be needed to {told}."
 
 
 def _percent(deviation: float | None, nominal: float) -> str:
@@ -83,9 +125,11 @@ def _percent(deviation: float | None, nominal: float) -> str:
 
 
 def _simulated(record: Record, entry: Entry) -> str:
-    outcome = record.data["validation"]
-    verdicts = {one["name"]: one["verdict"] for one in (outcome or {}).get("results", [])}
-    return str(verdicts.get(entry["name"], ""))
+    outcome = record.data["validation"] or {}
+    own = [one for one in outcome.get("results", []) if one["name"] == entry["name"]]
+    if len(own) == 1:
+        return str(own[0]["verdict"])
+    return " ".join(f"By {words(one['estimator'])}: {one['verdict']}" for one in own)
 
 
 def _number(value: float | None) -> str:
@@ -93,9 +137,9 @@ def _number(value: float | None) -> str:
 
 
 def _deviations(record: Record, entry: Entry) -> str:
-    known = entry["standard_deviations"]
+    known, units = entry["standard_deviations"], deviation_units(record, entry)
     phrases = [
-        _deviation(parameter, known[parameter["name"]])
+        _deviation(parameter, known[parameter["name"]], units[parameter["name"]])
         for parameter in record.data["parameters"]
         if parameter["name"] in known
     ]
@@ -104,12 +148,12 @@ def _deviations(record: Record, entry: Entry) -> str:
     return f"Predicted standard deviations of one drive: {listing(phrases)}."
 
 
-def _deviation(parameter: dict[str, Any], deviation: float | None) -> str:
+def _deviation(parameter: Mapping[str, Any], deviation: float | None, unit: Unit) -> str:
+    name = words(parameter["name"])
     if deviation is None:
-        return f"{parameter['name']} cannot be told"
-    shown, unit = readable(deviation, parameter["unit"])
-    share = _share(deviation, parameter["nominal"])
-    return f"{parameter['name']} {quantity(shown, unit)}{share}"
+        return f"{name} cannot be told"
+    size = deviation_text(deviation, parameter["unit"], unit)
+    return f"{name} {size}{_share(deviation, parameter['nominal'])}"
 
 
 def _share(deviation: float, nominal: float) -> str:
