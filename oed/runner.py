@@ -115,6 +115,8 @@ def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:
     largest = max(evaluation.objective for _, evaluation in feasible)
     enough = criterion.concede(largest, 1 - PRACTICALLY_EQUAL)
     equal = [pair for pair in feasible if pair[1].objective >= enough]
+    # A search by another criterion has given up nothing of this one on purpose.
+    equal = [pair for pair in equal if pair[0].criterion is None] or equal
     return max(equal, key=lambda pair: pair[1].log_determinant)[0]
 
 
