@@ -231,7 +231,7 @@ def validation_data(name: str, validation: Validation) -> dict[str, Any]:
             }
             for check in validation.checks
         ],
-        "estimates": rounded(validation.estimates, 7),
+        "estimates": rounded(validation.estimates, 10),
     }
 
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from oed.baselines import baselines
 from oed.criteria import A, Criterion, D, E
-from oed.errors import UserMistake
+from oed.errors import ProblemError, UserMistake
 from oed.evaluation import evaluate, nuisance_table, parameter_table
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
@@ -28,6 +28,8 @@ from oed.validation import validate
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
+ON_THE_SPOT = 0.01
+"""Path length [m] of a design below which paths of the same length mean nothing."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
 
 
@@ -219,6 +221,8 @@ def _baselines(
         return []
     progress.begin("score everyday paths", len(asked))
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
+    if length is not None and length < ON_THE_SPOT:
+        length = None
     scored: list[Solution] = []
     for path in asked:
         if isinstance(path, PathFile):
@@ -300,18 +304,22 @@ def _simulated(
         if trajectory is None or evaluation is None or not evaluation.feasible or evaluation.singular:
             continue
         for estimator in options.estimators or (None,):
-            result = validate(
-                study.problem,
-                trajectory,
-                replicates=options.replicates,
-                estimator=estimator,
-                heading=options.heading,
-                loss=options.loss,
-                alpha=options.alpha,
-                seed=seed,
-                workers=workers or default_workers(),
-                progress=progress,
-            )
+            try:
+                result = validate(
+                    study.problem,
+                    trajectory,
+                    replicates=options.replicates,
+                    estimator=estimator,
+                    heading=options.heading,
+                    loss=options.loss,
+                    alpha=options.alpha,
+                    seed=seed,
+                    workers=workers or default_workers(),
+                    progress=progress,
+                )
+            except ProblemError:
+                # A drive that tells too little without the prior, or without what the criterion leaves out.
+                continue
             entries.append(validation_data(solution.name, result))
     return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
 
