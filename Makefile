@@ -8,7 +8,7 @@ demo: .venv/installed
 	$(BIN)/oed run problems/choi_skid_steer.yaml
 
 test: .venv/installed-dev
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

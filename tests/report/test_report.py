@@ -70,6 +70,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", RECORDS)
 def test_every_record_gets_a_whole_report(kind: str, tmp_path: Path) -> None:
     record = RECORDS[kind]()

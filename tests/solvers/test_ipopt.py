@@ -262,6 +262,7 @@ def test_known_optima(overrides, optimum: float, share: float):
         assert start.objective is None or start.objective <= optimum * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_papers_table_is_surpassed(three_segments: Problem, three_segment_solution: Solution):
     # Paper: s_min 8.70, cond / |y| = 3.35 / 100.83 cm. The cap on s_min is 8.998.
     evaluation = three_segment_solution.evaluation
