@@ -10,6 +10,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from oed.bounds import Certificate as Certificate
+    from oed.bounds import bound as bound
     from oed.criteria import A as A
     from oed.criteria import Criterion as Criterion
     from oed.criteria import D as D
@@ -84,6 +86,7 @@ if TYPE_CHECKING:
     from oed.validation import validate as validate
 
 _HOMES = {
+    "oed.bounds": ("Certificate", "bound"),
     "oed.criteria": (
         "A",
         "Criterion",

@@ -151,7 +151,7 @@ class Problem:
         others = tuple(name for name in self._estimated(block) if name not in judged)
         names = judged + others
         ones = dict.fromkeys(names, 1.0)
-        prior = None if self.prior is None else _prior_of(self.prior, block, names)
+        prior = None if self.prior is None else prior_of(self.prior, block, names)
         return Estimation(
             block=block,
             parameters=names,
@@ -180,7 +180,8 @@ class Problem:
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
-def _prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
+def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
+    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none."""
     if not set(prior.names) & set(names):
         return None
     places = [block.parameters.index(name) for name in names]

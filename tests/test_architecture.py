@@ -23,7 +23,7 @@ FLOORS: tuple[set[str], ...] = (
     {"problem"},
     {"evaluation"},
     {"solution", "identifiability"},
-    {"solvers", "baselines"},
+    {"solvers", "baselines", "bounds"},
     {"estimators"},
     {"validation"},
     {"study", "study_errors", "yaml_source", "record", "path_file", "runner"},

@@ -1,0 +1,120 @@
+"""Certificates: how far from the best possible can a design be? A new bound is one more in `_caps`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from oed.bounds.caps import prior_matrix, raw, regression_caps
+from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate
+from oed.bounds.joint import joint_caps
+from oed.bounds.motion import grip, largest_rates
+from oed.bounds.speed_lattice import LatticeBound, SpeedLimits, lattice_bound
+from oed.criteria import E
+from oed.evaluation import evaluate
+from oed.measurements.displacements import Displacements
+from oed.problem import Problem
+from oed.trajectory import Trajectory
+
+TIME_LIMIT = 5.0
+"""Seconds that the search for a bound may take."""
+GAP = 2e-4
+"""Gap between the bound and its own best speeds at which that search ends."""
+NOTHING = "no bound is known for this criterion and measurement"
+
+
+def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP) -> Certificate:
+    """The smallest upper bound on a problem's objective that is proved here, with its assumptions.
+
+    Args:
+        problem: with criterion E.
+        time_limit: of the search by branch and bound [s].
+        gap: at which that search ends.
+    """
+    began = time.perf_counter()
+    caps, drive, complete = list(_caps(problem)), None, True
+    searched = _lattice(problem, time_limit, gap)
+    if searched is not None:
+        found, cap = searched
+        caps.append(cap)
+        drive, complete = _lattice_drive(problem, found), found.complete
+    inflated = [Cap(one.value * (1 + INFLATION), one.method, one.assumptions, one.multiplier) for one in caps]
+    inflated.sort(key=lambda one: one.value)
+    best = inflated[0] if inflated else Cap(np.inf, NOTHING, ())
+    return Certificate(
+        best.value,
+        best.method,
+        best.assumptions,
+        best.multiplier,
+        tuple(inflated),
+        drive,
+        complete,
+        time.perf_counter() - began,
+    )
+
+
+def _caps(problem: Problem) -> Iterator[Cap]:
+    if not isinstance(problem.criterion, E):
+        return
+    if isinstance(problem.measurement, Displacements):
+        yield from regression_caps(problem, problem.measurement)
+    else:
+        yield from joint_caps(problem)
+
+
+def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBound, Cap] | None:
+    # Where every sample is measured for itself, and the inputs act on the ground as they are.
+    measurement = problem.measurement
+    if (
+        not isinstance(problem.criterion, E)
+        or not isinstance(measurement, Displacements)
+        or measurement.noise_model != "increments"
+        or measurement.segment_count(problem.design.samples) != problem.design.samples
+        or len(problem.model.inputs) != 2
+        or grip(problem) != 1.0
+    ):
+        return None
+    one = problem.any_estimations[-1]
+    if len(one.judged) != 2:
+        return None
+    noise = 1.0 if raw(problem, one) else float(one.block.noise or 1.0)
+    space = problem.design
+    step = space.period * float(largest_rates(problem).max())
+    limits = SpeedLimits(
+        space.samples, problem.input_bounds, step, step / 2 if space.rest_to_rest else np.inf
+    )
+    found = lattice_bound(
+        limits,
+        space.period * one.scales / noise,
+        prior_matrix(problem, one),
+        gap=gap,
+        time_limit=time_limit,
+    )
+    method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
+    assumptions = ["wheel speeds and accelerations within their limits", "the room is left out"]
+    if space.integration == "arc":
+        assumptions.append("arcs tell at most as much as chords of full length")
+    return found, Cap(found.upper, method, tuple(assumptions), found.multiplier)
+
+
+def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
+    # The best speeds found, or the same the other way round: whichever keeps best to the room.
+    space = problem.design
+    start = space.fixed_start or (0.0, 0.0, 0.0)
+    speeds = found.speeds
+    candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
+    low, high = problem.input_bounds.T
+    candidates = [one for one in candidates if np.all(one >= low - 1e-9) and np.all(one <= high + 1e-9)]
+    drives = [
+        Trajectory.from_samples(one, space.duration, start, rest_to_rest=space.rest_to_rest)
+        for one in candidates
+    ]
+    if not drives:
+        return None
+    scored = [(evaluate(problem, drive), drive) for drive in drives]
+    return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]
+
+
+__all__ = ["GAP", "LOOSE", "TIME_LIMIT", "Cap", "Certificate", "bound"]

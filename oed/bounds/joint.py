@@ -1,0 +1,152 @@
+"""Upper bounds for sensors that are estimated from together, from two directions nobody can do much about.
+
+Growing all lengths of the robot alike moves every position away from the start in proportion: it tells as
+much as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every position
+along a circle of the track's size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.bounds.caps import SPEEDS, prior_matrix
+from oed.bounds.certificate import Cap
+from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
+from oed.bounds.spread import largest_spread
+from oed.measurements.poses import Poses
+from oed.measurements.ranges import Ranges
+from oed.measurements.sensor import Sensor
+from oed.measurements.several import sensors_of
+from oed.measurements.yaw_rate import YawRate
+from oed.models.coefficient_robot import CoefficientRobot
+from oed.problem import Estimation, Problem
+
+Array = npt.NDArray[np.float64]
+
+
+def joint_caps(problem: Problem) -> Iterator[Cap]:
+    """Every bound known for the problem's sensors."""
+    sensors = sensors_of(problem.measurement)
+    precisions = [_position_precision(sensor) for sensor in sensors]
+    if any(precision is None for precision in precisions) or not sensors:
+        return
+    weights = [float(precision or 0.0) for precision in precisions]
+    (one,) = problem.any_estimations
+    if isinstance(problem.robot, CoefficientRobot):
+        yield from _circle_cap(problem, one, sensors, weights)
+    else:
+        yield from _size_caps(problem, one, sensors, weights)
+
+
+def _position_precision(sensor: Sensor) -> float | None:
+    # At most so much information per reading and squared displacement of the sensor [1/m^2]; None if unknown.
+    if isinstance(sensor, YawRate):
+        return 0.0
+    if isinstance(sensor, Ranges):
+        return len(sensor.beacons) / sensor.noise**2
+    if not isinstance(sensor, Poses) or sensor.joint_whitening is not None:
+        return None
+    if sensor.noise.covariance is not None:
+        return float(1 / np.linalg.eigvalsh(np.array(sensor.noise.covariance))[0])
+    deviations = [sensor.noise.deviation(name) for name in sensor.quantities if name != "heading"]
+    return max((float(deviation or np.inf) ** -2 for deviation in deviations), default=0.0)
+
+
+def _unknown_start(sensors: Sequence[Sensor]) -> bool:
+    # Whether shifting the whole path costs nothing: no sensor knows where the drive began.
+    known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
+    return bool(known) and all(entry == "unknown" for entry in known)
+
+
+def _circle_cap(
+    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
+) -> Iterator[Cap]:
+    rows = coefficient_rows(problem)
+    names = problem.model.coefficient_names[1]
+    if rows is None or problem.design.integration != "arc" or not set(names) <= set(one.judged):
+        return
+    # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
+    change = np.zeros(len(one.judged))
+    change[[one.judged.index(name) for name in names]] = rows[0]
+    centred = _unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
+    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
+    reach = 1.0 if centred else 4.0
+    value = reach * sum(weight * count for weight, count in zip(weights, readings, strict=True))
+    yield _along(
+        problem,
+        one,
+        change,
+        value,
+        "forward speed wrong in proportion to the yaw rate: a circle of the track's size",
+        ("exact arcs", "neither speeds nor the room matter"),
+    )
+
+
+def _size_caps(
+    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
+) -> Iterator[Cap]:
+    lengths = [entry.name for entry in problem.robot.parameters if entry.unit == "m"]
+    bounds = room(problem)
+    if bounds is None or not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
+        return
+    values = dict(zip(one.parameters, one.nominal, strict=True))
+    change = np.array([values[name] if name in lengths else 0.0 for name in one.judged])
+    x_min, x_max, y_min, y_max = bounds
+    if not _unknown_start(sensors):
+        return
+    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
+    half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
+    total = sum(weight * count for weight, count in zip(weights, readings, strict=True)) * half_squares
+    yield _along(
+        problem,
+        one,
+        change,
+        total,
+        "all lengths wrong alike: every position in a corner of the room",
+        ("every position within the room", "initial pose unknown", "speeds are left out"),
+    )
+    speeds = top_speeds(problem)
+    if speeds is not None:
+        spread = sum(
+            weight * _spread(problem, sensor, bounds, speeds)
+            for weight, sensor in zip(weights, sensors, strict=True)
+            if weight
+        )
+        # Sensors share one shift of the path, so their spreads add up only where one sensor reads positions.
+        if sum(weight > 0 for weight in weights) == 1:
+            yield _along(
+                problem,
+                one,
+                change,
+                spread,
+                "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
+                ("every position within the room", "initial pose unknown", SPEEDS),
+            )
+
+
+def _spread(
+    problem: Problem, sensor: Sensor, bounds: tuple[float, float, float, float], speeds: Array
+) -> float:
+    samples = problem.design.samples
+    read = np.zeros(samples + 1, dtype=bool)
+    read[sensor.columns(samples)] = True
+    steps = problem.design.period * speeds
+    start = problem.design.fixed_start
+    first = (None, None) if start is None else (start[0], start[1])
+    x_min, x_max, y_min, y_max = bounds
+    return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
+        y_min, y_max, first[1], steps, read
+    )
+
+
+def _along(
+    problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
+) -> Cap:
+    # The change is v times its length in scaled parameters, and tells `value` in all.
+    scaled = change / one.scales
+    unit = scaled / np.linalg.norm(scaled)
+    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
+    return Cap(bound, method, assumptions, np.outer(unit, unit))

@@ -1,0 +1,95 @@
+"""How fast a robot can be under a problem's limits: what every bound starts from."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.limits.limit import Limit
+from oed.limits.workspace import Rectangle
+from oed.models.coefficient_robot import CoefficientRobot
+from oed.models.skid_steer import SkidSteer
+from oed.problem import Problem
+
+Array = npt.NDArray[np.float64]
+
+
+def input_reach(problem: Problem) -> Array:
+    """Largest magnitude of each input in each period, (N, inputs): its bound, and what the largest rate
+    allows from rest to rest.
+    """
+    space = problem.design
+    largest = np.abs(problem.input_bounds).max(axis=1)
+    reach = np.tile(largest, (space.samples, 1))
+    if space.rest_to_rest:
+        times = (np.arange(space.samples) + 0.5) * space.period
+        spare = np.minimum(times, space.duration - times)
+        reach = np.minimum(reach, np.outer(spare, largest_rates(problem)))
+    return np.asarray(reach)
+
+
+def largest_rates(problem: Problem) -> Array:
+    """Largest magnitude of each input's rate, (inputs,); infinite where nothing limits it."""
+    rates = np.full(len(problem.model.inputs), np.inf)
+    for limit in problem.limits:
+        for name, bounds in limit.rate_bounds(problem.model).items():
+            index = problem.model.input_names.index(name)
+            rates[index] = min(rates[index], float(np.abs(bounds).max()))
+    return rates
+
+
+def grip(problem: Problem) -> float | None:
+    """A factor that no effective input exceeds its input by; None where the robot gives none."""
+    model = problem.model
+    if isinstance(model, SkidSteer):
+        return max(abs(1 - model.slip_outer), abs(1 - model.slip_inner))
+    # Robots that do not redefine them act with their inputs themselves.
+    rng = np.random.default_rng(0)
+    inputs = ca.DM(rng.standard_normal(len(model.inputs)))
+    effective = model.effective_inputs(inputs, ca.DM(model.nominal))
+    return 1.0 if effective is inputs else None
+
+
+def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
+    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c."""
+    model = problem.model
+    if not model.coefficient_names:
+        return None
+    matrix = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal))))
+    return matrix[0], matrix[1]
+
+
+def top_speeds(problem: Problem) -> Array | None:
+    """Largest speed of the robot's origin in each period, (N,) [m/s]; None where it is not known."""
+    rows, factor = coefficient_rows(problem), grip(problem)
+    if rows is None or factor is None:
+        return None
+    return np.asarray(factor * input_reach(problem) @ np.abs(rows[1]))
+
+
+def room(problem: Problem) -> tuple[float, float, float, float] | None:
+    """The rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without one."""
+    found: list[Limit] = [limit for limit in problem.limits if isinstance(limit, Rectangle)]
+    return found[0].extent if found and isinstance(found[0], Rectangle) else None
+
+
+def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
+    """Whether growing the parameters `names` by one factor makes the same path larger by that factor."""
+    robot = problem.robot
+    if isinstance(robot, CoefficientRobot):
+        return False
+    rng = np.random.default_rng(0)
+    nominal = np.array(robot.nominal)
+    grown = np.array([entry.name in names for entry in robot.parameters])
+    inputs, parameters = ca.SX.sym("u", len(robot.inputs)), ca.SX.sym("p", len(nominal))
+    twist = robot.twist(inputs, parameters)
+    change = ca.jtimes(twist, parameters, ca.DM(np.where(grown, nominal, 0.0)))
+    function = ca.Function("change", [inputs, parameters], [twist, change])
+    low, high = problem.input_bounds.T
+    for _ in range(20):
+        now, changed = (np.array(one).ravel() for one in function(rng.uniform(low, high), nominal))
+        expected = np.array([now[0], now[1], 0.0])
+        if not np.allclose(changed, expected, rtol=1e-9, atol=1e-12 + 1e-9 * np.abs(now).max()):
+            return False
+    return True

@@ -1,0 +1,293 @@
+"""The best wheel speeds when every sample is a measurement of its own: a bound by dynamic programming.
+
+Then F = S (sum w w') S whatever the headings. For any Z >= 0 with tr Z = 1 the smallest eigenvalue of F is at
+most the largest tr(Z F), a convex function of the speeds. Limits on speeds and on their differences are
+totally unimodular, so its maximum is at speeds that lie on a lattice: a bound plus or minus multiples of the
+largest step. Dynamic programming on that lattice is exact. Cutting planes find the best Z; branching on the
+signs of the speeds at some times closes what gap is left.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+
+Array = npt.NDArray[np.float64]
+
+DIRECTIONS = 96
+"""Corners of the polygon inside which Z is sought; every Z inside is valid."""
+CUTS = 30
+"""Cutting planes for one node at most."""
+ENOUGH = 1e-5
+"""Share of the bound by which one more cutting plane has to lower it."""
+
+
+@dataclass(frozen=True)
+class SpeedLimits:
+    """Limits of two inputs held in N periods.
+
+    Attributes:
+        samples: N.
+        bounds: (2, 2): smallest and largest value of each input.
+        step: largest change from a period to the next; infinite for none.
+        ends: largest magnitude in the first and the last period; infinite for none.
+    """
+
+    samples: int
+    bounds: Array
+    step: float
+    ends: float
+
+
+def lattice(low: float, high: float, step: float, ends: float) -> Array:
+    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step."""
+    seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
+    seeds = [seed for seed in seeds if low <= seed <= high]
+    if not np.isfinite(step):
+        return np.unique(seeds)
+    count = int(np.ceil((high - low) / step)) + 1
+    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
+    inside = np.sort(values[(values >= low) & (values <= high)])
+    # Values that rounding alone keeps apart are one.
+    return np.asarray(inside[np.concatenate([[True], np.diff(inside) > 1e-9 * max(1.0, high - low)])])
+
+
+class LatticeProgram:
+    """Dynamic programming over both inputs: the speeds of largest tr(Z F) under sign conditions."""
+
+    def __init__(self, limits: SpeedLimits, weights: Array) -> None:
+        """Lay out the lattice.
+
+        Args:
+            limits: of the speeds.
+            weights: S (2,): F = S (sum w w') S.
+        """
+        self.limits = limits
+        self.grids = [lattice(low, high, limits.step, limits.ends) for low, high in limits.bounds]
+        first, second = np.meshgrid(*self.grids, indexing="ij")
+        self.scaled = np.stack([weights[0] * first, weights[1] * second])
+        self.neighbours = [_neighbours(grid, limits.step) for grid in self.grids]
+        self.ends = (np.abs(first) <= limits.ends * (1 + 1e-12)) & (
+            np.abs(second) <= limits.ends * (1 + 1e-12)
+        )
+        middle = limits.bounds.mean(axis=1)
+        self.signs = {
+            (one, other): (one * (first - middle[0]) >= -1e-9) & (other * (second - middle[1]) >= -1e-9)
+            for one, other in itertools.product((1, -1), repeat=2)
+        }
+
+    def maximise(self, matrix: Array, conditions: dict[int, tuple[int, int]]) -> tuple[float, Array]:
+        """The largest tr(Z F), and the speeds (N, 2) that reach it (scaled by S); -inf if there are none."""
+        cost = np.einsum("aij,ab,bij->ij", self.scaled, matrix, self.scaled)
+        count = self.limits.samples
+        values = self._kept(cost, count - 1, conditions)
+        table = [values]
+        for index in range(count - 2, -1, -1):
+            values = self._kept(self._best_next(values) + cost, index, conditions)
+            table.append(values)
+        table.reverse()
+        best = float(values.max())
+        return best, self._trace(table) if np.isfinite(best) else np.zeros((count, 2))
+
+    def _kept(self, values: Array, index: int, conditions: dict[int, tuple[int, int]]) -> Array:
+        # Values of the speeds that are allowed in a period; -inf for the others.
+        if index in (0, self.limits.samples - 1):
+            values = np.where(self.ends, values, -np.inf)
+        if index in conditions:
+            values = np.where(self.signs[conditions[index]], values, -np.inf)
+        return values
+
+    def _best_next(self, values: Array) -> Array:
+        first, second = self.neighbours
+        values = values[first].max(axis=1)
+        return np.asarray(values[:, second].max(axis=2))
+
+    def _trace(self, table: Sequence[Array]) -> Array:
+        first, second = self.neighbours
+        place = np.unravel_index(int(np.argmax(table[0])), table[0].shape)
+        places = [place]
+        for values in table[1:]:
+            rows, columns = first[place[0]], second[place[1]]
+            part = values[np.ix_(rows, columns)]
+            row, column = np.unravel_index(int(np.argmax(part)), part.shape)
+            place = (rows[row], columns[column])
+            places.append(place)
+        rows, columns = np.array(places).T
+        return np.asarray(self.scaled[:, rows, columns].T)
+
+
+def _neighbours(grid: Array, step: float) -> npt.NDArray[np.int64]:
+    # (n, m): which values may follow each, the last one repeated where there are fewer.
+    reach = step * (1 + 1e-9)
+    low = np.searchsorted(grid, grid - reach, side="left")
+    high = np.searchsorted(grid, grid + reach, side="right")
+    width = int((high - low).max())
+    return np.asarray(np.minimum(low[:, None] + np.arange(width), high[:, None] - 1))
+
+
+@dataclass(order=True)
+class _Node:
+    priority: float
+    serial: int
+    conditions: dict[int, tuple[int, int]] = field(compare=False)
+    bound: float = field(compare=False)
+    point: Array = field(compare=False)
+    paths: list[Array] = field(compare=False)
+    shares: Array = field(compare=False)
+
+
+@dataclass(frozen=True)
+class LatticeBound:
+    """What the search found.
+
+    Attributes:
+        upper: no speeds within the limits have a larger smallest eigenvalue.
+        root: the bound before any branching.
+        lower: the smallest eigenvalue of the best speeds found.
+        speeds: those, (N, 2).
+        multiplier: Z of the bound before any branching, (2, 2).
+        nodes: branchings' nodes.
+        complete: whether the gap asked for was reached, rather than the time limit.
+    """
+
+    upper: float
+    root: float
+    lower: float
+    speeds: Array
+    multiplier: Array
+    nodes: int
+    complete: bool
+
+
+def lattice_bound(
+    limits: SpeedLimits, weights: Array, constant: Array, *, gap: float = 2e-4, time_limit: float = 5.0
+) -> LatticeBound:
+    """Bound the smallest eigenvalue of S (sum w w') S + constant over all speeds within `limits`.
+
+    Args:
+        limits: of the speeds.
+        weights: S (2,).
+        constant: (2, 2), e.g. a prior's information.
+        gap: share of the best speeds found by which the bound may exceed it.
+        time_limit: after which the bound so far is taken [s].
+    """
+    return _Search(LatticeProgram(limits, weights), weights, constant, gap, time_limit).run()
+
+
+class _Search:
+    def __init__(
+        self, program: LatticeProgram, weights: Array, constant: Array, gap: float, time_limit: float
+    ) -> None:
+        self.program, self.weights, self.constant = program, weights, constant
+        self.gap, self.deadline = gap, time.perf_counter() + time_limit
+        self.lower, self.best = -np.inf, np.zeros((program.limits.samples, 2))
+        self.serial = itertools.count()
+
+    def run(self) -> LatticeBound:
+        root = self._node({}, [np.zeros(2)], np.inf)
+        assert root is not None
+        queue, nodes = [root], 1
+        while queue and queue[0].bound > self.lower * (1 + self.gap):
+            if time.perf_counter() > self.deadline:
+                break
+            node = heapq.heappop(queue)
+            for conditions in self._children(node):
+                nodes += 1
+                child = self._node(conditions, [node.point], node.bound)
+                if child is not None:
+                    heapq.heappush(queue, child)
+        upper = max([self.lower, *(node.bound for node in queue[:1])])
+        return LatticeBound(
+            upper=upper,
+            root=root.bound,
+            lower=self.lower,
+            speeds=self.best / self.weights,
+            multiplier=_multiplier(root.point),
+            nodes=nodes,
+            complete=upper <= self.lower * (1 + self.gap),
+        )
+
+    def _node(
+        self, conditions: dict[int, tuple[int, int]], points: list[Array], above: float
+    ) -> _Node | None:
+        # Cutting planes: every point tried gives a valid bound, and a plane under the true function.
+        planes: list[tuple[float, Array]] = []
+        paths: list[Array] = []
+        bound, chosen, point = above, points[0], points[0]
+        shares = np.ones(1)
+        for _ in range(CUTS):
+            value, path = self.program.maximise(_multiplier(point), conditions)
+            if not np.isfinite(value):
+                return None
+            matrix = path.T @ path + self.constant
+            value += float(np.sum(_multiplier(point) * self.constant))
+            self._note(path, matrix)
+            if value < bound:
+                bound, chosen = value, point
+            paths.append(path)
+            planes.append(_plane(matrix))
+            least, point, shares = _lowest(planes)
+            if bound - least <= ENOUGH * abs(bound) or bound <= self.lower * (1 + self.gap):
+                break
+            if time.perf_counter() > self.deadline:
+                break
+        return _Node(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
+
+    def _note(self, path: Array, matrix: Array) -> None:
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        if smallest > self.lower:
+            self.lower, self.best = smallest, path
+
+    def _children(self, node: _Node) -> list[dict[int, tuple[int, int]]]:
+        # Where the drives that are mixed in the bound disagree most about going straight or turning.
+        used = [(share, path) for share, path in zip(node.shares, node.paths, strict=False) if share > 1e-9]
+        middle = self.program.limits.bounds.mean(axis=1) * self.weights
+        products = np.array([np.sign((path - middle).prod(axis=1)) for _, path in used])
+        shares = np.array([share for share, _ in used])
+        mean = shares @ products / shares.sum()
+        spread = shares @ (products - mean) ** 2
+        known = np.array([-1, *node.conditions, len(spread)])
+        away = np.abs(np.arange(len(spread))[:, None] - known).min(axis=1)
+        # In the middle between times already decided, if there they disagree at all.
+        moment = int(np.argmax(away * (0.1 + spread)))
+        symmetric = not node.conditions and bool(np.allclose(self.program.limits.bounds.sum(axis=1), 0.0))
+        # Driving everything the other way round is as good: at first, one sign is enough.
+        pairs = [(1, 1), (1, -1)] + ([] if symmetric else [(-1, 1), (-1, -1)])
+        return [{**node.conditions, moment: pair} for pair in pairs]
+
+
+def _multiplier(point: Array) -> Array:
+    # Z = (I + point . Pauli) / 2 for a point in the unit disc.
+    return np.array([[1 + point[0], point[1]], [point[1], 1 - point[0]]]) / 2
+
+
+def _plane(matrix: Array) -> tuple[float, Array]:
+    # tr(Z F) = offset + slope . point.
+    return float(np.trace(matrix)) / 2, np.array([(matrix[0, 0] - matrix[1, 1]) / 2, matrix[0, 1]])
+
+
+def _lowest(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
+    # The lowest point of the planes' maximum over a polygon inside the disc, and the planes' shares in it.
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    size = max(abs(offset) for offset, _ in planes) or 1.0
+    rows = [np.concatenate([slope / size, [-1.0]]) for _, slope in planes]
+    sides = np.hstack([normals, np.zeros((DIRECTIONS, 1))])
+    found = linprog(
+        [0.0, 0.0, 1.0],
+        A_ub=np.vstack([rows, sides]),
+        b_ub=np.concatenate(
+            [[-offset / size for offset, _ in planes], np.full(DIRECTIONS, np.cos(np.pi / DIRECTIONS))]
+        ),
+        bounds=[(None, None)] * 3,
+        method="highs",
+    )
+    shares = -np.asarray(found.ineqlin.marginals[: len(planes)])
+    return float(found.x[2]) * size, np.asarray(found.x[:2]), np.asarray(shares)

@@ -1,0 +1,73 @@
+"""How far apart the poses of one drive can lie: a bound by dynamic programming along each axis.
+
+The sum of squared distances from their mean is a convex function of the positions, so over all positions
+that keep to the room and to the top speed it is largest where every position is a bound, or the start, plus
+or minus a multiple of the largest step. The state is the position and the sum of the readings so far.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+SUM_STEPS = 4000
+"""Steps into which the range of the readings' sum is divided; the rounding is taken off the bound's side."""
+
+
+def largest_spread(
+    low: float, high: float, start: float | None, steps: Array, read: npt.NDArray[np.bool_]
+) -> float:
+    """At least the largest sum of (x_k - mean)^2 over the samples read.
+
+    Args:
+        low: smallest x.
+        high: largest x.
+        start: x at the first sample, None where it is free.
+        steps: largest change in each period, (N,).
+        read: which of the N + 1 samples are read.
+    """
+    step = float(np.max(steps))
+    middle = (low + high) / 2
+    half = (high - low) / 2
+    if half <= 0:
+        return 0.0
+    seeds = [low, high] + ([] if start is None else [start])
+    count = int(np.ceil((high - low) / step)) + 1
+    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
+    values = np.unique(np.round(values[(values >= low - 1e-12) & (values <= high + 1e-12)], 12)) - middle
+    readings = int(read.sum())
+    grain = 2 * half * readings / SUM_STEPS
+    shifts = np.rint(values / grain).astype(int)
+    offset = int(np.abs(shifts).max()) * readings + 1
+    table = np.full((len(values), 2 * offset + 1), -np.inf)
+    first = (
+        np.ones(len(values), dtype=bool) if start is None else np.isclose(values, start - middle, atol=1e-9)
+    )
+    table[first, offset] = 0.0
+    reach = step * (1 + 1e-9) + 1e-9
+    lows, highs = (
+        np.searchsorted(values, values - reach),
+        np.searchsorted(values, values + reach, side="right"),
+    )
+    for index, taken in enumerate(read):
+        if index:
+            table = np.array([table[a:b].max(axis=0) for a, b in zip(lows, highs, strict=True)])
+        if taken:
+            for row, shift in enumerate(shifts):
+                table[row] = _shifted(table[row], int(shift)) + values[row] ** 2
+    best = table.max(axis=0)
+    sums = (np.arange(len(best)) - offset) * grain
+    rounding = readings * grain / 2
+    means = np.maximum(np.abs(sums) - rounding, 0.0) ** 2 / readings
+    return float(np.max(best - means))
+
+
+def _shifted(row: Array, shift: int) -> Array:
+    moved = np.full_like(row, -np.inf)
+    if shift >= 0:
+        moved[shift:] = row[: len(row) - shift]
+    else:
+        moved[:shift] = row[-shift:]
+    return moved
