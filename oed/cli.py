@@ -77,6 +77,9 @@ def _parser() -> argparse.ArgumentParser:
     command = add("solve", _solve, "search for the best drive; write nothing unless --out is given", working)
     command.add_argument("study", metavar="STUDY")
     command.add_argument("--out", metavar="DIR", help="where to write the record and the trajectories")
+    command = add("bound", _bound, "prove how good any drive could be at most; solve nothing")
+    command.add_argument("study", metavar="STUDY")
+    command.add_argument("--time-limit", type=_seconds, help="of the search for the bound [s] (default: 5)")
     command = add("evaluate", _evaluate, "score any path (CSV) with a study's problem")
     command.add_argument("study", metavar="STUDY")
     command.add_argument("path", metavar="PATH.csv")
@@ -131,8 +134,15 @@ def _positive(text: str) -> int:
     return value
 
 
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {value:g}")
+    return value
+
+
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results, progress, say
+    from oed.console import print_certificate, print_json, print_results, progress, say
     from oed.report import write_report
     from oed.runner import run
     from oed.study import load_study
@@ -146,6 +156,8 @@ def _run(options: argparse.Namespace) -> int:
         print_json({**record.data, "directory": str(out)})
     else:
         print_results(record.results)
+        if record.data["certificate"] is not None:
+            print_certificate(record.data["certificate"])
         print(f"report: {page}")
     for note in record.data["notes"]:
         say(f"note: {note}")
@@ -202,6 +214,26 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"studies": entries})
     return MISTAKE if flawed else DONE
+
+
+def _bound(options: argparse.Namespace) -> int:
+    from oed.bounds import TIME_LIMIT, bound
+    from oed.console import print_certificate, print_json
+    from oed.errors import Failure
+    from oed.runner import LATTICE, certified, score
+    from oed.study import load_study
+
+    study = load_study(options.study)
+    certificate = bound(study.problem, time_limit=options.time_limit or TIME_LIMIT)
+    drives = [] if certificate.drive is None else [score(study, certificate.drive, LATTICE)]
+    found = certified(certificate, drives)
+    if found is None:
+        raise Failure(f"{options.study}: {certificate.method}")
+    if options.json:
+        print_json(found)
+    else:
+        print_certificate(found)
+    return DONE
 
 
 def _evaluate(options: argparse.Namespace) -> int:

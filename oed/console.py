@@ -87,6 +87,27 @@ def print_results(results: Sequence[Mapping[str, Any]]) -> None:
             console.print(f"  exceeds {limit} by {amount:.4g} (SI)", highlight=False)
 
 
+def print_certificate(certificate: Mapping[str, Any]) -> None:
+    """An upper bound with its method and assumptions, and the others that were found."""
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    lines = [f"no drive has an objective above {number(certificate['upper_bound'])}: {certificate['method']}"]
+    lines += [f"  assumes {assumption}" for assumption in certificate["assumptions"]]
+    if certificate["gap"] is not None:
+        loose = ", a loose bound" if certificate["loose"] else ""
+        lines.append(
+            f"best drive known here: {number(certificate['best'])}, gap {gap(certificate['gap'])}{loose}"
+        )
+    for cap in certificate["caps"][1:]:
+        lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")
+    for line in lines:
+        console.print(line, highlight=False, markup=False)
+
+
+def gap(share: float) -> str:
+    """A gap in percent, two digits of it."""
+    return f"{100 * share:.2g} %"
+
+
 def number(value: float | None, digits: int = 6) -> str:
     """A number with so many significant digits; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"

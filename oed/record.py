@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from oed.bounds import Certificate
 from oed.errors import FileFlaw, RecordError
 from oed.evaluation import Evaluation
 from oed.files import write_text
@@ -202,6 +203,39 @@ def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any
         "start": trajectory.start.tolist(),
         "samples": trajectory.samples,
         "poses": rounded(evaluation.poses, 9),
+    }
+
+
+def certificate_data(
+    certificate: Certificate, best: float | None, drive: str | None, spline: float | None
+) -> dict[str, Any] | None:
+    """A record's `certificate`; None where nothing is proved.
+
+    Args:
+        certificate: the bound.
+        best: largest objective of a feasible result.
+        drive: name of the result that the search for the bound came upon.
+        spline: largest objective of a feasible result of a search over splines.
+    """
+    if not math.isfinite(certificate.upper_bound):
+        return None
+    gap = None if best is None or best <= 0 else certificate.gap(best)
+    return {
+        "upper_bound": certificate.upper_bound,
+        "gap": finite(gap),
+        "method": certificate.method,
+        "assumptions": list(certificate.assumptions),
+        "multiplier": None if certificate.multiplier is None else np.asarray(certificate.multiplier).tolist(),
+        "loose": None if best is None else certificate.loose(best),
+        "complete": certificate.complete,
+        "best": best,
+        "drive": drive,
+        "spline_objective": spline,
+        "caps": [
+            {"upper_bound": cap.value, "method": cap.method, "assumptions": list(cap.assumptions)}
+            for cap in certificate.caps
+        ],
+        "wall_seconds": round(certificate.wall_seconds, 6),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,20 +15,32 @@ from typing import Any
 from pydantic import ValidationError
 
 from oed.baselines import baselines
+from oed.bounds import Certificate, bound
 from oed.criteria import A, Criterion, D, E
 from oed.errors import ProblemError, UserMistake
 from oed.evaluation import evaluate, nuisance_table, parameter_table
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
-from oed.record import FORMAT, Record, drive_of, finite, result_data, save_record, validation_data
+from oed.record import (
+    FORMAT,
+    Record,
+    certificate_data,
+    drive_of,
+    finite,
+    result_data,
+    save_record,
+    validation_data,
+)
 from oed.solution import Solution, Status
-from oed.solvers import Progress, Silent, default_workers, solve
+from oed.solvers import SOLVERS, Progress, Silent, default_workers, solve
 from oed.study import PathFile, Study, ValidationOptions, file_stem, parse_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
+LATTICE = "lattice"
+"""Name and kind of the drive that the search for a bound comes upon."""
 ON_THE_SPOT = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
@@ -56,16 +69,27 @@ def run(
     if out is not None:
         require_writable(Path(out))
     solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
-    validation = None
+    validation: dict[str, Any] | None = None
+    certificate: Certificate | None = None
     try:
         if not interrupted:
+            certificate = _certificate(study, listener)
+            solutions += _lattice_drive(study, certificate)
             solutions += _baselines(
                 study, paths, best_of(solutions, study.problem.criterion), chosen, listener
             )
             validation = _validation(study, solutions, chosen, listener, workers)
     except KeyboardInterrupt:
         interrupted = True
-    return record(study, solutions, chosen, out, validation=validation, interrupted=interrupted)
+    return record(
+        study,
+        solutions,
+        chosen,
+        out,
+        certificate=certificate,
+        validation=validation,
+        interrupted=interrupted,
+    )
 
 
 def search(
@@ -128,6 +152,7 @@ def record(
     seed: int,
     out: str | Path | None = None,
     *,
+    certificate: Certificate | None = None,
     validation: dict[str, Any] | None = None,
     interrupted: bool = False,
 ) -> Record:
@@ -151,10 +176,10 @@ def record(
             "nuisances": nuisance_table(study.problem),
             "results": results,
             "best": best.name if (best := best_of(solutions, study.problem.criterion)) is not None else None,
-            "certificate": None,
+            "certificate": None if certificate is None else certified(certificate, solutions),
             "validation": validation,
             "interrupted": interrupted,
-            "notes": _notes(study, interrupted),
+            "notes": _notes(certificate, interrupted),
             "provenance": provenance(),
         }
     )
@@ -210,6 +235,39 @@ def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
         evaluation=evaluate(study.problem, trajectory),
         status=Status.SCORED,
     )
+
+
+def certified(certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
+    """A certificate with its gap to the best feasible of these solutions."""
+    found = [
+        (one.evaluation.objective, one.kind)
+        for one in solutions
+        if one.evaluation is not None and one.evaluation.feasible
+    ]
+    searched = {solver.model_fields["kind"].default for solver in SOLVERS}
+    splines = [objective for objective, kind in found if kind in searched]
+    return certificate_data(
+        certificate,
+        max((objective for objective, _ in found), default=None),
+        LATTICE if any(one.kind == LATTICE for one in solutions) else None,
+        max(splines, default=None),
+    )
+
+
+def _certificate(study: Study, progress: Progress) -> Certificate | None:
+    if not study.file.bound:
+        return None
+    progress.begin("bound what any drive could reach", 1)
+    certificate = bound(study.problem)
+    progress.advance()
+    return certificate
+
+
+def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Solution]:
+    # The speeds that the bound's own search ended with are a candidate like any other.
+    if certificate is None or certificate.drive is None:
+        return []
+    return [replace(score(study, certificate.drive, LATTICE), kind=LATTICE)]
 
 
 def _baselines(
@@ -334,9 +392,10 @@ def provenance() -> dict[str, Any]:
     }
 
 
-def _notes(study: Study, interrupted: bool) -> list[str]:
+def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
     # What the study asks for and was not done is said, never passed over.
-    notes = ["`bound: true` is read, but this version computes no bounds."] if study.file.bound else []
+    unbounded = certificate is not None and not math.isfinite(certificate.upper_bound)
+    notes = [f"`bound: true`: {certificate.method}."] if certificate is not None and unbounded else []
     return notes + (["The run was interrupted; this is what had been done by then."] if interrupted else [])
 
 

@@ -246,6 +246,8 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
     entries: list[tuple[tuple[str | int, ...], str]] = [
         (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
     ]
+    if file.bound:
+        entries.append((("bound",), "lattice"))
     for index, path in enumerate(file.baselines):
         if isinstance(path, PathFile):
             entries.append((("baselines", index), path.label))

@@ -104,7 +104,15 @@ class TestRecord:
         _, record, _ = ran
         assert record.data["notes"] == []
         study = make_study(tmp_path, small(bound="true"))
-        assert "bound" in run(study, workers=1).data["notes"][0]
+        bounded = run(study, workers=1).data
+        assert bounded["notes"] == []
+        assert bounded["certificate"]["gap"] >= 0
+        text = small(bound="true").replace("criterion: {kind: E, scaling: none}", "criterion: {kind: D}")
+        other = make_study(tmp_path, text)
+        assert other.problem.criterion.kind == "D"
+        unbounded = run(other, workers=1).data
+        assert unbounded["certificate"] is None
+        assert "no bound is known" in unbounded["notes"][0]
 
 
 class TestFiles:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from oed.record import Record
 from oed.report.section import Section
 from oed.report.sections.candidates import candidates
+from oed.report.sections.certificate import certificate
 from oed.report.sections.convergence import convergence
 from oed.report.sections.criteria import criteria
 from oed.report.sections.deviations import deviations
@@ -19,6 +20,7 @@ from oed.report.sections.validation import validation
 
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     summary,
+    certificate,
     candidates,
     criteria,
     paths,

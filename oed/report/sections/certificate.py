@@ -1,0 +1,64 @@
+"""How far from the best possible: the upper bound that is proved, the gap, and what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from oed.record import Record
+from oed.report.section import Section
+from oed.report.tables import Column, Table, significant
+
+
+def certificate(record: Record) -> Section | None:
+    """The record's certificate, None without one."""
+    found = record.data.get("certificate")
+    if not found:
+        return None
+    notices = ("This bound is loose: it leaves much open about how good a drive could be.",)
+    return Section(
+        "How far from the best possible",
+        notices=notices if found.get("loose") else (),
+        paragraphs=tuple(_reading(found)),
+        tables=(_caps(found),) if len(found.get("caps", ())) > 1 else (),
+    )
+
+
+def _reading(found: Mapping[str, Any]) -> list[str]:
+    six = significant(6)
+    paragraphs = [
+        f"No drive that keeps the limits has an objective above {six(found['upper_bound'])}. "
+        f"This is proved by: {found['method']}. It assumes: {'; '.join(found['assumptions'])}; limits kept "
+        "exactly, without the 0.1 % that scoring tolerates."
+    ]
+    if found["gap"] is not None:
+        reached = f" ({six(found['best'])})" if found.get("best") else ""
+        paragraphs.append(
+            f"The best drive found{reached} is within {percent(found['gap'])} of that bound: no drive can be "
+            "better by more."
+        )
+    if not found.get("complete", True):
+        paragraphs.append("The search for the bound was ended by its time limit; more time may lower it.")
+    spline, best = found.get("spline_objective"), found.get("best")
+    if found.get("drive") and spline and best and best > spline:
+        paragraphs.append(
+            f"The drive `{found['drive']}`, which the search for the bound came upon, may change its speeds "
+            f"from sample to sample. The best spline found has {percent(1 - spline / best)} less: that is "
+            "lost to the splines' coefficients and to the search over them, not to the limits."
+        )
+    multiplier = found.get("multiplier")
+    if multiplier:
+        rows = "; ".join(" ".join(significant(4)(entry) for entry in row) for row in multiplier)
+        paragraphs.append(f"The multiplier Z of λ_min(F) ≤ tr(Z F) is [{rows}] in the scaled parameters.")
+    return paragraphs
+
+
+def percent(share: float) -> str:
+    """A share in percent, two digits of it; a bound reached to rounding is within 0.001 %."""
+    return f"{significant(2)(100 * share)} %" if share > 1e-5 else "0.001 %"
+
+
+def _caps(found: Mapping[str, Any]) -> Table:
+    columns = (Column("upper bound", "", significant(6)), Column("proved by"), Column("assumes"))
+    rows = tuple((cap["upper_bound"], cap["method"], "; ".join(cap["assumptions"])) for cap in found["caps"])
+    return Table(columns, rows, "All bounds found; the smallest counts")
