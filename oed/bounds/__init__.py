@@ -11,7 +11,7 @@ from oed.bounds.caps import prior_matrix, raw, regression_caps
 from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate
 from oed.bounds.joint import joint_caps
 from oed.bounds.motion import grip, largest_rates
-from oed.bounds.speed_lattice import LatticeBound, SpeedLimits, lattice_bound
+from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.criteria import E
 from oed.evaluation import evaluate
 from oed.measurements.displacements import Displacements
@@ -22,6 +22,9 @@ TIME_LIMIT = 5.0
 """Seconds that the search for a bound may take."""
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
+EXACTLY = ("limits kept exactly, without the 0.1 % that scoring tolerates",)
+SECONDS_PER_STEP = 1e-8
+"""Measured time of one step of the dynamic programming, generously."""
 NOTHING = "no bound is known for this criterion and measurement"
 
 
@@ -40,7 +43,10 @@ def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP)
         found, cap = searched
         caps.append(cap)
         drive, complete = _lattice_drive(problem, found), found.complete
-    inflated = [Cap(one.value * (1 + INFLATION), one.method, one.assumptions, one.multiplier) for one in caps]
+    inflated = [
+        Cap(one.value * (1 + INFLATION), one.method, (*one.assumptions, *EXACTLY), one.multiplier)
+        for one in caps
+    ]
     inflated.sort(key=lambda one: one.value)
     best = inflated[0] if inflated else Cap(np.inf, NOTHING, ())
     return Certificate(
@@ -85,9 +91,13 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
     limits = SpeedLimits(
         space.samples, problem.input_bounds, step, step / 2 if space.rest_to_rest else np.inf
     )
+    weights = space.period * one.scales / noise
+    if LatticeProgram(limits, weights).steps * SECONDS_PER_STEP > time_limit:
+        # So fine a lattice that not even one Z could be tried.
+        return None
     found = lattice_bound(
         limits,
-        space.period * one.scales / noise,
+        weights,
         prior_matrix(problem, one),
         gap=gap,
         time_limit=time_limit,

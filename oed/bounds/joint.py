@@ -15,7 +15,7 @@ import numpy.typing as npt
 from oed.bounds.caps import SPEEDS, prior_matrix
 from oed.bounds.certificate import Cap
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
-from oed.bounds.spread import largest_spread
+from oed.bounds.spread import largest_spread, too_fine
 from oed.measurements.poses import Poses
 from oed.measurements.ranges import Ranges
 from oed.measurements.sensor import Sensor
@@ -109,7 +109,8 @@ def _size_caps(
         ("every position within the room", "initial pose unknown", "speeds are left out"),
     )
     speeds = top_speeds(problem)
-    if speeds is not None:
+    step = problem.design.period * (np.zeros(1) if speeds is None else speeds)
+    if speeds is not None and not too_fine(x_min, x_max, step) and not too_fine(y_min, y_max, step):
         spread = sum(
             weight * _spread(problem, sensor, bounds, speeds)
             for weight, sensor in zip(weights, sensors, strict=True)

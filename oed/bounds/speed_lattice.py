@@ -69,7 +69,7 @@ class LatticeProgram:
             limits: of the speeds.
             weights: S (2,): F = S (sum w w') S.
         """
-        self.limits = limits
+        self.limits, self.weights = limits, weights
         self.grids = [lattice(low, high, limits.step, limits.ends) for low, high in limits.bounds]
         first, second = np.meshgrid(*self.grids, indexing="ij")
         self.scaled = np.stack([weights[0] * first, weights[1] * second])
@@ -82,6 +82,12 @@ class LatticeProgram:
             (one, other): (one * (first - middle[0]) >= -1e-9) & (other * (second - middle[1]) >= -1e-9)
             for one, other in itertools.product((1, -1), repeat=2)
         }
+
+    @property
+    def steps(self) -> int:
+        """Comparisons of one pass, a measure of its time."""
+        first, second = self.neighbours
+        return int(self.limits.samples * len(first) * len(second) * (first.shape[1] + second.shape[1]))
 
     def maximise(self, matrix: Array, conditions: dict[int, tuple[int, int]]) -> tuple[float, Array]:
         """The largest tr(Z F), and the speeds (N, 2) that reach it (scaled by S); -inf if there are none."""
@@ -178,14 +184,12 @@ def lattice_bound(
         gap: share of the best speeds found by which the bound may exceed it.
         time_limit: after which the bound so far is taken [s].
     """
-    return _Search(LatticeProgram(limits, weights), weights, constant, gap, time_limit).run()
+    return _Search(LatticeProgram(limits, weights), constant, gap, time_limit).run()
 
 
 class _Search:
-    def __init__(
-        self, program: LatticeProgram, weights: Array, constant: Array, gap: float, time_limit: float
-    ) -> None:
-        self.program, self.weights, self.constant = program, weights, constant
+    def __init__(self, program: LatticeProgram, constant: Array, gap: float, time_limit: float) -> None:
+        self.program, self.weights, self.constant = program, program.weights, constant
         self.gap, self.deadline = gap, time.perf_counter() + time_limit
         self.lower, self.best = -np.inf, np.zeros((program.limits.samples, 2))
         self.serial = itertools.count()

@@ -16,6 +16,16 @@ SUM_STEPS = 4000
 """Steps into which the range of the readings' sum is divided; the rounding is taken off the bound's side."""
 
 
+MOST_WORK = 1.5e10
+"""Steps of the dynamic programming that are worth their time."""
+
+
+def too_fine(low: float, high: float, steps: Array) -> bool:
+    """Whether the positions' lattice is so fine that the dynamic programming takes too long."""
+    positions = 3 * (high - low) / float(np.max(steps))
+    return positions * 2 * SUM_STEPS * len(steps) * 7 > MOST_WORK
+
+
 def largest_spread(
     low: float, high: float, start: float | None, steps: Array, read: npt.NDArray[np.bool_]
 ) -> float:

@@ -28,8 +28,7 @@ def _reading(found: Mapping[str, Any]) -> list[str]:
     six = significant(6)
     paragraphs = [
         f"No drive that keeps the limits has an objective above {six(found['upper_bound'])}. "
-        f"This is proved by: {found['method']}. It assumes: {'; '.join(found['assumptions'])}; limits kept "
-        "exactly, without the 0.1 % that scoring tolerates."
+        f"This is proved by: {found['method']}. It assumes: {'; '.join(found['assumptions'])}."
     ]
     if found["gap"] is not None:
         reached = f" ({six(found['best'])})" if found.get("best") else ""
