@@ -226,7 +226,7 @@ def _bound(options: argparse.Namespace) -> int:
     study = load_study(options.study)
     certificate = bound(study.problem, time_limit=options.time_limit or TIME_LIMIT)
     drives = [] if certificate.drive is None else [score(study, certificate.drive, LATTICE)]
-    found = certified(certificate, drives)
+    found = certified(study, certificate, drives)
     if found is None:
         raise Failure(f"{options.study}: {certificate.method}")
     if options.json:

@@ -176,7 +176,7 @@ def record(
             "nuisances": nuisance_table(study.problem),
             "results": results,
             "best": best.name if (best := best_of(solutions, study.problem.criterion)) is not None else None,
-            "certificate": None if certificate is None else certified(certificate, solutions),
+            "certificate": None if certificate is None else certified(study, certificate, solutions),
             "validation": validation,
             "interrupted": interrupted,
             "notes": _notes(certificate, interrupted),
@@ -237,12 +237,15 @@ def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
     )
 
 
-def certified(certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
+def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
     """A certificate with its gap to the best feasible of these solutions."""
+    samples = study.problem.design.samples
+    # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [
         (one.evaluation.objective, one.kind)
         for one in solutions
         if one.evaluation is not None and one.evaluation.feasible
+        if one.trajectory is not None and one.trajectory.samples == samples
     ]
     searched = {solver.model_fields["kind"].default for solver in SOLVERS}
     splines = [objective for objective, kind in found if kind in searched]

@@ -10,7 +10,7 @@ import numpy as np
 from oed.bounds.caps import prior_matrix, raw, regression_caps
 from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate
 from oed.bounds.joint import joint_caps
-from oed.bounds.motion import grip, largest_rates
+from oed.bounds.motion import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.criteria import E
 from oed.evaluation import evaluate
@@ -22,7 +22,10 @@ TIME_LIMIT = 5.0
 """Seconds that the search for a bound may take."""
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
-EXACTLY = ("limits kept exactly, without the 0.1 % that scoring tolerates",)
+EXACTLY = (
+    "limits kept exactly, without the 0.1 % that scoring tolerates",
+    "as many samples as the study's",
+)
 SECONDS_PER_STEP = 1e-8
 """Measured time of one step of the dynamic programming, generously."""
 NOTHING = "no bound is known for this criterion and measurement"
@@ -79,7 +82,7 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
         or measurement.noise_model != "increments"
         or measurement.segment_count(problem.design.samples) != problem.design.samples
         or len(problem.model.inputs) != 2
-        or grip(problem) != 1.0
+        or not unslipped(problem)
     ):
         return None
     one = problem.any_estimations[-1]

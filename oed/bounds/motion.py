@@ -51,6 +51,14 @@ def grip(problem: Problem) -> float | None:
     return 1.0 if effective is inputs else None
 
 
+def unslipped(problem: Problem) -> bool:
+    """Whether the inputs act on the ground exactly as they are."""
+    model = problem.model
+    if isinstance(model, SkidSteer):
+        return model.slip_outer == model.slip_inner == 0
+    return grip(problem) == 1.0
+
+
 def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
     """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c."""
     model = problem.model

@@ -197,17 +197,20 @@ class _Search:
     def run(self) -> LatticeBound:
         root = self._node({}, [np.zeros(2)], np.inf)
         assert root is not None
-        queue, nodes = [root], 1
+        queue, nodes, floor = [root], 1, self.lower
         while queue and queue[0].bound > self.lower * (1 + self.gap):
             if time.perf_counter() > self.deadline:
                 break
             node = heapq.heappop(queue)
-            for conditions in self._children(node):
+            children = self._children(node)
+            if not children:
+                floor = max(floor, node.bound)
+            for conditions in children:
                 nodes += 1
                 child = self._node(conditions, [node.point], node.bound)
                 if child is not None:
                     heapq.heappush(queue, child)
-        upper = max([self.lower, *(node.bound for node in queue[:1])])
+        upper = max([self.lower, floor, *(node.bound for node in queue[:1])])
         return LatticeBound(
             upper=upper,
             root=root.bound,
@@ -261,6 +264,8 @@ class _Search:
         away = np.abs(np.arange(len(spread))[:, None] - known).min(axis=1)
         # In the middle between times already decided, if there they disagree at all.
         moment = int(np.argmax(away * (0.1 + spread)))
+        if away[moment] == 0:
+            return []
         symmetric = not node.conditions and bool(np.allclose(self.program.limits.bounds.sum(axis=1), 0.0))
         # Driving everything the other way round is as good: at first, one sign is enough.
         pairs = [(1, 1), (1, -1)] + ([] if symmetric else [(-1, 1), (-1, -1)])

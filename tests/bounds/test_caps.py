@@ -1,0 +1,186 @@
+"""Closed-form caps: their values, when they are left out, and what they say of themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem
+
+from oed.bounds import NOTHING, Certificate, bound
+from oed.bounds.certificate import INFLATION
+from oed.criteria import A, D, E, ModifiedE
+from oed.limits import Rectangle
+from oed.measurements import Displacements, Poses, Ranges
+from oed.measurements.displacements import PoseNoise
+from oed.measurements.poses import AbsoluteNoise
+from oed.models import DifferentialDrive
+from oed.prior import Prior
+from oed.study import load_study
+from oed.trajectory import DesignSpace
+
+COEFFICIENTS = ("c11", "c12", "c21", "c22")
+LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
+SIGMA = 0.01
+NOISE = AbsoluteNoise(position=SIGMA, heading=0.02)
+SHORT = DesignSpace(duration=4, samples=40)
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def methods(certificate: Certificate, words: str) -> list[float]:
+    """Values of the caps whose method holds these words."""
+    return [one.value for one in certificate.caps if words in one.method]
+
+
+def tracker(**overrides: Any) -> Certificate:
+    parts: dict[str, Any] = {
+        "measurement": Poses(noise=NOISE),
+        "estimate": LENGTHS,
+        "criterion": E(scaling="relative"),
+    }
+    return bound(make_flagship(**{**parts, **overrides}))
+
+
+def test_the_flagships_cap() -> None:
+    certificate = bound(make_flagship())
+    assert certificate.upper_bound == pytest.approx(cap(10), rel=2 * INFLATION)
+    assert "diameter" in certificate.method
+    assert certificate.complete
+    assert certificate.drive is None
+
+
+@pytest.mark.parametrize("segments", [1, 3, 25])
+def test_the_cap_is_that_of_every_number_of_segments(segments: int) -> None:
+    certificate = bound(make_flagship(measurement=Displacements(segments=segments)))
+    assert methods(certificate, "diameter") == [pytest.approx(cap(segments), rel=2 * INFLATION)]
+
+
+def test_the_cap_of_unequal_radii() -> None:
+    right, left = 0.06, 0.03
+    model = DifferentialDrive(wheel_radius_right=right, wheel_radius_left=left, track=TRACK)
+    expected = 4 * 10 * TRACK**2 / (right**2 + left**2)
+    assert methods(bound(make_flagship(model=model)), "diameter") == [pytest.approx(expected)]
+
+
+def test_the_cap_relative_to_the_nominal_values() -> None:
+    """A relative direction (1, -1) / sqrt 2 of radii turns by B per length; noise is in units of sigma."""
+    measurement = Displacements(segments=10, noise=PoseNoise(position=0.02))
+    certificate = bound(make_flagship(measurement=measurement, criterion=E(scaling="relative")))
+    # u / S = (r / B)(1, -1) / ((r / 2) / sigma) = 2 sigma / B (1, -1): 4 P / |u / S|^2.
+    expected = 40 / (8 * 0.02**2 / TRACK**2)
+    assert methods(certificate, "diameter") == [pytest.approx(expected)]
+
+
+def test_midpoint_chords_have_no_diameter() -> None:
+    design = DesignSpace(duration=20, integration="midpoint")
+    certificate = bound(make_flagship(design=design))
+    assert not methods(certificate, "diameter")
+    assert np.isfinite(certificate.upper_bound)
+
+
+def test_absolute_noise_is_not_bounded() -> None:
+    measurement = Displacements(segments=10, noise=PoseNoise(position=0.02), noise_model="absolute")
+    certificate = bound(make_flagship(measurement=measurement, criterion=E(scaling="relative")))
+    assert certificate.upper_bound == np.inf
+    assert certificate.method == NOTHING
+
+
+def test_joint_coefficients() -> None:
+    certificate = tracker(estimate=COEFFICIENTS)
+    expected = 201 * TRACK**2 / (8 * SIGMA**2)
+    assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
+
+
+def test_joint_coefficients_of_a_start_known_may_lie_twice_as_far() -> None:
+    measurement = Poses(noise=NOISE, initial_pose="known")
+    certificate = tracker(measurement=measurement, estimate=COEFFICIENTS)
+    expected = 4 * 201 * TRACK**2 / (8 * SIGMA**2)
+    assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
+
+
+def test_joint_lengths() -> None:
+    certificate = tracker()
+    loosest = 201 * 2 / (3 * SIGMA**2)
+    assert methods(certificate, "corner") == [pytest.approx(loosest, rel=2 * INFLATION)]
+    assert certificate.upper_bound < 0.80 * loosest
+    assert "top speed" in certificate.method
+
+
+def test_the_laser_trackers_own_settings() -> None:
+    problem = load_study(PROBLEMS / "laser_tracker.yaml").problem
+    certificate = bound(problem)
+    loosest = 201 * 2 / (3 * SIGMA**2)
+    assert 0.66 * loosest < certificate.upper_bound < 0.80 * loosest
+    assert certificate.wall_seconds < 5
+
+
+def test_joint_lengths_count_the_readings() -> None:
+    certificate = tracker(measurement=Poses(noise=NOISE, every=10))
+    assert methods(certificate, "corner") == [pytest.approx(21 * 2 / (3 * SIGMA**2))]
+
+
+def test_joint_lengths_of_a_room_of_any_shape() -> None:
+    box = Rectangle(x=(-1, 3), y=(0, 1))
+    found = methods(tracker(design=SHORT, limits=(SPEED, box)), "corner")
+    assert found == [pytest.approx(41 * (2**2 + 0.5**2) / (3 * SIGMA**2))]
+
+
+@pytest.mark.parametrize("pose", ["known", {"position": 0.01, "heading": 0.02}])
+def test_a_start_that_is_known_has_no_centred_cap(pose: Any) -> None:
+    certificate = tracker(measurement=Poses(noise=NOISE, initial_pose=pose))
+    assert certificate.caps == ()
+    assert certificate.upper_bound == np.inf
+
+
+def test_no_room_no_cap() -> None:
+    assert tracker(limits=(SPEED,)).caps == ()
+
+
+def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
+    beacons = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0))
+    certificate = tracker(design=SHORT, measurement=Ranges(beacons=beacons, noise=SIGMA))
+    assert methods(certificate, "corner") == [pytest.approx(3 * 41 * 2 / (3 * SIGMA**2))]
+
+
+def test_a_prior_adds_what_it_knows() -> None:
+    without = tracker(design=SHORT).upper_bound
+    shares = dict.fromkeys(LENGTHS, "1 %")
+    with_prior = tracker(design=SHORT, prior=Prior(standard_deviations=shares)).upper_bound
+    assert with_prior == pytest.approx(without + 1e4, rel=1e-6)
+
+
+@pytest.mark.parametrize("criterion", [D(), A(), ModifiedE()])
+@pytest.mark.parametrize("measurement", [Displacements(segments=4), Displacements(segments="samples")])
+def test_other_criteria_have_no_bound(criterion: Any, measurement: Displacements) -> None:
+    criterion = criterion.model_copy(update={"scaling": "none"})
+    certificate = bound(make_problem(criterion=criterion, measurement=measurement))
+    assert certificate.upper_bound == np.inf
+    assert certificate.method == NOTHING
+    assert certificate.caps == ()
+    assert certificate.loose(1.0)
+
+
+def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
+    certificate = bound(make_problem(limits=(SPEED, BOX)))
+    values = [one.value for one in certificate.caps]
+    assert values == sorted(values)
+    assert certificate.upper_bound == values[0]
+    assert all(one.assumptions and one.method for one in certificate.caps)
+    for one in certificate.caps:
+        assert one.multiplier is not None
+        assert np.trace(one.multiplier) == pytest.approx(1.0)
+        assert np.linalg.eigvalsh(one.multiplier)[0] >= -1e-12
+
+
+def test_the_gap_of_an_objective() -> None:
+    certificate = bound(make_flagship())
+    assert certificate.gap(cap(10) / 1.1) == pytest.approx(0.1)
+    assert certificate.loose(cap(10) / 1.1)
+    assert not certificate.loose(cap(10) / 1.01)
+    assert certificate.gap(0.0) == np.inf
+
+
+def test_the_same_bound_on_the_track_of_the_paper() -> None:
+    assert cap(10) == pytest.approx(20 * (TRACK / RADIUS) ** 2)

@@ -1,0 +1,166 @@
+"""No feasible drive scores above a certificate, whatever the robot, the limits and the measurement."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import RADIUS, TRACK, make_problem
+from drives import best_objective
+
+from oed.bounds import bound
+from oed.criteria import E
+from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.measurements import Displacements, Poses, Ranges, YawRate
+from oed.measurements.displacements import PoseNoise
+from oed.measurements.poses import AbsoluteNoise
+from oed.measurements.sensor import LeverArm, PosePrior
+from oed.measurements.several import Several
+from oed.models import DifferentialDrive, SkidSteer
+from oed.prior import Prior
+from oed.problem import Problem
+from oed.trajectory import DesignSpace, StartPose
+
+SPEEDS = [10, 3, (0, 10), (-3, 8), (-8, 3), (-1, 12)]
+ACCELERATIONS = [20, 7.3, 3, (-30, 10)]
+COEFFICIENTS = ("c11", "c12", "c21", "c22")
+LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
+
+
+def draw(rng: np.random.Generator, options: list[Any]) -> Any:
+    return options[int(rng.integers(len(options)))]
+
+
+def random_robot(rng: np.random.Generator) -> Any:
+    radii = draw(rng, [{"wheel_radius": RADIUS}, {"wheel_radius_right": 0.08, "wheel_radius_left": 0.03}])
+    # Slips of both sides away from 0, so that inputs act with less or more than themselves.
+    slips = draw(rng, [(0.1, 0.2), (0.3, -0.2), (0.05, 0.05)])
+    if rng.random() < 0.3:
+        return SkidSteer(**radii, track=TRACK, slip_outer=slips[0], slip_inner=slips[1])
+    return DifferentialDrive(**radii, track=draw(rng, [TRACK, 0.5]))
+
+
+def random_space(rng: np.random.Generator, samples: int) -> tuple[DesignSpace, tuple[Any, ...]]:
+    x, y = draw(rng, [((-1, 1), (-1, 1)), ((-0.2, 0.3), (-0.1, 0.4)), ((-3, 1), (0, 2)), ((-9, 9), (-9, 9))])
+    space = DesignSpace(
+        duration=draw(rng, [2.0, 5.0, 10.0]),
+        samples=samples,
+        start=draw(rng, ["free", StartPose(), StartPose(x=x[0], y=y[1], heading=-0.7)]),
+        rest_to_rest=bool(rng.random() < 0.6),
+        integration=draw(rng, ["arc", "arc", "midpoint"]),
+    )
+    limits: tuple[Any, ...] = (WheelSpeed(bounds=draw(rng, SPEEDS)),)
+    if rng.random() < 0.8:
+        limits += (WheelAcceleration(bounds=draw(rng, ACCELERATIONS)),)
+    return space, (*limits, Rectangle(x=x, y=y)) if rng.random() < 0.8 else limits
+
+
+def random_regression(rng: np.random.Generator) -> Problem:
+    samples = int(rng.integers(8, 40))
+    space, limits = random_space(rng, samples)
+    regressor = draw(rng, ["position", "heading", "both"])
+    scaling = draw(rng, ["none", "relative", {"c11": 0.1, "c12": 0.3, "c21": 0.01, "c22": 0.02}])
+    needed = scaling != "none" or rng.random() < 0.5
+    noise = PoseNoise(position=0.02, heading=0.05) if needed else PoseNoise()
+    names = {"position": COEFFICIENTS[2:], "heading": COEFFICIENTS[:2], "both": COEFFICIENTS}[regressor]
+    if isinstance(scaling, dict):
+        scaling = {name: scaling[name] for name in names}
+    prior = None
+    if scaling != "none" and noise.position and rng.random() < 0.3:
+        prior = Prior(standard_deviations={names[0]: "20 %"})
+    return make_problem(
+        model=random_robot(rng),
+        design=space,
+        limits=limits,
+        measurement=Displacements(segments=draw(rng, ["samples", 2, 4, 7]), regressor=regressor, noise=noise),
+        criterion=E(scaling=scaling),
+        prior=prior,
+    )
+
+
+def random_sensor(rng: np.random.Generator, initial_pose: Any) -> Any:
+    every = draw(rng, [1, 1, 2, 5])
+    arm = draw(rng, [LeverArm(), LeverArm(x=0.2, y=-0.1), LeverArm(x=0.1, known=False)])
+    if rng.random() < 0.25:
+        beacons = ((2.0, 0.0), (-1.0, 3.0), (-2.0, -2.0))[: int(rng.integers(1, 4))]
+        return Ranges(beacons=beacons, noise=0.05, every=every, initial_pose=initial_pose, lever_arm=arm)
+    covariance = ((4e-4, 1e-4, 1e-4), (1e-4, 1e-4, 0.0), (1e-4, 0.0, 1e-3))
+    noise = draw(
+        rng,
+        [
+            AbsoluteNoise(position=0.01, heading=0.02),
+            AbsoluteNoise(x=0.01, y=0.03, heading=0.1),
+            AbsoluteNoise(position=0.01, heading=0.02, position_per_speed=0.05),
+            AbsoluteNoise(covariance=covariance),
+        ],
+    )
+    quantities = ("x", "y", "heading")
+    if noise.covariance is None and rng.random() < 0.3:
+        quantities = draw(rng, [("x", "y"), ("x",)])
+    return Poses(quantities=quantities, noise=noise, every=every, initial_pose=initial_pose, lever_arm=arm)
+
+
+def random_joint(rng: np.random.Generator) -> Problem:
+    samples = int(rng.integers(8, 28))
+    space, limits = random_space(rng, samples)
+    pose = draw(rng, ["unknown", "unknown", "known", PosePrior(position=0.02, heading=0.05)])
+    measurement = random_sensor(rng, pose)
+    if rng.random() < 0.35:
+        second = YawRate(noise=0.05) if rng.random() < 0.5 else random_sensor(rng, pose)
+        measurement = Several(sensors=(measurement, second))
+    # Slips and radii cannot be told apart, so only the lengths are asked for.
+    names = draw(rng, [COEFFICIENTS, LENGTHS, COEFFICIENTS[2:]])
+    scaling = draw(rng, ["none", "relative", {name: 0.01 + 0.1 * rng.random() for name in names}])
+    subset = names[1:] if not isinstance(scaling, dict) and rng.random() < 0.2 else None
+    return make_problem(
+        model=random_robot(rng),
+        design=space,
+        limits=limits,
+        measurement=measurement,
+        criterion=E(scaling=scaling, subset=subset),
+        estimate=names,
+        prior=Prior(standard_deviations={names[0]: "20 %"}) if rng.random() < 0.2 else None,
+    )
+
+
+def check(problem: Problem, rng: np.random.Generator, drives: int, climbs: int) -> int:
+    """Hold the bound of a problem against drives; how many were feasible."""
+    certificate = bound(problem, time_limit=0.15)
+    best, tried = best_objective(problem, rng, drives, climbs)
+    for cap in certificate.caps:
+        assert best <= cap.value, (cap.method, best / cap.value - 1, problem)
+    assert best <= certificate.upper_bound
+    return tried
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_drive_beats_the_bound_of_a_regression(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    assert check(random_regression(rng), rng, 30, 20) > 20
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
+    rng = np.random.default_rng(1000 + seed)
+    assert check(random_joint(rng), rng, 30, 20) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [random_regression, random_joint])
+def test_no_drive_beats_the_bounds_of_many_problems(make: Any) -> None:
+    rng = np.random.default_rng(5)
+    assert sum(check(make(rng), rng, 40, 40) for _ in range(25)) > 1000
+
+
+@pytest.mark.parametrize("slips", [(0.0, 0.3), (0.0, 0.7), (0.0, 0.9), (0.9, 0.0)])
+@pytest.mark.parametrize("speeds", [(0, 10), (-3, 8)])
+def test_slip_of_one_side_alone_keeps_the_bound(slips: tuple[float, float], speeds: Any) -> None:
+    """Slip passes from side to side faster than a wheel can change its speed."""
+    problem = make_problem(
+        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slips[0], slip_inner=slips[1]),
+        design=DesignSpace(duration=2, samples=20),
+        measurement=Displacements(segments="samples"),
+        limits=(WheelSpeed(bounds=speeds), WheelAcceleration(bounds=20)),
+    )
+    check(problem, np.random.default_rng(0), 20, 150)
