@@ -241,6 +241,7 @@ class _Search:
             paths.append(path)
             planes.append(_plane(matrix))
             least, point, shares = _lowest(planes)
+            self._note_joined(paths, shares)
             if bound - least <= ENOUGH * abs(bound) or bound <= self.lower * (1 + self.gap):
                 break
             if time.perf_counter() > self.deadline:
@@ -251,6 +252,22 @@ class _Search:
         smallest = float(np.linalg.eigvalsh(matrix)[0])
         if smallest > self.lower:
             self.lower, self.best = smallest, path
+
+    def _note_joined(self, paths: list[Array], shares: Array) -> None:
+        # The drives mixed in the bound: one until some time, another from then on, where they can be joined.
+        used = [paths[index] for index in np.argsort(-shares)[:2]]
+        for first, second in itertools.permutations(used, 2):
+            jumps = np.abs(first[:-1] - second[1:]) / np.abs(self.weights)
+            times = np.flatnonzero((jumps <= self.program.limits.step * (1 + 1e-9)).all(axis=1)) + 1
+            if not len(times):
+                continue
+            done = np.cumsum(np.einsum("ka,kb->kab", first, first), axis=0)[times - 1]
+            left = np.cumsum(np.einsum("ka,kb->kab", second, second)[::-1], axis=0)[::-1][times]
+            smallest = np.linalg.eigvalsh(done + left + self.constant)[:, 0]
+            best = int(np.argmax(smallest))
+            if smallest[best] > self.lower:
+                path = np.concatenate([first[: times[best]], second[times[best] :]])
+                self.lower, self.best = float(smallest[best]), path
 
     def _children(self, node: _Node) -> list[dict[int, tuple[int, int]]]:
         # Where the drives that are mixed in the bound disagree most about going straight or turning.

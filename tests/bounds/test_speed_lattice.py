@@ -209,7 +209,6 @@ def test_without_a_step_the_bound_is_static() -> None:
     assert found.upper == pytest.approx(20.0, rel=1e-3)
 
 
-@pytest.mark.xfail(reason="ties: every period alike is as good for each Z, and only mixtures are best")
 def test_without_a_step_half_the_time_each_way_is_found() -> None:
     found = lattice_bound(limits(20, step=np.inf), BOTH, NOTHING, time_limit=0.5)
     assert found.lower == pytest.approx(20.0, rel=1e-3)

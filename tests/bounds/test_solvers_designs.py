@@ -1,0 +1,51 @@
+"""Every solver's designs stay below their problem's bound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, BOX, make_problem
+
+from oed.bounds import bound
+from oed.criteria import E
+from oed.limits import WheelSpeed
+from oed.measurements import Displacements, Poses
+from oed.models import DifferentialDrive
+from oed.problem import Problem
+from oed.solvers import Genetic, Ipopt, Solver, solve
+
+SOLVERS: dict[str, Solver] = {
+    "ipopt": Ipopt(starts=2, perturbations=1),
+    "genetic": Genetic(population=40, generations=40),
+}
+UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=0.18)
+NOISE = {"position": 0.01, "heading": 0.02}
+PROBLEMS: dict[str, Problem] = {
+    "segments": make_problem(),
+    "relative": make_problem(model=UNEQUAL, measurement=Displacements(noise=NOISE), criterion=E()),
+    "samples": make_problem(measurement=Displacements(segments="samples")),
+    "forward": make_problem(
+        measurement=Displacements(segments="samples"),
+        limits=(WheelSpeed(bounds=(0, 7)), ACCELERATION, BOX),
+    ),
+    "heading": make_problem(measurement=Displacements(regressor="heading")),
+    "joint": make_problem(measurement=Poses(noise=NOISE), criterion=E()),
+    "coefficients": make_problem(
+        measurement=Poses(noise=NOISE), criterion=E(), estimate=("c11", "c12", "c21", "c22")
+    ),
+    "fast": make_problem(limits=(WheelSpeed(bounds=30), ACCELERATION, BOX)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS.keys())
+@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
+def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
+    certificate = bound(problem, time_limit=1.0)
+    found = solve(problem, solver, seed=3, workers=1)
+    assert np.isfinite(certificate.upper_bound)
+    if found.evaluation is not None and found.evaluation.feasible:
+        for cap in certificate.caps:
+            # Positions may exceed the room by what scoring tolerates; wheel speeds never exceed their limits.
+            spare = 2e-3 if "every position within the room" in cap.assumptions else 1e-9
+            assert found.evaluation.objective <= cap.value * (1 + spare), cap.method
