@@ -48,7 +48,10 @@ def _reading(found: Mapping[str, Any]) -> list[str]:
     multiplier = found.get("multiplier")
     if multiplier:
         rows = "; ".join(" ".join(significant(4)(entry) for entry in row) for row in multiplier)
-        paragraphs.append(f"The multiplier Z of λ_min(F) ≤ tr(Z F) is [{rows}] in the scaled parameters.")
+        paragraphs.append(
+            "The multiplier Z of λ_min(F) ≤ tr(Z F), before any branching and in the scaled parameters, "
+            f"is [{rows}]."
+        )
     return paragraphs
 
 
