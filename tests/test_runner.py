@@ -216,6 +216,7 @@ def interrupt() -> None:
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 class TestInterrupted:
     """An interrupted run keeps what has been found, and says that it was interrupted."""
 

@@ -889,6 +889,7 @@ class TestSensors:
             "some coefficients",
         ],
     )
+    @pytest.mark.slow
     def test_an_echo_is_the_same_study(self, text: str):
         assert_echo_is_equal(text)
         study, again = parse_study(text), parse_study(yaml.safe_dump(parse_study(text).echo()))

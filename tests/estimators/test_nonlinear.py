@@ -574,6 +574,7 @@ class TestRobust:
         assert ours.cost == pytest.approx(named.cost, rel=1e-12)
         np.testing.assert_allclose(ours.x, named.x, atol=1e-6)
 
+    @pytest.mark.slow
     @losses
     @pytest.mark.parametrize("name", ["poses", "correlated_over_time", "positions_and_a_gyro"])
     def test_fits_are_scipys(self, name: str, loss: Loss):

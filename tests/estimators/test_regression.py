@@ -470,6 +470,7 @@ class TestCrossCovariance:
         np.testing.assert_array_equal(found.promised[:2, 2:], 0)
 
 
+@pytest.mark.slow
 class TestErrorsInVariables:
     """The corrected estimate's own formula."""
 

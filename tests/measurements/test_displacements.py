@@ -150,6 +150,7 @@ def test_no_drive_exceeds_the_cap(seed: int, segments: int, amplitude: float):
     assert smallest <= cap(segments) * (1 + 1e-12)
 
 
+@pytest.mark.slow
 @given(seed=seeds, radii=st.tuples(st.floats(0.02, 0.1), st.floats(0.02, 0.1)))
 def test_no_drive_with_unequal_radii_exceeds_the_cap(seed: int, radii: tuple[float, float]):
     right, left = radii

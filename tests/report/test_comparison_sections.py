@@ -150,6 +150,7 @@ class TestSeveralRecords:
         assert "empty: no feasible drive" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_path: Path):
     write_report(flagship, tmp_path)
     committed = ROOT / "reports" / "choi_skid_steer" / "report.md"

@@ -95,6 +95,7 @@ def test_every_record_gets_a_whole_report(kind: str, tmp_path: Path) -> None:
     assert "None" not in text
 
 
+@pytest.mark.slow
 def test_same_record_same_bytes(tmp_path: Path) -> None:
     save_record(sample_records.single(), tmp_path)
     contents = []
@@ -105,6 +106,7 @@ def test_same_record_same_bytes(tmp_path: Path) -> None:
     assert contents[0] == contents[1]
 
 
+@pytest.mark.slow
 def test_markdown_tables_keep_their_shape(written: Path) -> None:
     text = (written / "report.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("|")]
@@ -250,6 +252,7 @@ def test_reports_only_read() -> None:
                 assert not name.startswith("oed") or ".".join(name.split(".")[:2]) in allowed, file
 
 
+@pytest.mark.slow
 def test_drawing_is_loaded_late() -> None:
     code = "import sys, oed.report; assert not any(name.startswith('matplotlib') for name in sys.modules)"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)

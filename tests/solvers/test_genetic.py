@@ -43,6 +43,7 @@ def genetic() -> Solution:
     return solve(PROBLEM, TINY["genetic"], seed=0, workers=1)
 
 
+@pytest.mark.slow
 class TestOptimum:
     """Four segments in a 2 m box: lambda_min is at most 2 P (B / r)^2."""
 
