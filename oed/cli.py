@@ -217,10 +217,10 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _bound(options: argparse.Namespace) -> int:
-    from oed.bounds import TIME_LIMIT, bound
+    from oed.bounds import LATTICE, TIME_LIMIT, bound
     from oed.console import print_certificate, print_json
     from oed.errors import Failure
-    from oed.runner import LATTICE, certified, score
+    from oed.runner import certified, score
     from oed.study import load_study
 
     study = load_study(options.study)

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from oed.baselines import baselines
-from oed.bounds import Certificate, bound
+from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
 from oed.errors import ProblemError, UserMistake
 from oed.evaluation import evaluate, nuisance_table, parameter_table
@@ -39,8 +39,6 @@ from oed.validation import validate
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
-LATTICE = "lattice"
-"""Name and kind of the drive that the search for a bound comes upon."""
 ON_THE_SPOT = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Optional
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
 
 from oed.baselines import BaselineName
+from oed.bounds import LATTICE
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
 from oed.errors import Flaw, ProblemError, RecordError, StudyError
@@ -247,7 +248,7 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
         (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
     ]
     if file.bound:
-        entries.append((("bound",), "lattice"))
+        entries.append((("bound",), LATTICE))
     for index, path in enumerate(file.baselines):
         if isinstance(path, PathFile):
             entries.append((("baselines", index), path.label))

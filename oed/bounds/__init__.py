@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from oed.bounds.caps import prior_matrix, raw, regression_caps
+from oed.bounds.caps import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_caps
 from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate
 from oed.bounds.joint import joint_caps
 from oed.bounds.motion import largest_rates, unslipped
@@ -28,6 +28,8 @@ EXACTLY = (
 )
 SECONDS_PER_STEP = 1e-8
 """Measured time of one step of the dynamic programming, generously."""
+LATTICE = "lattice"
+"""Name and kind of the drive that the lattice's search comes upon."""
 NOTHING = "no bound is known for this criterion and measurement"
 
 
@@ -86,15 +88,15 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
     ):
         return None
     one = problem.any_estimations[-1]
-    if len(one.judged) != 2:
+    if one.judged != one.block.parameters:
+        # The lattice's inputs are in the order of W's columns.
         return None
-    noise = 1.0 if raw(problem, one) else float(one.block.noise or 1.0)
     space = problem.design
     step = space.period * float(largest_rates(problem).max())
     limits = SpeedLimits(
         space.samples, problem.input_bounds, step, step / 2 if space.rest_to_rest else np.inf
     )
-    weights = space.period * one.scales / noise
+    weights = space.period * one.scales / noise_of(problem, one)
     if LatticeProgram(limits, weights).steps * SECONDS_PER_STEP > time_limit:
         # So fine a lattice that not even one Z could be tried.
         return None
@@ -106,7 +108,7 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
         time_limit=time_limit,
     )
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
-    assumptions = ["wheel speeds and accelerations within their limits", "the room is left out"]
+    assumptions = [SPEEDS, NO_ROOM]
     if space.integration == "arc":
         assumptions.append("arcs tell at most as much as chords of full length")
     return found, Cap(found.upper, method, tuple(assumptions), found.multiplier)
@@ -130,4 +132,4 @@ def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]
 
 
-__all__ = ["GAP", "LOOSE", "TIME_LIMIT", "Cap", "Certificate", "bound"]
+__all__ = ["GAP", "LATTICE", "LOOSE", "TIME_LIMIT", "Cap", "Certificate", "bound"]

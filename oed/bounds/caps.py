@@ -19,6 +19,7 @@ from oed.problem import Estimation, Problem, prior_of
 Array = npt.NDArray[np.float64]
 
 SPEEDS = "wheel speeds and accelerations within their limits"
+NO_ROOM = "the room is left out"
 
 
 def regression_caps(problem: Problem, measurement: Displacements) -> Iterator[Cap]:
@@ -26,17 +27,22 @@ def regression_caps(problem: Problem, measurement: Displacements) -> Iterator[Ca
     if measurement.noise_model != "increments":
         return
     for one in problem.any_estimations:
-        weights = one.scales / (1.0 if raw(problem, one) else float(one.block.noise or 1.0))
-        prior = prior_matrix(problem, one)
-        yield from _trace_caps(problem, measurement, one, weights, prior)
+        yield from _trace_caps(problem, measurement, one)
         rows = coefficient_rows(problem)
         if one.block.name == "position" and rows is not None and len(one.judged) == len(rows[0]):
-            yield from _direction_caps(problem, measurement, weights, prior, rows)
+            # In the order in which the parameters are estimated.
+            order = _columns(one)
+            yield from _direction_caps(problem, measurement, one, (rows[0][order], rows[1][order]))
 
 
-def raw(problem: Problem, one: Estimation) -> bool:
-    """Whether the objective leaves the noise out."""
-    return one.block.raw and problem.criterion.scaling == "none"
+def noise_of(problem: Problem, one: Estimation) -> float:
+    """What the objective divides W by: the noise, or 1 where it leaves that out."""
+    raw = one.block.raw and problem.criterion.scaling == "none"
+    return 1.0 if raw or one.block.noise is None else one.block.noise
+
+
+def _columns(one: Estimation) -> list[int]:
+    return [one.block.parameters.index(name) for name in one.judged]
 
 
 def prior_matrix(problem: Problem, one: Estimation) -> Array:
@@ -52,71 +58,57 @@ def _edges(problem: Problem, measurement: Displacements) -> npt.NDArray[np.int64
     return measurement.segment_edges(problem.design.samples)
 
 
-def _trace_caps(
-    problem: Problem, measurement: Displacements, one: Estimation, weights: Array, prior: Array
-) -> Iterator[Cap]:
+def _trace_caps(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Cap]:
     # Each segment's rows are sums of T w: no longer than the sum of the lengths.
     factor = grip(problem)
     if factor is None:
         return
-    columns = [one.block.parameters.index(name) for name in one.judged]
+    columns, weights = _columns(one), one.scales / noise_of(problem, one)
     reach = factor * problem.design.period * input_reach(problem)[:, columns] * weights
     lengths = np.linalg.norm(reach, axis=1)
     edges = _edges(problem, measurement)
     sums = np.add.reduceat(lengths, edges[:-1])
-    value = (float((sums**2).sum()) + float(np.trace(prior))) / len(columns)
+    value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, one)))) / len(columns)
     yield Cap(
         value,
         "largest wheel speeds in every period, the same information in all directions",
-        (SPEEDS, "the room is left out"),
+        (SPEEDS, NO_ROOM),
         np.eye(len(columns)) / len(columns),
     )
 
 
 def _direction_caps(
-    problem: Problem, measurement: Displacements, weights: Array, prior: Array, rows: tuple[Array, Array]
+    problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
 ) -> Iterator[Cap]:
     edges = _edges(problem, measurement)
     count, arcs = len(edges) - 1, problem.design.integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
-    along = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
+    lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
+    variance = noise_of(problem, one) ** 2
     if arcs:
-        yield _direction(
-            rows[0],
-            4.0 * count,
-            weights,
-            prior,
-            "a segment's turn is a chord of the unit circle, no longer than its diameter",
-            ("exact arcs", "neither speeds nor the room matter"),
-        )
-    if along is not None:
-        yield _direction(
-            rows[1],
-            float((along**2).sum()),
-            weights,
-            prior,
-            "a segment is no longer than the top speed allows",
-            (SPEEDS, "the room is left out"),
-        )
+        method = "a segment's turn is a chord of the unit circle, no longer than its diameter"
+        assumptions: tuple[str, ...] = ("exact arcs", "neither speeds nor the room matter")
+        yield along(problem, one, rows[0], 4.0 * count / variance, method, assumptions)
+    if lengths is not None:
+        method, assumptions = "a segment is no longer than the top speed allows", (SPEEDS, NO_ROOM)
+        yield along(problem, one, rows[1], float((lengths**2).sum()) / variance, method, assumptions)
     if arcs and bounds is not None:
         x_min, x_max, y_min, y_max = bounds
         diagonal = (x_max - x_min) ** 2 + (y_max - y_min) ** 2
-        squares = np.full(count, diagonal) if along is None else np.minimum(along**2, diagonal)
-        yield _direction(
-            rows[1],
-            float(squares.sum()),
-            weights,
-            prior,
-            "a segment's displacement is no longer than the room's diagonal",
-            ("exact arcs", "every position within the room", SPEEDS),
-        )
+        squares = np.full(count, diagonal) if lengths is None else np.minimum(lengths**2, diagonal)
+        method = "a segment's displacement is no longer than the room's diagonal"
+        assumptions = ("exact arcs", "every position within the room", SPEEDS)
+        yield along(problem, one, rows[1], float(squares.sum()) / variance, method, assumptions)
 
 
-def _direction(
-    row: Array, value: float, weights: Array, prior: Array, method: str, assumptions: tuple[str, ...]
+def along(
+    problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
 ) -> Cap:
-    # With u = row: u'M u <= value, so v = S^-1 u of unit length has v'S M S v <= value / |S^-1 u|^2.
-    scaled = row / weights
+    """The bound from one direction: `change` of the judged parameters, SI, tells at most `value`.
+
+    In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
+    """
+    scaled = change / one.scales
     unit = scaled / np.linalg.norm(scaled)
-    bound = value / float(scaled @ scaled) + float(unit @ prior @ unit)
+    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
     return Cap(bound, method, assumptions, np.outer(unit, unit))

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds.caps import SPEEDS, prior_matrix
+from oed.bounds.caps import SPEEDS, along
 from oed.bounds.certificate import Cap
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
@@ -75,7 +75,7 @@ def _circle_cap(
     readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
     reach = 1.0 if centred else 4.0
     value = reach * sum(weight * count for weight, count in zip(weights, readings, strict=True))
-    yield _along(
+    yield along(
         problem,
         one,
         change,
@@ -100,7 +100,7 @@ def _size_caps(
     readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
     total = sum(weight * count for weight, count in zip(weights, readings, strict=True)) * half_squares
-    yield _along(
+    yield along(
         problem,
         one,
         change,
@@ -110,22 +110,19 @@ def _size_caps(
     )
     speeds = top_speeds(problem)
     step = problem.design.period * (np.zeros(1) if speeds is None else speeds)
-    if speeds is not None and not too_fine(x_min, x_max, step) and not too_fine(y_min, y_max, step):
-        spread = sum(
-            weight * _spread(problem, sensor, bounds, speeds)
-            for weight, sensor in zip(weights, sensors, strict=True)
-            if weight
-        )
-        # Sensors share one shift of the path, so their spreads add up only where one sensor reads positions.
-        if sum(weight > 0 for weight in weights) == 1:
-            yield _along(
-                problem,
-                one,
-                change,
-                spread,
-                "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
-                ("every position within the room", "initial pose unknown", SPEEDS),
-            )
+    # Sensors share one shift of the path, so their spreads are one where one sensor alone reads positions.
+    reading = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
+    if speeds is None or len(reading) != 1 or too_fine(x_min, x_max, step) or too_fine(y_min, y_max, step):
+        return
+    ((weight, sensor),) = reading
+    yield along(
+        problem,
+        one,
+        change,
+        weight * _spread(problem, sensor, bounds, speeds),
+        "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
+        ("every position within the room", "initial pose unknown", SPEEDS),
+    )
 
 
 def _spread(
@@ -141,13 +138,3 @@ def _spread(
     return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
         y_min, y_max, first[1], steps, read
     )
-
-
-def _along(
-    problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
-) -> Cap:
-    # The change is v times its length in scaled parameters, and tells `value` in all.
-    scaled = change / one.scales
-    unit = scaled / np.linalg.norm(scaled)
-    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
-    return Cap(bound, method, assumptions, np.outer(unit, unit))

@@ -195,7 +195,7 @@ class _Search:
         self.serial = itertools.count()
 
     def run(self) -> LatticeBound:
-        root = self._node({}, [np.zeros(2)], np.inf)
+        root = self._node({}, np.zeros(2), np.inf)
         assert root is not None
         queue, nodes, floor = [root], 1, self.lower
         while queue and queue[0].bound > self.lower * (1 + self.gap):
@@ -207,7 +207,7 @@ class _Search:
                 floor = max(floor, node.bound)
             for conditions in children:
                 nodes += 1
-                child = self._node(conditions, [node.point], node.bound)
+                child = self._node(conditions, node.point, node.bound)
                 if child is not None:
                     heapq.heappush(queue, child)
         upper = max([self.lower, floor, *(node.bound for node in queue[:1])])
@@ -221,13 +221,11 @@ class _Search:
             complete=upper <= self.lower * (1 + self.gap),
         )
 
-    def _node(
-        self, conditions: dict[int, tuple[int, int]], points: list[Array], above: float
-    ) -> _Node | None:
+    def _node(self, conditions: dict[int, tuple[int, int]], point: Array, above: float) -> _Node | None:
         # Cutting planes: every point tried gives a valid bound, and a plane under the true function.
         planes: list[tuple[float, Array]] = []
         paths: list[Array] = []
-        bound, chosen, point = above, points[0], points[0]
+        bound, chosen = above, point
         shares = np.ones(1)
         for _ in range(CUTS):
             value, path = self.program.maximise(_multiplier(point), conditions)

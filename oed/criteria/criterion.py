@@ -18,6 +18,7 @@ from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.information import Scaling
+from oed.matrices import solve_lower
 from oed.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
@@ -116,11 +117,7 @@ class Factor:
 
     def inverse(self, right: Expression) -> Expression:
         """L^-1 B."""
-        rows: list[Expression] = []
-        for index in range(self.size):
-            known = [self.matrix[index, before] * row for before, row in enumerate(rows)]
-            rows.append((right[index, :] - sum(known, ca.SX(1, right.shape[1]))) / self.matrix[index, index])
-        return ca.vertcat(*rows)
+        return solve_lower(self.matrix.T, right)
 
     def initial(self, matrix: Array) -> Array:
         """Entries of L for a numeric M; a little is added to one that has no factor."""

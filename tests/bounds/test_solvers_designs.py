@@ -44,8 +44,18 @@ def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
     certificate = bound(problem, time_limit=1.0)
     found = solve(problem, solver, seed=3, workers=1)
     assert np.isfinite(certificate.upper_bound)
-    if found.evaluation is not None and found.evaluation.feasible:
-        for cap in certificate.caps:
-            # Positions may exceed the room by what scoring tolerates; wheel speeds never exceed their limits.
-            spare = 2e-3 if "every position within the room" in cap.assumptions else 1e-9
-            assert found.evaluation.objective <= cap.value * (1 + spare), cap.method
+    assert found.evaluation is not None
+    assert found.evaluation.feasible
+    for cap in certificate.caps:
+        # Positions may exceed the room by what scoring tolerates; wheel speeds never exceed their limits.
+        spare = 2e-3 if "every position within the room" in cap.assumptions else 1e-9
+        assert found.evaluation.objective <= cap.value * (1 + spare), cap.method
+
+
+def test_the_order_of_the_parameters_does_not_matter() -> None:
+    measurement = Displacements(noise=NOISE)
+    values = [
+        bound(make_problem(model=UNEQUAL, measurement=measurement, criterion=E(), estimate=names)).upper_bound
+        for names in (("c21", "c22"), ("c22", "c21"))
+    ]
+    assert values[0] == pytest.approx(values[1], rel=1e-12)
