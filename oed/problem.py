@@ -36,8 +36,7 @@ class Estimation:
         judged: the latter alone.
         scales: of the judged parameters, SI.
         matrix: information on the judged parameters, scaled, all else eliminated: what the criterion sees.
-        full: information on all estimated parameters, SI (per unit of noise where that is not known).
-        alone: information on each of them (p,), were all else known.
+        prior: information on all estimated parameters had beforehand, SI, or None.
     """
 
     block: Block
@@ -45,8 +44,22 @@ class Estimation:
     judged: tuple[str, ...]
     scales: Array
     matrix: Expression
-    full: Expression
-    alone: Expression
+    prior: Array | None
+
+    @cached_property
+    def full(self) -> Expression:
+        """Information on all estimated parameters, SI (per unit of noise where that is not known)."""
+        ones = dict.fromkeys(self.parameters, 1.0)
+        return information(self.block, ones, parameters=self.parameters, prior=self.prior)
+
+    @cached_property
+    def alone(self) -> Expression:
+        """Information on each of them (p,), were all else known."""
+        ones = dict.fromkeys(self.parameters, 1.0)
+        known = information(
+            self.block, ones, parameters=self.parameters, prior=self.prior, known_nuisances=True
+        )
+        return ca.diag(known)
 
     @property
     def noisy(self) -> bool:
@@ -150,7 +163,6 @@ class Problem:
         judged, scaling = self._judged(block), self.criterion.scaling
         others = tuple(name for name in self._estimated(block) if name not in judged)
         names = judged + others
-        ones = dict.fromkeys(names, 1.0)
         prior = None if self.prior is None else prior_of(self.prior, block, names)
         return Estimation(
             block=block,
@@ -158,8 +170,7 @@ class Problem:
             judged=judged,
             scales=scale_factors(block, scaling, judged),
             matrix=information(block, scaling, parameters=judged, unwanted=others, prior=prior),
-            full=information(block, ones, parameters=names, prior=prior),
-            alone=ca.diag(information(block, ones, parameters=names, prior=prior, known_nuisances=True)),
+            prior=prior,
         )
 
     @property
