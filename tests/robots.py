@@ -11,19 +11,35 @@ from dataclasses import dataclass
 import numpy as np
 import oracle
 
-from oed.models import DifferentialDrive, Model, SkidSteer
+from oed.models import (
+    Ackermann,
+    DifferentialDrive,
+    DifferentialDriveWithOffset,
+    Mecanum,
+    Model,
+    OmniThree,
+    SkidSteer,
+    SkidSteerIcr,
+    TractorTrailer,
+    Tricycle,
+)
 
 RADIUS, TRACK = 0.049, 0.18
 
 
 @dataclass(frozen=True)
 class Example:
-    """A robot, and its effective inputs and twist written independently of the package."""
+    """A robot, and its twist (and effective inputs, and further states) written independently of the package.
+
+    `told` are the parameters that absolute poses tell apart; all of them by default.
+    """
 
     name: str
     model: Model
-    effective: Callable[[np.ndarray], np.ndarray]
     twist: Callable[[np.ndarray], np.ndarray]
+    effective: Callable[[np.ndarray], np.ndarray] = np.asarray
+    internal: Callable[[np.ndarray, np.ndarray, float], np.ndarray] | None = None
+    told: tuple[str, ...] | None = None
 
 
 def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 0.0)) -> Example:
@@ -31,8 +47,73 @@ def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 
         return oracle.skid_speeds(speeds, *slips)
 
     return Example(
-        name, model, effective, lambda speeds: oracle.differential_twist(effective(speeds), *radii, TRACK)
+        name,
+        model,
+        lambda speeds: oracle.differential_twist(effective(speeds), *radii, TRACK),
+        effective,
+        told=("wheel_radius_right", "wheel_radius_left", "track"),
     )
+
+
+def _wheels_twist(rolling: np.ndarray, radius: float) -> Callable[[np.ndarray], np.ndarray]:
+    """The twist that fits wheels best whose rolling speed is rolling @ (forward, lateral, yaw rate)."""
+    return lambda speeds: np.linalg.lstsq(rolling, radius * np.asarray(speeds), rcond=None)[0]
+
+
+def _mecanum(arm: float) -> np.ndarray:
+    # Front left, front right, rear left, rear right: rollers at 45 degrees, forming an X from above.
+    return np.array([[1, -1, -arm], [1, 1, arm], [1, 1, -arm], [1, -1, arm]])
+
+
+def _omni(distance: float) -> np.ndarray:
+    angles = np.deg2rad([60, 180, 300])
+    return np.column_stack([-np.sin(angles), np.cos(angles), np.full(3, distance)])
+
+
+def _offset_twist(speeds: np.ndarray, offset: float) -> np.ndarray:
+    forward, _, yaw_rate = oracle.differential_twist(speeds, 0.051, 0.047, TRACK)
+    return np.array([forward - yaw_rate * offset, 0.0, yaw_rate])
+
+
+def _icr_twist(speeds: np.ndarray, left: float, right: float, ahead: float, alphas) -> np.ndarray:
+    # A side's tread moves with the body's velocity at its centre of rotation: V_side = vx - y_side * yaw.
+    treads = RADIUS * np.asarray(alphas) * speeds
+    forward, yaw_rate = np.linalg.solve([[1, -right], [1, -left]], treads)
+    return np.array([forward, -ahead * yaw_rate, yaw_rate])
+
+
+def _tricycle_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset: float) -> np.ndarray:
+    # The velocity of the steered wheel, seen from the free axle's middle.
+    velocity = radius * inputs[0] * np.exp(1j * (inputs[1] + offset))
+    return np.array([velocity.real, 0.0, velocity.imag / wheelbase])
+
+
+def _ackermann_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset, gain) -> np.ndarray:
+    speed = radius * inputs[0]
+    turning_radius = wheelbase / np.tan(gain * inputs[1] + offset)
+    return np.array([speed, 0.0, speed / turning_radius])
+
+
+def _trailer_angle(offset: float, length: float) -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
+    """The trailer's angle, from where its axle's middle is dragged: no velocity across the trailer."""
+
+    def rate(angle: float, twist: np.ndarray) -> float:
+        hitch = np.array([twist[0], -offset * twist[2]])  # in the tractor's frame
+        across = np.array([-np.sin(angle), np.cos(angle)])
+        return float(hitch @ across) / length - twist[2]
+
+    def internal(state: np.ndarray, twist: np.ndarray, period: float) -> np.ndarray:
+        angle, count = float(state[3]), 400
+        for _ in range(count):
+            step = period / count
+            first = rate(angle, twist)
+            second = rate(angle + step / 2 * first, twist)
+            third = rate(angle + step / 2 * second, twist)
+            fourth = rate(angle + step * third, twist)
+            angle += step / 6 * (first + 2 * second + 2 * third + fourth)
+        return np.array([angle])
+
+    return internal
 
 
 EXAMPLES: dict[str, tuple[Example, ...]] = {
@@ -53,12 +134,80 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             (0.12, -0.05),
         ),
     ),
+    "differential_drive_with_offset": (
+        Example(
+            "offset",
+            DifferentialDriveWithOffset(
+                wheel_radius_right=0.051, wheel_radius_left=0.047, track=TRACK, sensor_offset=0.03
+            ),
+            lambda speeds: _offset_twist(speeds, 0.03),
+        ),
+    ),
+    "skid_steer_icr": (
+        Example(
+            "icr",
+            SkidSteerIcr(
+                wheel_radius=RADIUS,
+                y_icr_left=0.17,
+                y_icr_right=-0.15,
+                x_icr=-0.02,
+                alpha_right=0.95,
+                alpha_left=0.9,
+            ),
+            lambda speeds: _icr_twist(speeds, 0.17, -0.15, -0.02, (0.95, 0.9)),
+        ),
+    ),
+    "tricycle": (
+        Example(
+            "tricycle",
+            Tricycle(wheel_radius=0.1, wheelbase=1.2, steering_offset=0.03),
+            lambda inputs: _tricycle_twist(inputs, 0.1, 1.2, 0.03),
+        ),
+    ),
+    "ackermann": (
+        Example(
+            "ackermann",
+            Ackermann(wheel_radius=0.05, wheelbase=0.33, steering_offset=-0.02, steering_gain=1.1),
+            lambda inputs: _ackermann_twist(inputs, 0.05, 0.33, -0.02, 1.1),
+        ),
+    ),
+    "mecanum": (
+        Example(
+            "mecanum",
+            Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.3),
+            _wheels_twist(_mecanum(0.3), 0.05),
+        ),
+    ),
+    "omni_three": (
+        Example(
+            "omni",
+            OmniThree(wheel_radius=0.04, centre_distance=0.2),
+            _wheels_twist(_omni(0.2), 0.04),
+        ),
+    ),
+    "tractor_trailer": tuple(
+        Example(
+            name,
+            TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=offset, trailer_length=0.4),
+            lambda speeds: oracle.differential_twist(speeds, RADIUS, RADIUS, TRACK),
+            internal=_trailer_angle(offset, 0.4),
+            told=("wheel_radius_right", "wheel_radius_left", "track"),
+        )
+        for name, offset in (("trailer", 0.1), ("trailer_on_axle", 0.0))
+    ),
 }
 
 ROBOTS = [example for examples in EXAMPLES.values() for example in examples]
+COEFFICIENT_ROBOTS = [example for example in ROBOTS if example.model.coefficient_names]
+
+LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5}
+"""Magnitude of the inputs drawn, by quantity."""
 
 
-def draw_inputs(rng: np.random.Generator, count: int, inputs: int = 2) -> np.ndarray:
+def draw_inputs(rng: np.random.Generator, count: int, model: Model | None = None) -> np.ndarray:
     """Inputs (count, inputs) whose magnitudes are far apart, so that the outer side is beyond doubt."""
+    inputs = 2 if model is None else len(model.inputs)
+    largest = [10.0] * inputs if model is None else [LARGEST[entry.quantity] for entry in model.inputs]
     magnitudes = np.linspace(1.0, 9.0, inputs) + rng.uniform(-0.9, 0.9, (count, inputs))
-    return rng.permuted(magnitudes * rng.choice([-1.0, 1.0], (count, inputs)), axis=1)
+    drawn = rng.permuted(magnitudes * rng.choice([-1.0, 1.0], (count, inputs)), axis=1)
+    return drawn * np.array(largest) / 10

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from pydantic import model_validator
 
 from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
@@ -20,10 +21,25 @@ class CoefficientRobot(Model):
     kind: Literal["coefficients"] = "coefficients"
     base: Model
 
+    @model_validator(mode="before")
+    @classmethod
+    def _body_of_the_base(cls, data: dict[str, Any]) -> dict[str, Any]:
+        return {"body_radius": data["base"].body_radius, **data}
+
     @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
         """The base robot's inputs."""
         return self.base.inputs
+
+    @property
+    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The base robot's states."""
+        return self.base.states
+
+    @property
+    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Their units."""
+        return self.base.state_units
 
     @property
     def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
@@ -32,11 +48,11 @@ class CoefficientRobot(Model):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficients, row by row: yaw rate [1], then forward speed [m]."""
+        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m]."""
         nominal = np.asarray(ca.evalf(self.base.coefficients(ca.DM(self.base.nominal))))
         return tuple(
             Parameter(name, float(value), unit)
-            for names, values, unit in zip(self.coefficient_names, nominal, ("", "m"), strict=True)
+            for names, values, unit in zip(self.coefficient_names, nominal, ("", "m", "m"), strict=False)
             for name, value in zip(names, values, strict=True)
         )
 
@@ -48,6 +64,12 @@ class CoefficientRobot(Model):
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """As the base robot's at its nominal constants."""
         return self.base.effective_inputs(inputs, ca.DM(self.base.nominal))
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.internal_step(state, twist, ca.DM(self.base.nominal), period)
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed, 0, yaw rate [Choi, eq. 5]."""

@@ -9,40 +9,76 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from math import inf
+from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
+from pydantic import Field
 
 from oed.component import Component
 from oed.expression import Expression
+from oed.quantities import Length
 
 Integration = Literal["arc", "midpoint"]
 
 
 @dataclass(frozen=True)
 class Input:
-    """One input of a model: its name in files, the quantity it is (limits apply by quantity), its unit."""
+    """One input of a model.
+
+    Attributes:
+        name: in files.
+        quantity: what it is ("wheel_speed", "steering_angle"); limits apply by quantity.
+        unit: SI unit.
+        below: magnitude that the model's equations need it to stay below.
+    """
 
     name: str
     quantity: str
     unit: str
+    below: float = inf
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves the robot in proportion, as a speed does; an angle only shapes the motion."""
+        return self.unit in ("rad/s", "m/s")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One constant of a model: name, nominal value in SI, SI unit ("" for a ratio)."""
+    """One constant of a model.
+
+    Attributes:
+        name: in files.
+        nominal: value in SI.
+        unit: SI unit ("" for a ratio).
+        size: what a relative precision refers to where the nominal value is 0, SI; 0 for nothing.
+    """
 
     name: str
     nominal: float
     unit: str
+    size: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0."""
+        return abs(self.nominal) or self.size
 
 
 class Model(Component, ABC):
-    """A planar robot: state (x, y, heading), inputs, parameters and the body twist they give."""
+    """A planar robot: state (x, y, heading, ...), inputs, parameters and the body twist they give.
+
+    Attributes:
+        body_radius: distance from the robot's origin to the farthest point of its body [m]: how far from
+            walls and obstacles its origin has to stay.
+    """
 
     kind: str
+    body_radius: Annotated[Length, Field(ge=0)] = 0.0
     inputs: ClassVar[tuple[Input, ...]]
     states: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
 
@@ -63,6 +99,8 @@ class Model(Component, ABC):
     def coefficients(self, parameters: Expression) -> Expression:
         """Coefficient matrix c of [yaw rate; forward speed] = c @ effective inputs [Choi, eqs 5, 6].
 
+        A robot that also moves sideways has a third row, for the lateral speed.
+
         Raises:
             NotImplementedError: the twist is not linear in any coefficients.
         """
@@ -71,6 +109,12 @@ class Model(Component, ABC):
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Inputs as they act on the ground, e.g. wheel speeds less slip; the inputs themselves by default."""
         return inputs
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """Next values of the states after (x, y, heading), for a twist (3,) held during `period` [s]."""
+        return ca.SX(0, 1)
 
     @property
     def nominal(self) -> list[float]:
@@ -84,9 +128,12 @@ class Model(Component, ABC):
 
 
 def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
-    """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5]."""
+    """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
+
+    A third row of c gives the lateral speed, which is 0 without it.
+    """
     product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
-    return ca.vertcat(product[1], 0, product[0])
+    return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])
 
 
 def sinc(angle: Expression) -> Expression:
@@ -114,13 +161,15 @@ def step(model: Model, integration: Integration) -> ca.Function:
     """The function (pose, inputs, parameters, period [s]) -> next pose, shared by all robots."""
     pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
     inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    forward, lateral, yaw_rate = ca.vertsplit(model.twist(inputs, parameters))
+    twist = model.twist(inputs, parameters)
+    forward, lateral, yaw_rate = ca.vertsplit(twist)
     gain, direction = chord(yaw_rate, pose[2], period, integration)
     cosine, sine = ca.cos(direction), ca.sin(direction)
     following = ca.vertcat(
         pose[0] + gain * (forward * cosine - lateral * sine),
         pose[1] + gain * (forward * sine + lateral * cosine),
         pose[2] + period * yaw_rate,
+        model.internal_step(pose, twist, parameters, period),
     )
     return ca.Function(
         "step",

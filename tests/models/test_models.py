@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from robots import EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
+from robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
 
 from oed.models import MODELS, DifferentialDrive, SkidSteer, chord, sinc, step
 
 robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
+coefficient_robots = pytest.mark.parametrize("example", COEFFICIENT_ROBOTS, ids=lambda example: example.name)
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 
 
@@ -31,15 +32,16 @@ def next_pose(model, rule, pose, inputs, period, parameters=None) -> np.ndarray:
 
 def step_jacobian(model, rule) -> ca.Function:
     advance = step(model, rule)
-    pose, inputs = ca.SX.sym("pose", 3), ca.SX.sym("inputs", len(model.inputs))
+    pose, inputs = ca.SX.sym("pose", len(model.states)), ca.SX.sym("inputs", len(model.inputs))
     parameters, period = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("period")
     point = ca.vertcat(pose, inputs, parameters, period)
     return ca.Function("jacobian", [point], [ca.jacobian(advance(pose, inputs, parameters, period), point)])
 
 
 def split_step(model, rule, point) -> np.ndarray:
-    inputs = 3 + len(model.inputs)
-    return next_pose(model, rule, point[:3], point[3:inputs], point[-1], point[inputs:-1])
+    states = len(model.states)
+    inputs = states + len(model.inputs)
+    return next_pose(model, rule, point[:states], point[states:inputs], point[-1], point[inputs:-1])
 
 
 def test_every_listed_robot_has_an_example():
@@ -63,27 +65,46 @@ def test_names_and_units(example: Example):
 @rules
 def test_step_is_the_oracles(example: Example, rule: str):
     rng = np.random.default_rng(1)
-    for inputs in draw_inputs(rng, 20, len(example.model.inputs)):
-        pose = rng.uniform(-2, 2, 3)
+    for inputs in draw_inputs(rng, 20, example.model):
+        pose = rng.uniform(-2, 2, len(example.model.states))
         expected = oracle.advance(pose, example.twist(inputs), 0.3, rule)
         found = next_pose(example.model, rule, pose, inputs, 0.3)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(found[:3], expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "example", [one for one in ROBOTS if one.internal is not None], ids=lambda one: one.name
+)
+def test_further_states_are_the_oracles(example: Example):
+    rng = np.random.default_rng(11)
+    straight, spin, rest = [5.0, 5.0], [4.0, -4.0], [0.0, 0.0]
+    for inputs in [*draw_inputs(rng, 20, example.model), straight, spin, rest]:
+        state = rng.uniform(-2, 2, len(example.model.states))
+        expected = example.internal(state, example.twist(inputs), 0.4)
+        found = next_pose(example.model, "arc", state, inputs, 0.4)
+        np.testing.assert_allclose(found[3:], expected, rtol=0, atol=1e-9)
+
+
+def test_every_robot_with_further_states_has_an_oracle_for_them():
+    assert all((one.internal is None) == (len(one.model.states) == 3) for one in ROBOTS)
 
 
 @robots
 def test_effective_inputs_are_the_oracles(example: Example):
-    for inputs in draw_inputs(np.random.default_rng(2), 20, len(example.model.inputs)):
+    for inputs in draw_inputs(np.random.default_rng(2), 20, example.model):
         found = ca.evalf(example.model.effective_inputs(ca.DM(inputs), ca.DM(example.model.nominal)))
         np.testing.assert_allclose(np.array(found).ravel(), example.effective(inputs), rtol=1e-14)
 
 
-@robots
+@coefficient_robots
 def test_coefficients_give_the_twist(example: Example):
-    model, inputs = example.model, draw_inputs(np.random.default_rng(3), 1)[0]
+    model = example.model
+    inputs = draw_inputs(np.random.default_rng(3), 1, model)[0]
     coefficients = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal))))
     assert coefficients.shape == np.array(model.coefficient_names).shape
-    yaw_rate, forward = coefficients @ example.effective(inputs)
-    np.testing.assert_allclose(twist_of(model, inputs), [forward, 0, yaw_rate], rtol=1e-14)
+    yaw_rate, forward, *sideways = coefficients @ example.effective(inputs)
+    lateral = sideways[0] if sideways else 0.0
+    np.testing.assert_allclose(twist_of(model, inputs), [forward, lateral, yaw_rate], rtol=1e-14)
 
 
 @robots
@@ -91,8 +112,8 @@ def test_coefficients_give_the_twist(example: Example):
 @pytest.mark.parametrize("straight", [False, True])
 def test_step_jacobian_is_the_finite_difference(example: Example, rule: str, straight: bool):
     model, rng = example.model, np.random.default_rng(4)
-    inputs = np.full(len(model.inputs), 3.0) if straight else rng.uniform(-9, 9, len(model.inputs))
-    point = np.concatenate([rng.uniform(-1, 1, 3), inputs, model.nominal, [0.2]])
+    inputs = np.full(len(model.inputs), 0.5) if straight else draw_inputs(rng, 1, model)[0]
+    point = np.concatenate([rng.uniform(-1, 1, len(model.states)), inputs, model.nominal, [0.2]])
     found = np.array(step_jacobian(model, rule)(point))
     expected = oracle.central_difference(lambda p: split_step(model, rule, p), point)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8)
@@ -105,16 +126,17 @@ def test_twist_jacobian_is_the_finite_difference(example: Example):
     symbol = ca.SX.sym("point", count + len(model.parameters))
     jacobian = ca.Function("j", [symbol], [ca.jacobian(model.twist(symbol[:count], symbol[count:]), symbol)])
     for _ in range(5):
-        point = np.concatenate([rng.uniform(-9, 9, count), model.nominal])
+        point = np.concatenate([draw_inputs(rng, 1, model)[0], model.nominal])
         expected = oracle.central_difference(lambda p: twist_of(model, p[:count], p[count:]), point)
         np.testing.assert_allclose(np.array(jacobian(point)), expected, rtol=1e-6, atol=1e-8)
 
 
 @robots
-@pytest.mark.parametrize("speed", [0.0, 5.0])
+@pytest.mark.parametrize("speed", [0.0, 0.5])
 def test_second_derivatives_are_finite_without_yaw(example: Example, speed: float):
     model, symbol = example.model, ca.SX.sym("inputs", len(example.model.inputs))
-    following = step(model, "arc")([0.1, 0.2, 0.3], symbol, model.nominal, 0.1)
+    state = np.linspace(0.1, 0.4, len(model.states))
+    following = step(model, "arc")(state, symbol, model.nominal, 0.1)
     for row in ca.vertsplit(following):
         hessian, gradient = ca.hessian(row, symbol)
         values = ca.Function("d", [symbol], [hessian, gradient])(np.full(len(model.inputs), speed))
@@ -124,8 +146,8 @@ def test_second_derivatives_are_finite_without_yaw(example: Example, speed: floa
 @robots
 def test_arcs_compose(example: Example):
     model, rng = example.model, np.random.default_rng(6)
-    for inputs in [*rng.uniform(-10, 10, (10, len(model.inputs))), np.full(len(model.inputs), 4.0)]:
-        pose, whole = rng.uniform(-1, 1, 3), 0.7
+    for inputs in [*draw_inputs(rng, 10, model), np.full(len(model.inputs), 0.4)]:
+        pose, whole = rng.uniform(-1, 1, len(model.states)), 0.7
         half = next_pose(model, "arc", pose, inputs, whole / 2)
         twice = next_pose(model, "arc", half, inputs, whole / 2)
         np.testing.assert_allclose(twice, next_pose(model, "arc", pose, inputs, whole), rtol=0, atol=1e-12)

@@ -1,0 +1,54 @@
+"""Three omnidirectional wheels, 120 degrees apart."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import ClassVar, Literal
+
+import casadi as ca
+
+from oed.expression import Expression
+from oed.models.model import Input, Model, Parameter, coefficient_twist
+from oed.models.wheels import PositiveLength
+
+PLACES = {"front_left": pi / 3, "rear": pi, "front_right": -pi / 3}
+"""Where the wheels stand: angle from the heading [rad], to the left."""
+
+
+class OmniThree(Model):
+    """Three omnidirectional wheels of `wheel_radius` [m], each `centre_distance` [m] from the origin.
+
+    Every wheel rolls across the line from the origin to it, counter-clockwise for a positive speed.
+    """
+
+    kind: Literal["omni_three"] = "omni_three"
+    wheel_radius: PositiveLength
+    centre_distance: PositiveLength
+    inputs: ClassVar[tuple[Input, ...]] = tuple(
+        Input(f"wheel_speed_{place}", "wheel_speed", "rad/s") for place in PLACES
+    )
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = (
+        ("c11", "c12", "c13"),
+        ("c21", "c22", "c23"),
+        ("c31", "c32", "c33"),
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius, centre_distance [m]."""
+        return (
+            Parameter("wheel_radius", self.wheel_radius, "m"),
+            Parameter("centre_distance", self.centre_distance, "m"),
+        )
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """C (3, 3) of yaw rate, forward and lateral speed: the inverse of r w = J (forward, lateral, yaw)."""
+        radius, distance = parameters[0], parameters[1]
+        angles = PLACES.values()
+        ahead, left = ca.DM([[-sin(angle) for angle in angles]]), ca.DM([[cos(angle) for angle in angles]])
+        yaw = radius / (3 * distance) * ca.DM.ones(1, 3)
+        return ca.vertcat(yaw, 2 * radius / 3 * ahead, 2 * radius / 3 * left)
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward and lateral speed, yaw rate."""
+        return coefficient_twist(self, inputs, parameters)
