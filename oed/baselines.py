@@ -148,7 +148,7 @@ def _pattern_shape(problem: Problem, pattern: Pattern) -> _Shape:
 
 def _random_shape(problem: Problem, seed: int) -> _Shape:
     space = problem.design
-    bounds, count = problem.input_bounds, space.spline.coefficients
+    bounds, count = problem.input_bounds, space.all_coefficients
     rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
     draws = np.random.default_rng([seed, STREAM]).uniform(bounds[:, 0], bounds[:, 1], (count, len(bounds)))
     held = np.zeros(count, dtype=bool)
@@ -156,7 +156,7 @@ def _random_shape(problem: Problem, seed: int) -> _Shape:
 
     def drive(size: float, laps: int) -> Trajectory:
         table = rest + size * (draws - rest)
-        return space.trajectory(np.where(held[:, None], table, 0.0), _start(problem))
+        return space.trajectory(np.where(held[:, None], table, 0.0), _starts(problem))
 
     return _Shape(drive, 1.0)
 
@@ -191,13 +191,14 @@ def _of_length(problem: Problem, shape: _Shape, length: float, most: float) -> T
     return shape.drive((low + high) / 2, laps)
 
 
-def _start(problem: Problem) -> Sequence[float]:
-    fixed = problem.design.fixed_start
-    if fixed is not None:
-        return fixed
+def _starts(problem: Problem) -> Array:
+    # Where the study says, or in the middle of the room.
+    if problem.fixed_starts is not None:
+        return problem.fixed_starts
     extents = [limit.extent for limit in problem.limits if isinstance(limit, Workspace)]
     x_min, x_max, y_min, y_max = extents[0] if extents else (0.0, 0.0, 0.0, 0.0)
-    return ((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0)
+    middle = ((x_min + x_max) / 2, (y_min + y_max) / 2, 0.0)
+    return problem.start_states([middle] * problem.design.runs)
 
 
 def _stretched(problem: Problem, moves: Sequence[Move]) -> Trajectory:
@@ -215,8 +216,13 @@ def _stretched(problem: Problem, moves: Sequence[Move]) -> Trajectory:
         rates = np.diff(profile.progress(edges - began)) / space.period
         twists += rates[:, None] * np.array([move.forward, move.turn])
         began += profile.duration
+    # Every run drives the same.
     return Trajectory.from_samples(
-        inverse(twists), space.duration, _start(problem), rest_to_rest=space.rest_to_rest
+        np.tile(inverse(twists), (space.runs, 1)),
+        space.whole_duration,
+        _starts(problem),
+        rest_to_rest=space.rest_to_rest,
+        runs=space.runs,
     )
 
 

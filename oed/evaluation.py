@@ -84,8 +84,8 @@ class Evaluation:
         full_information: F of each block's estimated parameters, SI.
         alone: what F would tell of each, were all else known, (p,), SI.
         parameters: their names by block.
-        poses: at the samples, (N + 1, states).
-        path: on the fine grid, (10 N + 1, states).
+        poses: at the samples, (N + runs, states), run by run.
+        path: on the fine grid, (10 N + runs, states).
     """
 
     objective: float
@@ -153,16 +153,22 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     rest, that is a violation like any other.
 
     Raises:
-        ValueError: inputs that do not match the robot's.
+        ValueError: inputs or states that do not match the robot's, another number of runs.
     """
     expected = len(problem.model.inputs)
     if trajectory.coefficients.shape[1] != expected:
         names = ", ".join(problem.model.input_names)
         raise ValueError(f"expected {expected} inputs ({names}), got {trajectory.coefficients.shape[1]}")
+    states, runs = len(problem.model.states), problem.design.runs
+    if trajectory.starts.shape != (runs, states):
+        raise ValueError(
+            f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
+        )
     fine_times = np.linspace(0.0, trajectory.duration, FINE * trajectory.samples + 1)
     rates = trajectory.rates_at(fine_times)
-    scorer = _scorer(problem, trajectory.samples, len(rates))
-    return scorer.evaluation(trajectory, trajectory.inputs_at(fine_times), rates)
+    jerks = trajectory.jerks_at(fine_times)
+    scorer = _scorer(problem, trajectory.samples, trajectory.runs, len(rates), len(jerks))
+    return scorer.evaluation(trajectory, trajectory.inputs_at(fine_times), rates, jerks)
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
@@ -195,19 +201,27 @@ def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
-    def __init__(self, problem: Problem, samples: int, rates: int) -> None:
+    def __init__(self, problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> None:
         model = problem.robot
         symbols: list[Any] = [
             ca.MX.sym("inputs", samples, len(model.inputs)),
-            ca.MX.sym("start", len(model.states)),
+            ca.MX.sym("start", runs, len(model.states)),
             ca.MX.sym("parameters", len(model.parameters)),
             ca.MX.sym("period"),
             ca.MX.sym("values", FINE * samples + 1, len(model.inputs)),
             ca.MX.sym("rates", rates, len(model.inputs)),
+            ca.MX.sym("jerks", jerks, len(model.inputs)),
         ]
-        names = ("inputs", "start", "parameters", "period", "input_values", "input_rates")
+        names = ("inputs", "start", "parameters", "period", "input_values", "input_rates", "input_jerks")
         arguments = dict(zip(names, symbols, strict=True))
-        drive = roll_out(model, problem.design.integration, refine=FINE, **arguments)
+        drive = roll_out(
+            model,
+            problem.design.integration,
+            refine=FINE,
+            runs=runs,
+            motion_inputs=arguments["input_values"],
+            **arguments,
+        )
         self.problem = problem
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = [limit.rows(drive) for limit in problem.limits]
@@ -224,10 +238,10 @@ class _Scorer:
         outputs = [output for group in groups for output in group]
         self.function = ca.Function("score", symbols, outputs)
 
-    def evaluation(self, trajectory: Trajectory, values: Array, rates: Array) -> Evaluation:
-        problem = self.problem
+    def evaluation(self, trajectory: Trajectory, values: Array, rates: Array, jerks: Array) -> Evaluation:
+        problem, drive = self.problem, trajectory
         results = self.function(
-            trajectory.inputs, trajectory.start, problem.robot.nominal, trajectory.period, values, rates
+            drive.inputs, drive.starts, problem.robot.nominal, drive.period, values, rates, jerks
         )
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
@@ -266,8 +280,8 @@ class _Scorer:
 
 
 @lru_cache(maxsize=64)
-def _scorer(problem: Problem, samples: int, rates: int) -> _Scorer:
-    return _Scorer(problem, samples, rates)
+def _scorer(problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> _Scorer:
+    return _Scorer(problem, samples, runs, rates, jerks)
 
 
 def _covariance(matrix: Array, alone: Array) -> Array:
@@ -304,13 +318,13 @@ def _margin(name: str, rows: Rows, values: Array) -> Margin:
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     # What the design space itself asks; a solver's design keeps it by construction, a user's path may not.
     space, model = problem.design, problem.model
-    spare = space.duration - trajectory.duration
-    margins = [Margin("duration", spare, space.duration, "s")]
-    if space.fixed_start is not None:
-        offset = np.abs(trajectory.start[:3] - space.fixed_start).max()
+    spare = space.whole_duration - trajectory.duration
+    margins = [Margin("duration", spare, space.whole_duration, "s")]
+    if problem.fixed_starts is not None:
+        offset = np.abs(trajectory.starts - problem.fixed_starts).max()
         margins.append(Margin("start", -float(offset), 1.0, "m or rad"))
     if space.rest_to_rest:
-        ends = trajectory.inputs_at(np.array([0.0, trajectory.duration]))
+        ends = trajectory.inputs_at(trajectory.ends)
         size = float(np.abs(problem.input_bounds).max())
         margins.append(Margin("rest_to_rest", -float(np.abs(ends).max()), size, model.inputs[0].unit))
     return margins

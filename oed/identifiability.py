@@ -129,8 +129,10 @@ def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
 def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
     # Whether it keeps to the room does not matter here.
     space, bounds = problem.design, problem.input_bounds
-    coefficients = np.clip(np.zeros((space.spline.coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
-    rows = coefficients[space.free_rows]
-    rows[:] = rng.uniform(bounds[:, 0], bounds[:, 1], rows.shape)
-    start = space.fixed_start
-    return space.trajectory(coefficients, rng.uniform(-1, 1, 3) if start is None else start)
+    coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
+    shape = (len(space.free_rows), len(bounds))
+    coefficients[space.free_rows] = rng.uniform(bounds[:, 0], bounds[:, 1], shape)
+    start = problem.fixed_starts
+    if start is None:
+        start = problem.start_states(rng.uniform(-1, 1, (space.runs, 3)))
+    return space.trajectory(coefficients, start)

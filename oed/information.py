@@ -31,9 +31,10 @@ def information(
 ) -> Expression:
     """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
 
-    `relative` scales by the nominal values, so that lambda_min^(-1/2) is the worst relative standard
-    deviation; a mapping gives a scale per parameter; `none` leaves the parameters in SI units, and for the
-    paper's regressions (`block.raw`) the noise out as well: W'W.
+    `relative` scales by the nominal values (a parameter that is nominally 0 by a size of its own), so that
+    lambda_min^(-1/2) is the worst relative standard deviation; a mapping gives a scale per parameter; `none`
+    leaves the parameters in SI units, and for the paper's regressions (`block.raw`) the noise out as well:
+    W'W.
 
     Args:
         block: the readings.
@@ -66,7 +67,7 @@ def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | No
     if scaling == "none":
         return np.ones(len(names))
     if scaling == "relative":
-        return np.array([abs(block.nominal[block.parameters.index(name)]) for name in names])
+        return np.array([block.scales[block.parameters.index(name)] for name in names])
     return np.array([scaling[name] for name in names], dtype=float)
 
 
@@ -83,7 +84,7 @@ def scaling_flaws(
             text = f"the {block.name} noise is needed to weigh the information (or use scaling: none)"
             flaws.append(Flaw(("measurement", "noise"), text))
         if scaling == "relative":
-            zero = [name for name in names if block.nominal[block.parameters.index(name)] == 0]
+            zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
             if zero:
                 text = f"{', '.join(zero)} is nominally 0 and has no relative precision; give its scale"
                 flaws.append(Flaw(("criterion", "scaling"), text))

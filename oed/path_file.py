@@ -24,15 +24,23 @@ EVEN = 1e-3
 
 
 def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> str:
-    """The CSV text of a trajectory whose poses at the samples are `poses` (N + 1, states)."""
-    buffer = io.StringIO()
+    """The CSV text of a trajectory whose poses at the samples are `poses` (N + runs, states).
+
+    Several runs follow each other, told apart by a first column `run`, each on its own clock.
+    """
+    buffer, runs = io.StringIO(), trajectory.runs
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["t", *problem.model.input_names, *problem.model.states])
-    times = np.linspace(0.0, trajectory.duration, trajectory.samples + 1)
-    held = [[repr(float(value)) for value in row] for row in trajectory.inputs]
-    held.append([""] * len(problem.model.inputs))
-    for time, inputs, pose in zip(times, held, poses, strict=True):
-        writer.writerow([_time_text(float(time)), *inputs, *(repr(float(value)) for value in pose)])
+    first = ["run"] if runs > 1 else []
+    writer.writerow([*first, "t", *problem.model.input_names, *problem.model.states])
+    times = np.linspace(0.0, trajectory.duration / runs, trajectory.samples // runs + 1)
+    nothing = [[""] * len(problem.model.inputs)]
+    each = zip(np.split(trajectory.inputs, runs), np.split(poses, runs), strict=True)
+    for run, (rows, own_poses) in enumerate(each, start=1):
+        held = [*([repr(float(value)) for value in row] for row in rows), *nothing]
+        number = [str(run)] if runs > 1 else []
+        for time, inputs, pose in zip(times, held, own_poses, strict=True):
+            numbers = (repr(float(value)) for value in pose)
+            writer.writerow([*number, _time_text(float(time)), *inputs, *numbers])
     return buffer.getvalue()
 
 
@@ -48,29 +56,80 @@ def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses
 def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     """The drive in a CSV: its own duration and samples, started at its first pose (or the study's start).
 
-    Needed are `t` and the robot's inputs; the poses of later rows follow from those and are not read.
+    Needed are `t` and the robot's inputs, for a study with several runs also `run`; the poses of later rows
+    follow from those and are not read.
 
     Raises:
         PathFileError: every mistake in the file, each with its line.
     """
     table = _read(file, ("t", *problem.model.input_names))
+    parts = _by_run(table, problem.design.runs)
+    read = [_read_run(part, problem) for part in parts]
+    flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
+    if flaws:
+        raise PathFileError(sorted(flaws, key=lambda flaw: (flaw.line, flaw.key)))
+    runs = [one for one in read if isinstance(one, _Run)]
+    if len({len(run.inputs) for run in runs}) > 1:
+        counts = ", ".join(str(len(run.inputs)) for run in runs)
+        text = f"expected runs of equally many periods, got {counts}"
+        raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+    given = [run.start for run in runs if run.start is not None]
+    starts = np.array(given) if len(given) == len(runs) else problem.fixed_starts
+    return Trajectory.from_samples(
+        np.vstack([run.inputs for run in runs]),
+        sum(run.duration for run in runs),
+        problem.start_states(np.zeros((len(runs), 3))) if starts is None else starts,
+        rest_to_rest=problem.design.rest_to_rest,
+        runs=len(runs),
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of a path: inputs (N, inputs) held, duration [s], start state where the file gives one."""
+
+    inputs: Array
+    duration: float
+    start: Array | None
+
+
+def _by_run(table: _Table, expected: int) -> list[_Table]:
+    # The rows of each run, in the order of their first appearance.
+    if "run" not in table.header:
+        numbers = [""] * len(table.rows)
+    else:
+        place = table.header.index("run")
+        numbers = [row[place].strip() if place < len(row) else "" for row in table.rows]
+    names = list(dict.fromkeys(numbers))
+    if len(names) != expected:
+        text = f"expected {expected} run(s), as the study has, told apart by a column `run`; got {len(names)}"
+        raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+    chosen = [[index for index, number in enumerate(numbers) if number == name] for name in names]
+    return [
+        _Table(table.name, table.header, [table.lines[i] for i in rows], [table.rows[i] for i in rows])
+        for rows in chosen
+    ]
+
+
+def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
+    model = problem.model
+    if len(table.rows) < 2:
+        return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
     first = _Table(table.name, table.header, table.lines[:1], table.rows[:1])
-    states = [state for state in problem.model.states if state in table.header]
-    given = states if len(states) == len(problem.model.states) else []
-    columns, flaws = _columns(table, ("t",), last_may_be_empty=False)
-    inputs, more = _columns(table, problem.model.input_names, last_may_be_empty=True)
+    states = [state for state in model.states if state in table.header]
+    given = states if len(states) == len(model.states) else []
+    times, flaws = _columns(table, ("t",), last_may_be_empty=False)
+    inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
     start, still_more = _columns(first, given, last_may_be_empty=False)
     if flaws or more or still_more:
-        raise PathFileError(sorted([*flaws, *more, *still_more], key=lambda flaw: (flaw.line, flaw.key)))
+        return [*flaws, *more, *still_more]
     # The last row holds the final pose only, with empty inputs.
     rows = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
     if np.isnan(rows).any() or len(rows) < 2:
-        text = f"expected numbers for {', '.join(problem.model.input_names)} in at least two rows"
+        text = f"expected numbers for {', '.join(model.input_names)} in at least two rows"
         line = table.lines[-1] if np.isnan(rows).any() else table.lines[0]
-        raise PathFileError([FileFlaw(table.name, line, 0, "", text)])
-    duration = _period(table, columns[:, 0]) * len(rows)
-    pose = start[0] if given else problem.design.fixed_start or np.zeros(len(problem.model.states))
-    return Trajectory.from_samples(rows, duration, pose, rest_to_rest=problem.design.rest_to_rest)
+        return [FileFlaw(table.name, line, 0, "", text)]
+    return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
 
 
 @dataclass(frozen=True)

@@ -140,6 +140,17 @@ class Problem:
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
 
+    @cached_property
+    def fixed_starts(self) -> Array | None:
+        """The start state of every run, (runs, states), where it is fixed; all after the pose begin at 0."""
+        poses = self.design.fixed_starts
+        return None if poses is None else self.start_states(poses)
+
+    def start_states(self, poses: npt.ArrayLike) -> Array:
+        """Start states (runs, states) for start poses (runs, 3): the other states begin at 0."""
+        given = np.reshape(np.asarray(poses, dtype=float), (-1, 3))
+        return np.pad(given, ((0, 0), (0, len(self.model.states) - 3)))
+
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
         """What each block of a drive's readings says about the parameters to estimate."""
         return tuple(
@@ -286,14 +297,12 @@ def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]
 def _any_drive(problem: Problem) -> Drive:
     # A drive of the problem's shape without values: enough to ask which parameters there are.
     model, space = problem.robot, problem.design
-    inputs = ca.MX.sym("inputs", space.samples, len(model.inputs))
     return roll_out(
         model,
         space.integration,
-        inputs=inputs,
-        start=ca.MX.sym("start", len(model.states)),
+        inputs=ca.MX.sym("inputs", space.all_samples, len(model.inputs)),
+        start=ca.MX.sym("start", space.runs, len(model.states)),
         parameters=ca.MX(ca.DM(model.nominal)),
         period=ca.MX(space.period),
-        input_values=inputs,
-        input_rates=inputs,
+        runs=space.runs,
     )

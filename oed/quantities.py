@@ -49,7 +49,9 @@ _MEANINGS = {
     "s": "a time",
     "rad/s": "an angular speed",
     "rad/s^2": "an angular acceleration",
+    "rad/s^3": "an angular jerk",
     "m/s": "a speed",
+    "m/s^2": "an acceleration",
     "": "a plain number or a percentage",
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -45,11 +46,11 @@ class PredictedReadings:
         """Keep the parts; functions are compiled when first used."""
         self._robot, self._trajectory, self.sensors = robot, trajectory, tuple(sensors)
         self._integration: Integration = integration
-        start = start_nuisances(sensors, robot)
+        start = start_nuisances(sensors, robot, trajectory.runs)
         names = [parameter.name for parameter in robot.parameters]
         self._places = [names.index(name) for name in parameters]
         self._places += range(len(names), len(names) + len(start))
-        self._nominal = np.concatenate([robot.nominal, trajectory.start])
+        self._nominal = np.concatenate([robot.nominal, trajectory.starts.ravel()])
         self.nuisances: tuple[Nuisance, ...] = (*start, *self._joint(self._nominal, None).nuisances)
 
     @cached_property
@@ -71,8 +72,9 @@ class PredictedReadings:
         found, nominal, first = readings.copy(), self.response(self.initial), 0
         for sensor, one in zip(self.sensors, self._joint(self._nominal, None).each, strict=True):
             size, rows = one.whitening.shape[0], one.response.numel()
-            for place in sensor.angles:
-                own = slice(first + place, first + rows, size)
+            each = rows // self._trajectory.runs
+            for begin, place in product(range(first, first + rows, each), sensor.angles):
+                own = slice(begin + place, begin + each, size)
                 angles = np.unwrap(found[own])
                 found[own] = angles + 2 * np.pi * np.rint((nominal[own][0] - angles[0]) / (2 * np.pi))
             first += rows
@@ -86,7 +88,7 @@ class PredictedReadings:
         for sensor, one in zip(self.sensors, joint.each, strict=True):
             whole = sensor.joint_whitening
             if whole is not None:
-                matrices.append(sparse.csr_array(whole))
+                matrices += [sparse.csr_array(whole)] * self._trajectory.runs
                 continue
             side_by_side = np.array(ca.evalf(one.whitening))
             size = side_by_side.shape[0]
@@ -111,11 +113,10 @@ class PredictedReadings:
             self._robot,
             self._integration,
             inputs=inputs,
-            start=values[size:],
+            start=ca.reshape(values[size:], len(self._robot.states), self._trajectory.runs).T,
             parameters=values[:size],
             period=ca.MX(self._trajectory.period),
-            input_values=inputs,
-            input_rates=inputs,
+            runs=self._trajectory.runs,
         )
         return joint_readings(self.sensors, drive, own)
 

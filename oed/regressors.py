@@ -29,7 +29,8 @@ class Regressors:
         self._integration: Integration = integration
         self._measurement = measurement
         self.nominal = np.array(self.robot.nominal)
-        self.names = dict(zip(("heading", "position"), self.robot.coefficient_names, strict=True))
+        heading, *others = self.robot.coefficient_names
+        self.names = {"heading": heading, "position": tuple(name for row in others for name in row)}
 
     @property
     def true(self) -> dict[str, Array]:
@@ -62,6 +63,12 @@ class Regressors:
     def samples(self) -> int:
         """N."""
         return self.trajectory.samples
+
+    @property
+    def edges(self) -> npt.NDArray[np.int64]:
+        """Sample indices (P + 1,) at which segments begin and end."""
+        runs = self.trajectory.runs
+        return self._measurement.segment_edges(self.samples // runs, runs)
 
     @cached_property
     def directions(self) -> Array:
@@ -97,8 +104,7 @@ class Regressors:
             start=ca.SX(ca.DM(self.trajectory.start)),
             parameters=coefficients,
             period=ca.SX(self.trajectory.period),
-            input_values=inputs,
-            input_rates=inputs,
+            runs=self.trajectory.runs,
         )
 
     def __getstate__(self) -> dict[str, object]:

@@ -20,7 +20,7 @@ FINE = 10
 
 @dataclass(frozen=True)
 class Drive:
-    """One drive of a model as CasADi expressions; rows are times.
+    """One drive of a model as CasADi expressions; rows are times, those of several runs one after the other.
 
     Attributes:
         model: the robot.
@@ -32,10 +32,13 @@ class Drive:
         twist: forward and lateral speed [m/s], yaw rate [rad/s] in each period, (N, 3).
         gain: displacement per unit of speed in each period [s], (N, 1).
         direction: heading of each period's displacement [rad], (N, 1).
-        poses: at the samples, (N + 1, states).
+        poses: at the samples, (N + runs, states): each run has a pose more than periods.
         path: poses where position limits apply, (G, states).
+        motion: twists where limits on the motion apply, (K, 3).
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
+        input_jerks: values that bound their second derivatives, (K'', inputs).
+        runs: how many runs of equal length the N periods are shared out to.
     """
 
     model: Model
@@ -49,26 +52,45 @@ class Drive:
     direction: Expression
     poses: Expression
     path: Expression
+    motion: Expression
     input_values: Expression
     input_rates: Expression
+    input_jerks: Expression
+    runs: int = 1
+
+    @property
+    def samples(self) -> int:
+        """Periods of one run."""
+        return int(self.inputs.shape[0]) // self.runs
+
+    @property
+    def begins(self) -> list[int]:
+        """Rows of `poses` at which periods begin, (N,)."""
+        return [run * (self.samples + 1) + k for run in range(self.runs) for k in range(self.samples)]
+
+    def ends_of(self, rows: Expression) -> tuple[Expression, Expression]:
+        """First and last rows of every run, (runs, columns) each, of `poses` or `path`."""
+        each = rows.shape[0] // self.runs
+        first = [run * each for run in range(self.runs)]
+        return rows[first, :], rows[[index + each - 1 for index in first], :]
 
     @cached_property
     def sensitivities(self) -> Expression:
-        """Derivatives of the poses at the samples, side by side: (states, (N + 1) * (p + states)).
+        """Derivatives of the poses at the samples, side by side: (states, (N + runs) * (p + states)).
 
-        For each sample the columns are the parameters, then the start state. They are carried along the
-        drive by the chain rule, with exact derivatives of one step.
+        For each sample the columns are the parameters, then the start state of its run. They are carried
+        along the drive by the chain rule, with exact derivatives of one step.
         """
-        count, states = self.inputs.shape[0], len(self.model.states)
+        count, states = self.samples, len(self.model.states)
         begin = ca.horzcat(ca.DM(states, len(self.model.parameters)), ca.DM.eye(states))
-        carried = carrier(self.model, self.integration).mapaccum(count)(
-            begin,
-            self.poses[:count, :].T,
-            self.inputs.T,
-            ca.repmat(self.parameters, 1, count),
-            ca.repmat(self.period, 1, count),
-        )
-        return ca.horzcat(begin, carried)
+        carry = carrier(self.model, self.integration).mapaccum(count)
+        parameters, periods = ca.repmat(self.parameters, 1, count), ca.repmat(self.period, 1, count)
+        poses, inputs = self.poses[self.begins, :].T, self.inputs.T
+        parts = []
+        for run in range(self.runs):
+            own = slice(run * count, (run + 1) * count)
+            parts += [begin, carry(begin, poses[:, own], inputs[:, own], parameters, periods)]
+        return ca.horzcat(*parts)
 
     def path_length(self, softening: float = 1e-9) -> Expression:
         """Distance travelled by the robot's origin [m].
@@ -105,6 +127,12 @@ def carrier(model: Model, integration: Integration) -> ca.Function:
     return ca.Function("carry", [before, pose, inputs, parameters, period], [ca.densify(after)])
 
 
+@lru_cache(maxsize=32)
+def _twist(model: Model) -> ca.Function:
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    return ca.Function("twist", [inputs, parameters], [model.twist(inputs, parameters)])
+
+
 def roll_out(
     model: Model,
     integration: Integration,
@@ -113,20 +141,48 @@ def roll_out(
     start: Expression,
     parameters: Expression,
     period: Expression,
-    input_values: Expression,
-    input_rates: Expression,
+    input_values: Expression | None = None,
+    input_rates: Expression | None = None,
+    input_jerks: Expression | None = None,
+    motion_inputs: Expression | None = None,
     refine: int = 1,
+    runs: int = 1,
 ) -> Drive:
-    """The drive that holds `inputs` (N, inputs) from `start`, with `refine` path points per sample."""
+    """The drive that holds `inputs` (N, inputs) from `start` (runs, states).
+
+    Args:
+        model: the robot.
+        integration: rule by which its poses follow from its twist.
+        inputs: one row per period, of all runs.
+        start: of every run; of a single one also (states,).
+        parameters: (p,).
+        period: sample period T [s].
+        input_values: what bounds the inputs at all times checked; the inputs themselves by default.
+        input_rates: what bounds their derivatives.
+        input_jerks: what bounds their second derivatives.
+        motion_inputs: inputs whose twists limits on the motion apply to; by default those held.
+        refine: path points per sample.
+        runs: how many runs of equal length the periods are shared out to.
+    """
     count = inputs.shape[0]
+    each = count // runs
     held, repeated = inputs.T, ca.repmat(parameters, 1, count)
     periods = ca.repmat(period, 1, count)
+    begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
     advance = step(model, integration)
-    following = advance.mapaccum(count)(start, held, repeated, periods)
-    poses = ca.horzcat(start, following)
-    twist, effective, gain, direction = _sample(model, integration).map(count)(
-        poses[:, :count], held, repeated, periods
-    )
+    accumulate = advance.mapaccum(each)
+    slices = [slice(run * each, (run + 1) * each) for run in range(runs)]
+    following = [
+        accumulate(begin[:, run], held[:, own], repeated[:, own], periods[:, own])
+        for run, own in enumerate(slices)
+    ]
+    poses = [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
+    begun = ca.horzcat(*(part[:, :each] for part in poses))
+    twist, effective, gain, direction = _sample(model, integration).map(count)(begun, held, repeated, periods)
+    path = [
+        _refined_path(advance, part, held[:, own], parameters, period, refine)
+        for part, own in zip(poses, slices, strict=True)
+    ]
     return Drive(
         model=model,
         integration=integration,
@@ -137,11 +193,19 @@ def roll_out(
         twist=twist.T,
         gain=gain.T,
         direction=direction.T,
-        poses=poses.T,
-        path=_refined_path(advance, poses, held, parameters, period, refine).T,
-        input_values=input_values,
-        input_rates=input_rates,
+        poses=ca.horzcat(*poses).T,
+        path=ca.horzcat(*path).T,
+        motion=twist.T if motion_inputs is None else _motion(model, motion_inputs, parameters),
+        input_values=inputs if input_values is None else input_values,
+        input_rates=inputs if input_rates is None else input_rates,
+        input_jerks=inputs if input_jerks is None else input_jerks,
+        runs=runs,
     )
+
+
+def _motion(model: Model, inputs: Expression, parameters: Expression) -> Expression:
+    count = inputs.shape[0]
+    return _twist(model).map(count)(inputs.T, ca.repmat(parameters, 1, count)).T
 
 
 def _refined_path(

@@ -28,6 +28,12 @@ def clamped_knots(duration: float, count: int, degree: int) -> Array:
     return np.concatenate([np.zeros(degree), inner, np.full(degree, duration)])
 
 
+def repeated_knots(knots: Array, degree: int, times: int) -> Array:
+    """Knots of so many splines on clamped `knots`, one after the other, nothing in common where they meet."""
+    shifted = [knots[degree + 1 :] + index * knots[-1] for index in range(times)]
+    return np.concatenate([knots[: degree + 1], *shifted])
+
+
 def basis(knots: Array, degree: int, times: Array) -> sparse.csr_array:
     """Matrix (len(times), n): the value of every basis function at `times` [s], sparse."""
     inside = np.clip(times, knots[degree], knots[-degree - 1])
@@ -37,7 +43,8 @@ def basis(knots: Array, degree: int, times: Array) -> sparse.csr_array:
 def derivative(knots: Array, degree: int) -> tuple[sparse.csr_array, Array]:
     """The derivative as a spline of one degree less: its coefficients' matrix (n - 1, n) and its knots.
 
-    The matrix takes the curve's coefficients to those of its derivative [de Boor, ch. X, eq. 15].
+    The matrix takes the curve's coefficients to those of its derivative [de Boor, ch. X, eq. 15]. Where two
+    curves meet that have nothing in common, there is no derivative, and its coefficient is 0.
 
     Raises:
         ValueError: degree 0, whose derivative is not a function.
@@ -46,6 +53,6 @@ def derivative(knots: Array, degree: int) -> tuple[sparse.csr_array, Array]:
         raise ValueError("a piecewise constant spline has no derivative")
     count = len(knots) - degree - 1
     span = knots[degree + 1 : count + degree] - knots[1:count]
-    scale = degree / span
+    scale = np.where(span > 0, degree / np.where(span > 0, span, 1.0), 0.0)
     matrix = sparse.diags_array([-scale, scale], offsets=[0, 1], shape=(count - 1, count), format="csr")
     return sparse.csr_array(matrix), knots[1:-1]

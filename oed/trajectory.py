@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from oed import spline
 from oed.component import Component
@@ -27,12 +26,16 @@ def middles(duration: float, samples: int) -> Array:
 class Trajectory:
     """A drive: splines of the inputs over time, held sample by sample, from a start pose.
 
+    A drive may consist of several runs, each from a start of its own: then their splines follow each other
+    on one clock and have nothing in common where they meet.
+
     Attributes:
         knots: (n + degree + 1,) [s], clamped, from 0 to the duration.
         degree: of the splines.
         coefficients: (n, inputs), in the inputs' SI units.
-        start: start state (states,): x [m], y [m], heading [rad], ...
+        start: start state (states,): x [m], y [m], heading [rad], ...; of several runs (runs, states).
         samples: N; the robot holds each input at its spline's value in the middle of each period.
+        runs: how many runs of equal length the N samples are shared out to.
     """
 
     knots: Array
@@ -40,6 +43,7 @@ class Trajectory:
     coefficients: Array
     start: Array
     samples: int
+    runs: int = 1
 
     def __post_init__(self) -> None:
         """Copy the arrays, check their shapes and make them read-only.
@@ -49,6 +53,8 @@ class Trajectory:
         """
         for name in ("knots", "coefficients", "start"):
             array = np.array(getattr(self, name), dtype=float)
+            if name == "start" and self.runs == 1:
+                array = array.reshape(-1)
             if not np.all(np.isfinite(array)):
                 raise ValueError(f"{name} must be finite")
             array.setflags(write=False)
@@ -58,23 +64,44 @@ class Trajectory:
             raise ValueError(
                 f"expected coefficients of shape ({expected}, inputs), got {self.coefficients.shape}"
             )
+        if self.samples % self.runs or len(self.starts) != self.runs:
+            raise ValueError(
+                f"expected samples that {self.runs} runs share equally and a start for each, got "
+                f"{self.samples} samples and start of shape {self.start.shape}"
+            )
 
     @classmethod
     def from_samples(
-        cls, inputs: npt.ArrayLike, duration: float, start: npt.ArrayLike, *, rest_to_rest: bool = True
+        cls,
+        inputs: npt.ArrayLike,
+        duration: float,
+        start: npt.ArrayLike,
+        *,
+        rest_to_rest: bool = True,
+        runs: int = 1,
     ) -> Trajectory:
         """The drive that holds `inputs` (N, inputs) in N equal periods: polygons through their middles.
 
         Args:
             inputs: one row per period.
             duration: of the whole drive [s].
-            start: start state.
+            start: start state, (runs, states) of several runs.
             rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
+            runs: how many runs of equal length the periods are shared out to.
         """
-        rows = np.asarray(inputs, dtype=float)
-        ends = np.zeros((2, rows.shape[1])) if rest_to_rest else rows[[0, -1]]
-        knots = np.concatenate([[0.0, 0.0], middles(duration, len(rows)), [duration, duration]])
-        return cls(knots, 1, np.vstack([ends[:1], rows, ends[1:]]), np.asarray(start, dtype=float), len(rows))
+        rows, each = np.asarray(inputs, dtype=float), duration / runs
+        parts = []
+        for run in np.split(rows, runs):
+            ends = np.zeros((2, rows.shape[1])) if rest_to_rest else run[[0, -1]]
+            parts += [ends[:1], run, ends[1:]]
+        own = np.concatenate([[0.0, 0.0], middles(each, len(rows) // runs), [each, each]])
+        knots = spline.repeated_knots(own, 1, runs)
+        return cls(knots, 1, np.vstack(parts), np.asarray(start, dtype=float), len(rows), runs)
+
+    @property
+    def starts(self) -> Array:
+        """The start state of every run, (runs, states)."""
+        return self.start.reshape(-1, self.start.shape[-1])
 
     @property
     def duration(self) -> float:
@@ -100,9 +127,32 @@ class Trajectory:
         drive, the change from each period to the next over one period.
         """
         if self.degree == 0:
-            return np.diff(self.inputs, axis=0) / self.period
+            return self._differences(self.inputs)
         matrix, knots = spline.derivative(self.knots, self.degree)
         return np.asarray(spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients))
+
+    def jerks_at(self, times: Array) -> Array:
+        """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
+        their change from each period to the next over one period.
+        """
+        if self.degree < 2:
+            return self._differences(self.rates_at(middles(self.duration, self.samples)))
+        first, knots = spline.derivative(self.knots, self.degree)
+        second, knots = spline.derivative(knots, self.degree - 1)
+        return np.asarray(
+            spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
+        )
+
+    def _differences(self, rows: Array) -> Array:
+        # Of neighbouring rows of the same run, over one period.
+        return np.concatenate([np.diff(run, axis=0) for run in np.array_split(rows, self.runs)]) / self.period
+
+    @property
+    def ends(self) -> Array:
+        """Times [s] at which runs begin and end, as close as their splines tell them apart."""
+        begins = np.arange(self.runs) * (self.duration / self.runs)
+        last = (begins + self.duration / self.runs) * (1 - 1e-12)
+        return np.sort(np.concatenate([begins, last[:-1], [self.duration]]))
 
 
 class Spline(Component):
@@ -123,15 +173,24 @@ class StartPose(Component):
 class DesignSpace(Component):
     """All drives that a study allows: duration [s], samples N, splines, start, rest and integration rule.
 
-    `rest_to_rest` fixes the first and last coefficient of every input at 0.
+    `rest_to_rest` fixes the first and last coefficient of every input at 0. With several `runs` the drive is
+    a series of them, each with this duration, samples and spline and a start of its own; a single start
+    pose holds for all.
     """
 
     duration: Annotated[Duration, Field(gt=0)]
     samples: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     spline: Spline = Spline()
-    start: StartPose | Literal["free"] = StartPose()
+    start: StartPose | Annotated[tuple[StartPose, ...], Field(min_length=1)] | Literal["free"] = StartPose()
     rest_to_rest: bool = True
     integration: Integration = "arc"
+    runs: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @model_validator(mode="after")
+    def _start_for_every_run(self) -> DesignSpace:
+        if isinstance(self.start, tuple) and len(self.start) != self.runs:
+            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
+        return self
 
     @property
     def period(self) -> float:
@@ -139,14 +198,30 @@ class DesignSpace(Component):
         return self.duration / self.samples
 
     @property
+    def all_samples(self) -> int:
+        """Samples of all runs together."""
+        return self.runs * self.samples
+
+    @property
+    def whole_duration(self) -> float:
+        """Duration of all runs together [s]."""
+        return self.runs * self.duration
+
+    @property
+    def all_coefficients(self) -> int:
+        """Spline coefficients of an input in all runs together."""
+        return self.runs * self.spline.coefficients
+
+    @property
     def knots(self) -> Array:
-        """Knots of the splines [s]."""
-        return spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        """Knots of the splines [s], of all runs on one clock."""
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        return spline.repeated_knots(own, self.spline.degree, self.runs)
 
     @property
     def sampling_matrix(self) -> Array:
         """(N, n): takes coefficients to the inputs held in each period."""
-        times = middles(self.duration, self.samples)
+        times = middles(self.whole_duration, self.all_samples)
         return np.asarray(spline.basis(self.knots, self.spline.degree, times).toarray())
 
     @property
@@ -155,14 +230,26 @@ class DesignSpace(Component):
         of the rate at all times; for degree 0, the jumps over one sample period.
         """
         if self.spline.degree == 0:
-            count = self.spline.coefficients
-            return np.diff(np.eye(count), axis=0) / self.period
+            own = np.diff(np.eye(self.spline.coefficients), axis=0) / self.period
+            return np.asarray(np.kron(np.eye(self.runs), own))
         return np.asarray(spline.derivative(self.knots, self.spline.degree)[0].toarray())
 
     @property
-    def free_rows(self) -> slice:
-        """The coefficients that are free; the others are 0."""
-        return slice(1, self.spline.coefficients - 1) if self.rest_to_rest else slice(None)
+    def jerk_matrix(self) -> Array:
+        """The same of the inputs' second derivatives; no rows for splines that have none."""
+        degree = self.spline.degree
+        if degree < 2:
+            return np.zeros((0, self.all_coefficients))
+        first, knots = spline.derivative(self.knots, degree)
+        second, _ = spline.derivative(knots, degree - 1)
+        return np.asarray((second @ first).toarray())
+
+    @property
+    def free_rows(self) -> npt.NDArray[np.int64]:
+        """Indices of the coefficients that are free; the others are 0."""
+        own = np.arange(self.spline.coefficients)
+        own = own[1:-1] if self.rest_to_rest else own
+        return np.concatenate([run * self.spline.coefficients + own for run in range(self.runs)])
 
     @property
     def start_is_free(self) -> bool:
@@ -170,14 +257,20 @@ class DesignSpace(Component):
         return self.start == "free"
 
     @property
-    def fixed_start(self) -> Sequence[float] | None:
-        """The start pose (x, y, heading) where it is fixed."""
-        if isinstance(self.start, StartPose):
-            return (self.start.x, self.start.y, self.start.heading)
-        return None
+    def fixed_starts(self) -> Array | None:
+        """The start pose (x, y, heading) of every run, (runs, 3), where they are fixed."""
+        if isinstance(self.start, str):
+            return None
+        poses = self.start if isinstance(self.start, tuple) else (self.start,) * self.runs
+        return np.array([(pose.x, pose.y, pose.heading) for pose in poses])
 
     def trajectory(self, coefficients: npt.ArrayLike, start: npt.ArrayLike) -> Trajectory:
-        """The drive of this space with these coefficients (n, inputs) and start pose (3,)."""
+        """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
         return Trajectory(
-            self.knots, self.spline.degree, np.asarray(coefficients), np.asarray(start), self.samples
+            self.knots,
+            self.spline.degree,
+            np.asarray(coefficients),
+            np.asarray(start),
+            self.all_samples,
+            self.runs,
         )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from oed.criteria import E
-from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
 from oed.measurements import Displacements
 from oed.models import DifferentialDrive
 from oed.problem import Problem
@@ -16,6 +16,7 @@ from oed.trajectory import DesignSpace, Spline, Trajectory
 RADIUS, TRACK = 0.049, 0.18
 
 SPEED = WheelSpeed(bounds=10)
+STEERING = SteeringAngle(bounds=0.6)
 ACCELERATION = WheelAcceleration(bounds=20)
 BOX = Rectangle(x=(-1, 1), y=(-1, 1))
 
@@ -32,6 +33,12 @@ def make_problem(**overrides: Any) -> Problem:
     return Problem(**{**parts, **overrides})
 
 
+def input_limits(model) -> tuple:
+    """Limits that bound a robot's inputs, and no more."""
+    steered = any(entry.quantity == "steering_angle" for entry in model.inputs)
+    return (SPEED, STEERING) if steered else (SPEED,)
+
+
 def make_flagship(**overrides: Any) -> Problem:
     """The paper's robot at full size: 20 s, 200 samples, 10 segments, a 2 m box."""
     parts = {"design": DesignSpace(duration=20), "measurement": Displacements(segments=10)}
@@ -41,11 +48,13 @@ def make_flagship(**overrides: Any) -> Problem:
 def random_drive(problem: Problem, seed: int, amplitude: float = 8.0) -> Trajectory:
     """A drive of the problem's space with uniform random coefficients, at rest where rest is asked."""
     rng, space = np.random.default_rng(seed), problem.design
-    coefficients = np.zeros((space.spline.coefficients, len(problem.model.inputs)))
-    rows = coefficients[space.free_rows]
-    rows[:] = rng.uniform(-amplitude, amplitude, rows.shape)
-    start = space.fixed_start
-    return space.trajectory(coefficients, rng.uniform(-1, 1, 3) if start is None else start)
+    coefficients = np.zeros((space.all_coefficients, len(problem.model.inputs)))
+    shape = (len(space.free_rows), len(problem.model.inputs))
+    coefficients[space.free_rows] = rng.uniform(-amplitude, amplitude, shape)
+    start = problem.fixed_starts
+    if start is None:
+        start = problem.start_states(rng.uniform(-1, 1, (space.runs, 3)))
+    return space.trajectory(coefficients, start)
 
 
 def cap(segments: int, radius: float = RADIUS, track: float = TRACK) -> float:

@@ -160,8 +160,8 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
     "tricycle": (
         Example(
             "tricycle",
-            Tricycle(wheel_radius=0.1, wheelbase=1.2, steering_offset=0.03),
-            lambda inputs: _tricycle_twist(inputs, 0.1, 1.2, 0.03),
+            Tricycle(wheel_radius=0.1, wheelbase=0.4, steering_offset=0.03),
+            lambda inputs: _tricycle_twist(inputs, 0.1, 0.4, 0.03),
         ),
     ),
     "ackermann": (
@@ -198,6 +198,8 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
 }
 
 ROBOTS = [example for examples in EXAMPLES.values() for example in examples]
+PLANAR = [example for example in ROBOTS if len(example.model.states) == 3]
+TWO_SIDED = [example for example in PLANAR if len(example.model.coefficient_names) == 2]
 COEFFICIENT_ROBOTS = [example for example in ROBOTS if example.model.coefficient_names]
 
 LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5}

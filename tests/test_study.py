@@ -142,7 +142,7 @@ class TestReading:
         assert (study.name, study.seed, study.source) == ("Every key", 3, "study")
         assert problem.model == DifferentialDrive(wheel_radius=0.049, track=0.18)
         assert (problem.design.duration, problem.design.samples) == (10.0, 40)
-        assert problem.design.fixed_start == pytest.approx((0.1, 0.0, np.pi / 6))
+        assert problem.fixed_starts[0] == pytest.approx((0.1, 0.0, np.pi / 6))
         np.testing.assert_array_equal(problem.input_bounds, [[-10, 10], [-10, 10]])
         assert [limit.name for limit in problem.limits] == ["wheel_speed", "wheel_acceleration", "workspace"]
         assert problem.limits[1].bounds == (-20.0, 15.0)
@@ -156,7 +156,7 @@ class TestReading:
         study = parse_study(SMALL)
         assert study.solvers == (Ipopt(),)
         assert (study.seed, study.file.baselines, study.file.validation) == (0, (), None)
-        assert study.problem.design.fixed_start == (0.0, 0.0, 0.0)
+        assert study.problem.fixed_starts.tolist() == [[0.0, 0.0, 0.0]]
 
     def test_bare_numbers_are_si(self):
         plain = VALID
@@ -236,7 +236,7 @@ BROKEN = {
         "hovercraft",
         "robot",
         "robot",
-        "'differential_drive', 'skid_steer', got 'hovercraft'",
+        "'omni_three', 'tractor_trailer', got 'hovercraft'",
     ),
     "wrong kind of solver": (
         "kind: genetic",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP)
         gap: at which that search ends.
     """
     began = time.perf_counter()
-    caps, drive, complete = list(_caps(problem)), None, True
+    caps, drive, complete = _caps_of_runs(problem), None, True
     searched = _lattice(problem, time_limit, gap)
     if searched is not None:
         found, cap = searched
@@ -66,6 +67,29 @@ def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP)
     )
 
 
+def _caps_of_runs(problem: Problem) -> list[Cap]:
+    # Each cap is of one direction or of the trace, so what runs tell of it adds up: lambda_min of a sum is at
+    # most the sum of the caps.
+    space = problem.design
+    if space.runs == 1:
+        return list(_caps(problem))
+    starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
+    singles = [
+        replace(problem, design=space.model_copy(update={"runs": 1, "start": start})) for start in starts
+    ]
+    unequal = len(set(starts)) > 1
+    found = [list(_caps(single)) for single in (singles if unequal else singles[:1])]
+    return [
+        Cap(
+            sum(cap.value for cap in each) * (1 if unequal else space.runs),
+            each[0].method,
+            (*each[0].assumptions, "every run for itself"),
+            each[0].multiplier,
+        )
+        for each in zip(*found, strict=True)
+    ]
+
+
 def _caps(problem: Problem) -> Iterator[Cap]:
     if not isinstance(problem.criterion, E):
         return
@@ -80,10 +104,12 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
     measurement = problem.measurement
     if (
         not isinstance(problem.criterion, E)
+        or problem.design.runs > 1
         or not isinstance(measurement, Displacements)
         or measurement.noise_model != "increments"
         or measurement.segment_count(problem.design.samples) != problem.design.samples
         or len(problem.model.inputs) != 2
+        or len(problem.model.coefficient_names) != 2
         or not unslipped(problem)
     ):
         return None
@@ -117,7 +143,7 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     # The best speeds found, or the same the other way round: whichever keeps best to the room.
     space = problem.design
-    start = space.fixed_start or (0.0, 0.0, 0.0)
+    start = (0.0, 0.0, 0.0) if problem.fixed_starts is None else problem.fixed_starts[0]
     speeds = found.speeds
     candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
     low, high = problem.input_bounds.T

@@ -64,7 +64,9 @@ def _trace_caps(problem: Problem, measurement: Displacements, one: Estimation) -
     if factor is None:
         return
     columns, weights = _columns(one), one.scales / noise_of(problem, one)
-    reach = factor * problem.design.period * input_reach(problem)[:, columns] * weights
+    # A robot that also moves sideways has every input in two columns of W.
+    inputs = [column % len(problem.model.inputs) for column in columns]
+    reach = factor * problem.design.period * input_reach(problem)[:, inputs] * weights
     lengths = np.linalg.norm(reach, axis=1)
     edges = _edges(problem, measurement)
     sums = np.add.reduceat(lengths, edges[:-1])

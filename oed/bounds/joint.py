@@ -132,8 +132,8 @@ def _spread(
     read = np.zeros(samples + 1, dtype=bool)
     read[sensor.columns(samples)] = True
     steps = problem.design.period * speeds
-    start = problem.design.fixed_start
-    first = (None, None) if start is None else (start[0], start[1])
+    starts = problem.fixed_starts
+    first = (None, None) if starts is None else (float(starts[0, 0]), float(starts[0, 1]))
     x_min, x_max, y_min, y_max = bounds
     return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
         y_min, y_max, first[1], steps, read

@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.limits.limit import Limit
-from oed.limits.workspace import Rectangle
+from oed.limits.workspace import Workspace
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.skid_steer import SkidSteer
 from oed.problem import Problem
@@ -60,9 +59,11 @@ def unslipped(problem: Problem) -> bool:
 
 
 def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
-    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c."""
+    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c, and for
+    one that also moves sideways.
+    """
     model = problem.model
-    if not model.coefficient_names:
+    if len(model.coefficient_names) != 2:
         return None
     matrix = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal))))
     return matrix[0], matrix[1]
@@ -77,9 +78,13 @@ def top_speeds(problem: Problem) -> Array | None:
 
 
 def room(problem: Problem) -> tuple[float, float, float, float] | None:
-    """The rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without one."""
-    found: list[Limit] = [limit for limit in problem.limits if isinstance(limit, Rectangle)]
-    return found[0].extent if found and isinstance(found[0], Rectangle) else None
+    """A rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without a workspace."""
+    found = [limit for limit in problem.limits if isinstance(limit, Workspace)]
+    if not found:
+        return None
+    x_min, x_max, y_min, y_max = found[0].extent
+    own = problem.model.body_radius
+    return x_min + own, x_max - own, y_min + own, y_max - own
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:

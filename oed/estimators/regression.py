@@ -195,7 +195,7 @@ class Regression(Estimator):
         return self._least_squares(designs, measured)
 
     def _corrected_covariance(self) -> Array:
-        edges = self.measurement.segment_edges(self.regressors.samples)
+        edges = self.regressors.edges
         return corrected_covariance(
             self.regressors.per_sample[:, 0] + 1j * self.regressors.per_sample[:, 1],
             edges,
@@ -222,10 +222,10 @@ class Regression(Estimator):
         rows = len(self.regressors.nominal_designs[name])
         if self.measurement.noise_model == "increments":
             return np.eye(rows)
-        coordinates = 2 if name == "position" else 1
-        segments = rows // coordinates
+        coordinates, runs = 2 if name == "position" else 1, self.regressors.trajectory.runs
+        segments = rows // coordinates // runs
         differences = np.diff(np.eye(segments + 1), axis=0)
-        return np.asarray(np.kron(differences @ differences.T, np.eye(coordinates)))
+        return np.asarray(np.kron(np.eye(runs), np.kron(differences @ differences.T, np.eye(coordinates))))
 
     def _covariance(self, name: str) -> Array:
         return np.asarray(self._noise(name) ** 2 * self._shape(name))
@@ -234,9 +234,9 @@ class Regression(Estimator):
         rows = len(self.regressors.nominal_designs[name])
         if self.measurement.noise_model == "increments":
             return np.asarray(self._noise(name) * rng.standard_normal((count, rows)))
-        coordinates = 2 if name == "position" else 1
-        poses = rng.standard_normal((count, rows // coordinates + 1, coordinates))
-        return np.asarray(self._noise(name) * np.diff(poses, axis=1).reshape(count, rows))
+        coordinates, runs = 2 if name == "position" else 1, self.regressors.trajectory.runs
+        poses = rng.standard_normal((count, runs, rows // coordinates // runs + 1, coordinates))
+        return np.asarray(self._noise(name) * np.diff(poses, axis=2).reshape(count, rows))
 
     @cached_property
     def _whiteners(self) -> dict[str, Array]:
@@ -267,8 +267,7 @@ class Regression(Estimator):
     def _turned(self) -> Array:
         # (2 P, N): how a heading's error at one sample moves the displacement computed for its segment.
         moves = self.regressors.per_sample @ self.regressors.true["position"]
-        samples = len(moves)
-        edges = self.measurement.segment_edges(samples)
+        samples, edges = len(moves), self.regressors.edges
         segment = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
         matrix = np.zeros((2 * (len(edges) - 1), samples))
         matrix[2 * segment, np.arange(samples)] = -moves[:, 1]
@@ -277,7 +276,7 @@ class Regression(Estimator):
 
     def _noisy_designs(self, errors: Array) -> Array:
         # W~ of every replicate: each sample's rows turned by its own heading error, then summed by segment.
-        edges = self.measurement.segment_edges(self.regressors.samples)
+        edges = self.regressors.edges
         turns = np.exp(1j * errors)
         rows = self.regressors.per_sample[:, 0] + 1j * self.regressors.per_sample[:, 1]
         designs = np.empty((len(errors), 2 * (len(edges) - 1), rows.shape[1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -64,6 +64,15 @@ class Limit(Component, ABC):
         return {}
 
 
+class BareLimit(Limit, ABC):
+    """A limit given by one value: in YAML, the value alone stands for {"bounds": value}."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, value: Any) -> Any:
+        return value if isinstance(value, dict) else {"bounds": value}
+
+
 @dataclass(frozen=True)
 class TwoSided:
     """Pydantic annotation: a pair (min, max), or one number b meaning (-b, b), in the dimension of `si`."""
@@ -99,34 +108,74 @@ class TwoSided:
 
 
 class InputLimit(Limit, ABC):
-    """A limit on every input of one quantity: `bounds` (min, max), or one number for both directions."""
+    """A limit on every input of one quantity.
+
+    Attributes:
+        bounds: (min, max) of all those inputs, or one number for both directions.
+        each: instead, bounds by the inputs' names.
+    """
 
     quantity: ClassVar[str]
-    bounds: tuple[float, float]
+    unit: ClassVar[str]
+    bounds: tuple[float, float] | None = None
+    each: Mapping[str, tuple[float, float]] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _bare_value(cls, value: Any) -> Any:
-        return value if isinstance(value, dict) else {"bounds": value}
+        if not isinstance(value, dict):
+            return {"bounds": value}
+        named = set(value) & {"bounds", "each"}
+        return value if named else {"each": value}
+
+    @model_validator(mode="after")
+    def _one_way_to_give_them(self) -> InputLimit:
+        if (self.bounds is None) == (not self.each):
+            raise ValueError("expected bounds for all inputs alike, or bounds by the inputs' names")
+        return self
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """A robot without such inputs."""
-        if self.indices(model):
-            return []
-        text = f"{model.kind} has no {self.quantity}; its inputs are {', '.join(model.input_names)}"
-        return [Flaw(("limits", self.name), text)]
+        """A robot without such inputs, inputs without bounds, bounds that its equations do not allow."""
+        own = [entry for entry in model.inputs if entry.quantity == self.quantity]
+        if not own:
+            text = f"{model.kind} has no {self.quantity}; its inputs are {', '.join(model.input_names)}"
+            return [Flaw(("limits", self.name), text)]
+        names = [entry.name for entry in own]
+        if self.each is not None and set(self.each) != set(names):
+            text = f"expected bounds of {', '.join(names)}; got {', '.join(self.each)}"
+            return [Flaw(("limits", self.name), text)]
+        return []
 
-    def indices(self, model: Model) -> list[int]:
-        """Which of the model's inputs are limited."""
-        return [index for index, entry in enumerate(model.inputs) if entry.quantity == self.quantity]
+    def bounds_of(self, name: str) -> tuple[float, float]:
+        """(min, max) of one input."""
+        if self.bounds is not None:
+            return self.bounds
+        assert self.each is not None
+        return self.each[name]
 
     def bounds_by_name(self, model: Model) -> dict[str, tuple[float, float]]:
-        """`bounds` under the name of every input limited."""
-        return {model.input_names[index]: self.bounds for index in self.indices(model)}
+        """(min, max) of every input limited, by its name."""
+        own = [entry.name for entry in model.inputs if entry.quantity == self.quantity]
+        return {name: self.bounds_of(name) for name in own}
 
-    def bounded(self, columns: Expression, unit: str) -> Rows:
-        """`bounds` on every entry of `columns`; the size is the larger bound's magnitude."""
-        count = columns.numel()
-        low, high = self.bounds
-        size = max(abs(low), abs(high))
-        return Rows(ca.vec(columns), np.full(count, low), np.full(count, high), size, unit)
+    def bounded(self, table: Expression, model: Model) -> Rows:
+        """The bounds on the limited columns of `table` (K, inputs); the size is the largest bound's."""
+        bounds = self.bounds_by_name(model)
+        columns = table[:, [model.input_names.index(name) for name in bounds]]
+        pairs = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
+        low, high = np.repeat(pairs, columns.shape[0], axis=0).T
+        return Rows(ca.vec(columns), low, high, float(np.abs(pairs).max()), self.unit)
+
+
+def rest_flaws(limit: InputLimit, model: Model, space: DesignSpace) -> list[Flaw]:
+    """Bounds that exclude 0 where every input begins and ends there."""
+    if not space.rest_to_rest:
+        return []
+    return [
+        Flaw(
+            ("limits", limit.name),
+            f"[{low:g}, {high:g}] {limit.unit} excludes 0, which trajectory.rest_to_rest needs",
+        )
+        for low, high in dict.fromkeys(limit.bounds_by_name(model).values())
+        if not low <= 0 <= high
+    ]

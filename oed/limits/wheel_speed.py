@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from oed.errors import Flaw
-from oed.limits.limit import InputLimit, Rows, TwoSided
+from oed.limits.limit import InputLimit, Rows, TwoSided, rest_flaws
 from oed.models.model import Model
 from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
+Pair = Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
+
 
 class WheelSpeed(InputLimit):
-    """Every wheel's speed within `bounds` [rad/s]."""
+    """Every wheel's speed within its bounds [rad/s]."""
 
     name: ClassVar[str] = "wheel_speed"
     quantity: ClassVar[str] = "wheel_speed"
-    bounds: Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
+    unit: ClassVar[str] = "rad/s"
+    bounds: Pair | None = None
+    each: Mapping[str, Pair] | None = None
 
     def rows(self, drive: Drive) -> Rows:
         """One row per wheel and value that bounds the speed."""
-        return self.bounded(drive.input_values[:, self.indices(drive.model)], "rad/s")
+        return self.bounded(drive.input_values, drive.model)
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """No wheels, or a minimum speed that excludes rest."""
-        low, high = self.bounds
-        if space.rest_to_rest and not low <= 0 <= high:
-            text = f"[{low:g}, {high:g}] rad/s excludes 0, which trajectory.rest_to_rest needs"
-            return [Flaw(("limits", self.name), text)]
-        return super().flaws(model, space)
+        """No wheels, or bounds that exclude rest."""
+        return super().flaws(model, space) or rest_flaws(self, model, space)
 
     def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """The bounds of every wheel."""

@@ -1,49 +1,98 @@
-"""Limits on where the robot may be."""
+"""Where the robot may be: rooms and obstacles, with the robot's own radius as the distance to keep."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, Literal
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import field_validator
+from pydantic import Field, field_validator, model_validator
 
+from oed.component import Component, OneOf
 from oed.errors import Flaw
+from oed.expression import Expression
 from oed.limits.limit import Limit, Rows
+from oed.limits.shapes import (
+    ConvexShape,
+    Point,
+    Wall,
+    convex_pieces,
+    middle_of,
+    polygon_flaw,
+    walls_and_pockets,
+)
 from oed.models.model import Model
 from oed.quantities import Length
 from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
+Extent = tuple[float, float, float, float]
+Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3)]
+ROUNDED = 1e-3
+"""Share of a circle's radius over which the corner of the distance from its centre is rounded."""
 
-class Workspace(Limit):
-    """An area that the robot's origin must not leave."""
+
+class Area(Limit):
+    """A limit on positions alone."""
+
+    @abstractmethod
+    def rows_at(self, points: Expression, radius: float) -> Rows:
+        """The limit on points (G, 2) [m] of the origin of a robot of that radius [m]."""
+
+    def rows(self, drive: Drive) -> Rows:
+        """The limit on every point of the path."""
+        return self.rows_at(drive.path[:, :2], drive.model.body_radius)
+
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """A fixed start that the limit does not allow."""
+        starts = np.zeros((0, 3)) if space.fixed_starts is None else space.fixed_starts
+        for x, y in dict.fromkeys((float(x), float(y)) for x, y, _ in starts):
+            if not self.allows(x, y, model.body_radius):
+                where = f"the start ({x:g} m, {y:g} m)"
+                return [Flaw(("limits", self.name), self.start_flaw(where, model.body_radius))]
+        return []
+
+    def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
+        """Whether a robot of that radius may have its origin at a point [m]."""
+        rows = self.rows_at(ca.DM([[x, y]]), radius)
+        values = np.array(ca.evalf(rows.expression)).ravel()
+        return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))
+
+    @abstractmethod
+    def start_flaw(self, where: str, radius: float) -> str:
+        """What to say of a start that the limit does not allow."""
+
+
+def _keeping(radius: float) -> str:
+    return f" for a robot of radius {radius:g} m" if radius else ""
+
+
+class Workspace(Area):
+    """An area that the robot must not leave."""
 
     name: ClassVar[str] = "workspace"
     kind: str
 
     @property
     @abstractmethod
-    def extent(self) -> tuple[float, float, float, float]:
+    def extent(self) -> Extent:
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
-    def contains(self, x: float, y: float) -> bool:
-        """Whether the point [m] lies in the bounding box."""
+    @property
+    def middle(self) -> Point:
+        """A point [m] well inside."""
         x_min, x_max, y_min, y_max = self.extent
-        return x_min <= x <= x_max and y_min <= y <= y_max
+        return (x_min + x_max) / 2, (y_min + y_max) / 2
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """A fixed start outside."""
-        start = space.fixed_start
-        if start is None or self.contains(start[0], start[1]):
-            return []
+    def start_flaw(self, where: str, radius: float) -> str:
+        """What to say of a start outside."""
         x_min, x_max, y_min, y_max = self.extent
-        text = (
-            f"the start ({start[0]:g} m, {start[1]:g} m) lies outside the workspace "
-            f"x [{x_min:g}, {x_max:g}] m, y [{y_min:g}, {y_max:g}] m; move the start or widen the workspace"
+        return (
+            f"{where} lies outside the workspace x [{x_min:g}, {x_max:g}] m, y [{y_min:g}, {y_max:g}] m"
+            f"{_keeping(radius)}; move the start or widen the workspace"
         )
-        return [Flaw(("limits", self.name), text)]
 
 
 class Rectangle(Workspace):
@@ -61,17 +110,181 @@ class Rectangle(Workspace):
         return value
 
     @property
-    def extent(self) -> tuple[float, float, float, float]:
+    def extent(self) -> Extent:
         """The rectangle itself [m]."""
         return (*self.x, *self.y)
 
-    def rows(self, drive: Drive) -> Rows:
-        """X and y of every path point; the size is the shorter half-side."""
-        count = drive.path.shape[0]
-        lower = np.repeat([self.x[0], self.y[0]], count)
-        upper = np.repeat([self.x[1], self.y[1]], count)
+    def rows_at(self, points: Expression, radius: float) -> Rows:
+        """X and y of every point; the size is the shorter half-side."""
+        count = points.shape[0]
+        lower = np.repeat([self.x[0] + radius, self.y[0] + radius], count)
+        upper = np.repeat([self.x[1] - radius, self.y[1] - radius], count)
         size = min(self.x[1] - self.x[0], self.y[1] - self.y[0]) / 2
-        return Rows(ca.vertcat(drive.path[:, 0], drive.path[:, 1]), lower, upper, size, "m")
+        return Rows(ca.vertcat(points[:, 0], points[:, 1]), lower, upper, size, "m")
 
 
-WORKSPACES: tuple[type[Workspace], ...] = (Rectangle,)
+class Circle(Workspace):
+    """Within `radius` [m] of a centre x, y [m]."""
+
+    kind: Literal["circle"] = "circle"
+    x: Length = 0.0
+    y: Length = 0.0
+    radius: Annotated[Length, Field(gt=0)]
+
+    @property
+    def extent(self) -> Extent:
+        """The square around it [m]."""
+        return self.x - self.radius, self.x + self.radius, self.y - self.radius, self.y + self.radius
+
+    def rows_at(self, points: Expression, radius: float) -> Rows:
+        """Distance of every point from the circle's line; the size is its radius."""
+        clearance, count = self.radius - _distance(points, self.x, self.y, self.radius), points.shape[0]
+        return Rows(clearance, np.full(count, radius), np.full(count, np.inf), self.radius, "m")
+
+
+class Polygon(Workspace):
+    """Within a polygon, convex or not, given by its corners `points` [m] in order."""
+
+    kind: Literal["polygon"] = "polygon"
+    points: Corners
+
+    @field_validator("points")
+    @classmethod
+    def _is_a_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        return _checked(points)
+
+    @property
+    def extent(self) -> Extent:
+        """Its bounding box [m]."""
+        x, y = zip(*self.points, strict=True)
+        return min(x), max(x), min(y), max(y)
+
+    @property
+    def middle(self) -> Point:
+        """The point farthest from all walls [m]."""
+        return middle_of(self.points)
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[Wall, ...], tuple[ConvexShape, ...]]:
+        return walls_and_pockets(self.points)
+
+    def rows_at(self, points: Expression, radius: float) -> Rows:
+        """Distance of every point from every wall; the size is the shorter half of the bounding box."""
+        walls, pockets = self._parts
+        count = points.shape[0]
+        clearances = [wall.clearance(points) for wall in walls]
+        clearances += [pocket.clearance(points) for pocket in pockets]
+        least = [0.0 if wall.virtual else radius for wall in walls] + [radius] * len(pockets)
+        x_min, x_max, y_min, y_max = self.extent
+        return Rows(
+            ca.vertcat(*clearances),
+            np.repeat(least, count),
+            np.full(count * len(least), np.inf),
+            min(x_max - x_min, y_max - y_min) / 2,
+            "m",
+        )
+
+
+WORKSPACES: tuple[type[Workspace], ...] = (Rectangle, Circle, Polygon)
+
+
+class Obstacle(Component):
+    """Something in the room that the robot must not touch."""
+
+    kind: str
+
+    @abstractmethod
+    def clearances(self, points: Expression) -> list[Expression]:
+        """Distances (G, 1) of points (G, 2) from each of its convex parts [m]."""
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Half its smaller extent [m]."""
+
+
+class CircularObstacle(Obstacle):
+    """A column of `radius` [m] at x, y [m]."""
+
+    kind: Literal["circle"] = "circle"
+    x: Length
+    y: Length
+    radius: Annotated[Length, Field(gt=0)]
+
+    def clearances(self, points: Expression) -> list[Expression]:
+        """Distance from its line."""
+        return [_distance(points, self.x, self.y, self.radius) - self.radius]
+
+    @property
+    def size(self) -> float:
+        """Its radius [m]."""
+        return self.radius
+
+
+class PolygonalObstacle(Obstacle):
+    """A polygon, convex or not, given by its corners `points` [m] in order."""
+
+    kind: Literal["polygon"] = "polygon"
+    points: Corners
+
+    @field_validator("points")
+    @classmethod
+    def _is_a_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        return _checked(points)
+
+    @cached_property
+    def _pieces(self) -> tuple[ConvexShape, ...]:
+        import shapely
+
+        return convex_pieces(shapely.Polygon(self.points))
+
+    def clearances(self, points: Expression) -> list[Expression]:
+        """Distance from each convex piece."""
+        return [piece.clearance(points) for piece in self._pieces]
+
+    @property
+    def size(self) -> float:
+        """Half the shorter side of its bounding box [m]."""
+        return float(np.ptp(np.array(self.points), axis=0).min()) / 2
+
+
+OBSTACLES: tuple[type[Obstacle], ...] = (CircularObstacle, PolygonalObstacle)
+
+
+class Obstacles(Area):
+    """What the robot must keep its own radius away from; in YAML, a list of them."""
+
+    name: ClassVar[str] = "obstacles"
+    shapes: Annotated[tuple[Annotated[Obstacle, OneOf(OBSTACLES)], ...], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_list(cls, value: Any) -> Any:
+        return {"shapes": value} if isinstance(value, list | tuple) else value
+
+    def rows_at(self, points: Expression, radius: float) -> Rows:
+        """Distance of every point from every convex part; the size is the smallest obstacle's and the
+        robot's radius together.
+        """
+        clearances = [part for shape in self.shapes for part in shape.clearances(points)]
+        count = len(clearances) * points.shape[0]
+        size = min(shape.size for shape in self.shapes) + radius
+        return Rows(ca.vertcat(*clearances), np.full(count, radius), np.full(count, np.inf), size, "m")
+
+    def start_flaw(self, where: str, radius: float) -> str:
+        """What to say of a start inside one."""
+        return f"{where} touches an obstacle{_keeping(radius)}; move the start or the obstacle"
+
+
+def _distance(points: Expression, x: float, y: float, radius: float) -> Expression:
+    # From a point, exact at `radius`; rounded at the point itself, for optimisers.
+    soft = ROUNDED * radius
+    away = ca.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2 + soft**2)
+    return away + (radius - float(np.hypot(radius, soft)))
+
+
+def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    flaw = polygon_flaw(points)
+    if flaw:
+        raise ValueError(flaw)
+    return points

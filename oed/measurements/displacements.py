@@ -34,6 +34,9 @@ class PoseNoise(Component):
 class Displacements(Measurement):
     """Turn and displacement of each of P segments, linear in the coefficients c [Choi, eqs 9-16].
 
+    Of a robot that also moves sideways the position regression has a second set of columns, for the row of
+    c that gives the lateral speed.
+
     Attributes:
         segments: P, or "samples" for one per sample. Segments are as equal as whole samples allow.
         regressor: "position" (c21, c22 from Phi_xy), "heading" (c11, c12 from Phi_theta) or "both".
@@ -74,10 +77,11 @@ class Displacements(Measurement):
         if count > samples:
             text = f"expected at most as many segments as there are samples ({samples}), got {count}"
             return [Flaw(("measurement", "segments"), text)]
-        if self.regressor != "position" and count < len(model.coefficient_names[0]):
+        columns = len(model.coefficient_names[0])
+        if self.regressor != "position" and count < columns:
             text = (
-                f"one heading row per segment cannot tell {len(model.coefficient_names[0])} coefficients "
-                f"apart: expected at least {len(model.coefficient_names[0])} segments, got {count}"
+                f"one heading row per segment cannot tell {columns} coefficients apart: expected at least "
+                f"{columns} segments, got {count}"
             )
             return [Flaw(("measurement", "segments"), text)]
         return []
@@ -86,9 +90,12 @@ class Displacements(Measurement):
         """P for a drive of that many samples."""
         return samples if self.segments == "samples" else self.segments
 
-    def segment_edges(self, samples: int) -> npt.NDArray[np.int64]:
-        """Sample indices (P + 1,) at which segments begin and end."""
-        return np.rint(np.linspace(0, samples, self.segment_count(samples) + 1)).astype(np.int64)
+    def segment_edges(self, samples: int, runs: int = 1) -> npt.NDArray[np.int64]:
+        """Sample indices (P + 1,) at which segments begin and end; those of several runs of that many samples
+        follow each other.
+        """
+        own = np.rint(np.linspace(0, samples, self.segment_count(samples) + 1)).astype(np.int64)
+        return np.concatenate([[0], *(run * samples + own[1:] for run in range(runs))])
 
     def _heading_block(self, drive: Drive) -> Block:
         rows = drive.period * drive.effective_inputs
@@ -97,38 +104,44 @@ class Displacements(Measurement):
 
     def _position_block(self, drive: Drive) -> Block:
         # Rows x, y of each segment alternate, as they are stacked in [Choi, eq. 14].
-        along_x = drive.gain * ca.cos(drive.direction)
-        along_y = drive.gain * ca.sin(drive.direction)
         columns = drive.effective_inputs.shape[1]
-        matrix = self._segment_sums(drive, every=2, offset=0) @ (
-            ca.repmat(along_x, 1, columns) * drive.effective_inputs
-        ) + self._segment_sums(drive, every=2, offset=1) @ (
-            ca.repmat(along_y, 1, columns) * drive.effective_inputs
+        along_x = ca.repmat(drive.gain * ca.cos(drive.direction), 1, columns) * drive.effective_inputs
+        along_y = ca.repmat(drive.gain * ca.sin(drive.direction), 1, columns) * drive.effective_inputs
+        if len(drive.model.coefficient_names) == 3:
+            along_x, along_y = ca.horzcat(along_x, -along_y), ca.horzcat(along_y, along_x)
+        matrix = (
+            self._segment_sums(drive, every=2, offset=0) @ along_x
+            + self._segment_sums(drive, every=2, offset=1) @ along_y
         )
         return self._block(drive, "position", matrix)
 
     def _block(self, drive: Drive, name: str, matrix: Expression) -> Block:
-        # The heading row of c turns wheel angles into an angle, the forward row into a length.
-        row, unit, noise, coordinates = {
-            "heading": (0, "", self.noise.heading, 1),
-            "position": (1, "m", self.noise.position, 2),
+        # The heading row of c turns wheel angles into an angle, the other rows into lengths.
+        rows, unit, noise, coordinates = {
+            "heading": (slice(0, 1), "", self.noise.heading, 1),
+            "position": (slice(1, None), "m", self.noise.position, 2),
         }[name]
         model = drive.model
-        nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[row]
+        nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[rows].ravel()
         return regression(
             name,
             matrix,
-            model.coefficient_names[row],
+            [entry for row in model.coefficient_names[rows] for entry in row],
             nominal,
             units=(unit,) * len(nominal),
             noise=noise,
-            information=lambda columns: self._information(columns, coordinates),
+            information=lambda columns: self._information(columns, coordinates, drive.runs),
         )
 
-    def _information(self, matrix: Expression, coordinates: int) -> Expression:
+    def _information(self, matrix: Expression, coordinates: int, runs: int) -> Expression:
         if self.noise_model == "increments":
             return matrix.T @ matrix
-        parts = [matrix[coordinate::coordinates, :] for coordinate in range(coordinates)]
+        # Neighbours share a pose's error within a run only.
+        parts = [
+            run[coordinate::coordinates, :]
+            for run in ca.vertsplit(matrix, matrix.shape[0] // runs)
+            for coordinate in range(coordinates)
+        ]
         if self.estimator == "gls":
             # W' (D D')^-1 W with the first differences D: poses are sums of increments, less their mean.
             return sum(_scatter(part) for part in parts)
@@ -138,7 +151,7 @@ class Displacements(Measurement):
     def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
         # (every * P, N): row every * i + offset adds up the samples of segment i.
         samples = drive.inputs.shape[0]
-        edges = self.segment_edges(samples)
+        edges = self.segment_edges(drive.samples, drive.runs)
         segment = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
         shape = (every * (len(edges) - 1), samples)
         ones = np.ones(samples)

@@ -52,6 +52,7 @@ class Block:
         noise: standard deviation that the information is still to be divided by, None where not known.
         nuisances: what is estimated along.
         raw: whether `scaling: none` leaves the noise out, as the paper does.
+        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
     """
 
     name: str
@@ -64,6 +65,12 @@ class Block:
     noise: float | None
     nuisances: tuple[Nuisance, ...] = ()
     raw: bool = False
+    sizes: Array | None = None
+
+    @property
+    def scales(self) -> Array:
+        """What relative precisions refer to, (p,), SI; 0 where there is nothing."""
+        return np.abs(self.nominal) if self.sizes is None else self.sizes
 
 
 def regression(

@@ -29,7 +29,10 @@ Array = npt.NDArray[np.float64]
 
 
 class PosePrior(Component):
-    """How well the initial pose is known beforehand: standard deviations [m, rad]."""
+    """How well the initial pose is known beforehand: standard deviations [m, rad].
+
+    `heading` is that of a trailer's angle as well.
+    """
 
     position: Annotated[Length, Field(gt=0)]
     heading: Annotated[Angle, Field(gt=0)]
@@ -143,10 +146,11 @@ class Readings:
 
 def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) -> Readings:
     """What `sensor` reads of `drive`, its nuisances at their nominal values or those given."""
-    samples = drive.inputs.shape[0]
-    columns = sensor.columns(samples)
+    samples, runs = drive.samples, range(drive.runs)
+    own = sensor.columns(samples)
+    columns = [run * (samples + 1) + column for run in runs for column in own]
     # At the last sample's instant the inputs are those held until then.
-    held = [min(column, samples - 1) for column in columns]
+    held = [run * samples + min(column, samples - 1) for run in runs for column in own]
     width = len(drive.model.parameters) + len(drive.model.states)
     stacked = [width * column + offset for column in columns for offset in range(width)]
     values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances]) if nuisances is None else nuisances
@@ -162,13 +166,29 @@ def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) 
     )
     whole = sensor.joint_whitening
     if whole is not None:
-        rows = response.numel()
+        rows = response.numel() // drive.runs
         if len(whole) != rows:
             raise UserMistake(
                 f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
             )
-        white_response, white_transposed = ca.DM(whole) @ ca.vec(response), transposed @ ca.DM(whole).T
-    return Readings(ca.vec(response), transposed.T, whitening, ca.vec(white_response), white_transposed.T)
+        weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
+        white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
+    return Readings(
+        ca.vec(response),
+        _by_run(transposed, drive).T,
+        whitening,
+        ca.vec(white_response),
+        _by_run(white_transposed, drive).T,
+    )
+
+
+def _by_run(transposed: Expression, drive: Drive) -> Expression:
+    # Every run has a start state of its own: rows of derivatives by it, for the run's own readings.
+    if drive.runs == 1:
+        return transposed
+    size, states = len(drive.model.parameters), len(drive.model.states)
+    starts = ca.horzsplit(transposed[size : size + states, :], transposed.shape[1] // drive.runs)
+    return ca.vertcat(transposed[:size, :], ca.diagcat(*starts), transposed[size + states :, :])
 
 
 @lru_cache(maxsize=64)
@@ -244,7 +264,7 @@ def joint_readings(
         first += len(own)
         each.append(readings(sensor, drive, values))
         found += [replace(nuisance, name=f"{label}.{nuisance.name}") for nuisance in own]
-    leading = len(drive.model.parameters) + len(drive.model.states)
+    leading = len(drive.model.parameters) + drive.runs * len(drive.model.states)
     return JointReadings(tuple(each), tuple(found), leading)
 
 
@@ -252,7 +272,7 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
     """The readings of all sensors as one estimation of the robot's parameters."""
     model = drive.model
     size = len(model.parameters)
-    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, model)
+    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, model, drive.runs)
     nuisances = (*start, *joint.nuisances)
     # A start pose that is known is no unknown.
     own = list(range(joint.leading, joint.leading + len(joint.nuisances)))
@@ -269,19 +289,23 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
         information=lambda chosen: matrix[list(chosen), list(chosen)],
         noise=1.0,
         nuisances=nuisances,
+        sizes=np.array([parameter.scale for parameter in model.parameters]),
     )
 
 
-def start_nuisances(sensors: Sequence[Sensor], model: Model) -> tuple[Nuisance, ...]:
-    """The initial pose's coordinates that are estimated along; () where it is known or does not matter."""
+def start_nuisances(sensors: Sequence[Sensor], model: Model, runs: int = 1) -> tuple[Nuisance, ...]:
+    """The initial poses' coordinates, run by run, that are estimated along; () where they are known or do
+    not matter.
+    """
     known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
     if not known or known[0] == "known":
         return ()
     prior = known[0] if isinstance(known[0], PosePrior) else None
-    deviations = (None,) * 3 if prior is None else (prior.position, prior.position, prior.heading)
+    deviations = {} if prior is None else {"m": prior.position, "rad": prior.heading}
     return tuple(
-        Nuisance(f"initial_pose.{state}", 0.0, unit, deviation)
-        for state, unit, deviation in zip(model.states, ("m", "m", "rad"), deviations, strict=True)
+        Nuisance(f"initial_pose{f'_{run + 1}' if runs > 1 else ''}.{state}", 0.0, unit, deviations.get(unit))
+        for run in range(runs)
+        for state, unit in zip(model.states, model.state_units, strict=True)
     )
 
 

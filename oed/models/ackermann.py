@@ -43,7 +43,7 @@ class Ackermann(Model):
         )
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
-        """Forward speed V = r w, 0, yaw rate V tan(delta) / L [Rajamani, Vehicle Dynamics and Control, 2.2]."""
+        """Forward speed V = r w, 0, yaw rate V tan(delta) / L [Rajamani, Vehicle Dynamics, 2.2]."""
         speed = parameters[0] * inputs[0]
         steered = parameters[3] * inputs[1] + parameters[2]
         return ca.vertcat(speed, 0, speed * ca.tan(steered) / parameters[1])

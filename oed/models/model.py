@@ -127,6 +127,12 @@ class Model(Component, ABC):
         return tuple(entry.name for entry in self.inputs)
 
 
+def moves_sideways(model: Model) -> bool:
+    """Whether any drive of the robot has a lateral speed."""
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    return not model.twist(inputs, parameters)[1].is_zero()
+
+
 def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
     """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
 

@@ -32,7 +32,11 @@ class SkidSteerIcr(Model):
     alpha_right: Alpha = 1.0
     alpha_left: Alpha = 1.0
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
-    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = (("c11", "c12"), ("c21", "c22"), ("c31", "c32"))
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = (
+        ("c11", "c12"),
+        ("c21", "c22"),
+        ("c31", "c32"),
+    )
 
     @model_validator(mode="after")
     def _robot_within_its_centres(self) -> SkidSteerIcr:

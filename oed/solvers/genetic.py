@@ -16,13 +16,12 @@ import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
 from oed.evaluation import Evaluation, evaluate
-from oed.limits.workspace import Workspace
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.solvers.program import DesignExpressions
 from oed.solvers.solver import Context, Solver
-from oed.solvers.starts import random_drives
+from oed.solvers.starts import random_drives, start_bounds
 
 Array = npt.NDArray[np.float64]
 
@@ -121,11 +120,7 @@ def _bounds(design: DesignExpressions) -> Array:
     coefficients = np.repeat(scaled, design.coefficient_count // len(scaled), axis=0)
     if design.size == design.coefficient_count:
         return coefficients
-    extents = [limit.extent for limit in design.problem.limits if isinstance(limit, Workspace)]
-    x_min, x_max, y_min, y_max = extents[0] if extents else (-1e-3, 1e-3, -1e-3, 1e-3)
-    pose = np.zeros((design.size - design.coefficient_count, 2))
-    pose[:3] = [[x_min, x_max], [y_min, y_max], [-np.pi, np.pi]]
-    return np.vstack([coefficients, pose])
+    return np.vstack([coefficients, start_bounds(design)])
 
 
 def _as_pymoo(design: DesignExpressions, threads: int) -> Any:

@@ -38,9 +38,9 @@ class DesignExpressions:
         space, model = problem.design, problem.robot
         self.problem = problem
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
-        self._free = np.arange(space.spline.coefficients)[space.free_rows]
+        self._free = space.free_rows
         self.coefficient_count = len(self._free) * len(model.inputs)
-        self.size = self.coefficient_count + (len(model.states) if space.start_is_free else 0)
+        self.size = self.coefficient_count + (3 * space.runs if space.start_is_free else 0)
         self.unknowns = ca.SX.sym("z", self.size)
         coefficients = self._coefficients()
         self.drive: Drive = roll_out(
@@ -52,7 +52,9 @@ class DesignExpressions:
             period=ca.SX(space.period),
             input_values=coefficients,
             input_rates=_sparse(space.rate_matrix) @ coefficients,
+            input_jerks=_sparse(space.jerk_matrix) @ coefficients,
             refine=refine,
+            runs=space.runs,
         )
         self.matrices = [one.matrix for one in problem.estimations(self.drive)]
         self.rows = [_dependent(limit.rows(self.drive), self.unknowns) for limit in problem.limits]
@@ -60,22 +62,27 @@ class DesignExpressions:
     def _coefficients(self) -> Expression:
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self._free), inputs)
-        table = ca.SX.zeros(self.problem.design.spline.coefficients, inputs)
+        table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
         table[self._free.tolist(), :] = free @ ca.diag(ca.DM(self.input_scale))
         return table
 
     def _start(self) -> Expression:
-        start = self.problem.design.fixed_start
-        return self.unknowns[self.coefficient_count :] if start is None else ca.SX(ca.DM(start))
+        problem = self.problem
+        if problem.fixed_starts is not None:
+            return ca.SX(ca.DM(problem.fixed_starts))
+        poses = ca.reshape(self.unknowns[self.coefficient_count :], 3, problem.design.runs).T
+        return ca.horzcat(poses, ca.SX(problem.design.runs, len(problem.model.states) - 3))
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """The drive that z stands for."""
         space, inputs = self.problem.design, len(self.problem.model.inputs)
-        table = np.zeros((space.spline.coefficients, inputs))
+        table = np.zeros((space.all_coefficients, inputs))
         free = unknowns[: self.coefficient_count].reshape((len(self._free), inputs), order="F")
         table[self._free] = free * self.input_scale
-        start = space.fixed_start
-        return space.trajectory(table, unknowns[self.coefficient_count :] if start is None else start)
+        start = self.problem.fixed_starts
+        if start is None:
+            start = self.problem.start_states(unknowns[self.coefficient_count :])
+        return space.trajectory(table, start)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
         """Z of a drive of this design space.
@@ -84,11 +91,12 @@ class DesignExpressions:
             ValueError: the drive's splines are not this space's.
         """
         space = self.problem.design
-        if trajectory.degree != space.spline.degree or not np.allclose(trajectory.knots, space.knots):
+        same = trajectory.degree == space.spline.degree and trajectory.knots.shape == space.knots.shape
+        if not same or not np.allclose(trajectory.knots, space.knots):
             raise ValueError("the trajectory's splines are not those of the design space")
         free = trajectory.coefficients[self._free] / self.input_scale
-        start = trajectory.start if space.start_is_free else np.zeros(0)
-        return np.concatenate([free.ravel(order="F"), start])
+        start = trajectory.starts[:, :3] if space.start_is_free else np.zeros(0)
+        return np.concatenate([free.ravel(order="F"), start.ravel()])
 
     def is_linear(self, rows: Rows) -> bool:
         """Whether the rows are linear in z."""

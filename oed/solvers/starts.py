@@ -35,15 +35,19 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
     return np.hstack([coefficients, random_poses(design, len(amplitudes), rng)])
 
 
-def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
-    """Random start states (count, states) within the workspace's bounding box."""
+def start_bounds(design: DesignExpressions) -> Array:
+    """Bounds (3 * runs, 2) of free start poses: the workspace's bounding box, all headings."""
     extents = [limit.extent for limit in design.problem.limits if isinstance(limit, Workspace)]
     x_min, x_max, y_min, y_max = extents[0] if extents else (-1e-3, 1e-3, -1e-3, 1e-3)
-    poses = np.zeros((count, len(design.problem.model.states)))
-    poses[:, 0] = rng.uniform(x_min, x_max, count)
-    poses[:, 1] = rng.uniform(y_min, y_max, count)
-    poses[:, 2] = rng.uniform(-np.pi, np.pi, count)
-    return poses
+    pose = np.array([[x_min, x_max], [y_min, y_max], [-np.pi, np.pi]])
+    return np.tile(pose, (design.problem.design.runs, 1))
+
+
+def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
+    """Random start poses (count, 3 * runs) within those bounds."""
+    # Coordinate by coordinate, as they always were drawn.
+    columns = [rng.uniform(low, high, count) for low, high in start_bounds(design)]
+    return np.stack(columns, axis=1)
 
 
 def starting_points(design: DesignExpressions, count: int, rng: np.random.Generator) -> list[Array]:

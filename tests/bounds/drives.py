@@ -58,9 +58,9 @@ def wanted_speeds(problem: Problem, kind: str, rng: np.random.Generator) -> Arra
 
 def start_pose(problem: Problem, kind: str, rng: np.random.Generator) -> Array:
     """The fixed start, or a random one: a corner that faces the other for a diagonal."""
-    fixed, bounds = problem.design.fixed_start, room(problem)
+    fixed, bounds = problem.fixed_starts, room(problem)
     if fixed is not None:
-        return np.array(fixed)
+        return fixed[0]
     if bounds is None:
         return rng.uniform(-1, 1, 3)
     x_min, x_max, y_min, y_max = bounds

@@ -79,10 +79,10 @@ class Interval(InputLimit):
 
     name: ClassVar[str] = "interval"
     quantity: ClassVar[str] = "point"
-    bounds: tuple[float, float]
+    unit: ClassVar[str] = ""
 
     def rows(self, drive):
-        return self.bounded(drive.input_values, "")
+        return self.bounded(drive.input_values, drive.model)
 
     def input_bounds(self, model):
         return self.bounds_by_name(model)

@@ -289,8 +289,9 @@ def motion_by_coefficients(robot: robots.Example) -> Motion:
     """The same for any values of its coefficients c11, c12, ..., its other constants nominal."""
 
     def motion(inputs, coefficients):
-        yaw_rate, forward = np.reshape(coefficients, (2, -1)) @ robot.effective(inputs)
-        return np.array([forward, 0.0, yaw_rate])
+        rows = len(robot.model.coefficient_names)
+        yaw_rate, forward, *sideways = np.reshape(coefficients, (rows, -1)) @ robot.effective(inputs)
+        return np.array([forward, sideways[0] if sideways else 0.0, yaw_rate])
 
     return motion
 

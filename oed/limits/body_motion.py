@@ -1,0 +1,98 @@
+"""Limits on how the body moves: speed, turning, what the tyres have to hold."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from oed.limits.limit import BareLimit, Rows, TwoSided
+from oed.models.model import moves_sideways
+from oed.quantities import Length, Unit
+from oed.rollout import Drive
+
+Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
+SOFT = 1e-3
+"""Speed [m/s] over which the corner of a magnitude at rest is rounded, for optimisers."""
+
+
+class BodySpeed(BareLimit):
+    """The speed of the robot's origin within `bounds` [m/s]: forwards positive, backwards negative.
+
+    A robot that also moves sideways keeps the whole speed below the larger bound.
+    """
+
+    name: ClassVar[str] = "body_speed"
+    bounds: Annotated[tuple[float, float], TwoSided("m/s", "0.5 m/s")]
+
+    def rows(self, drive: Drive) -> Rows:
+        """Forward speed at every time checked; and the magnitude, where there is lateral speed."""
+        low, high = self.bounds
+        forward, count = drive.motion[:, 0], drive.motion.shape[0]
+        size = max(abs(low), abs(high))
+        if not moves_sideways(drive.model):
+            return Rows(forward, np.full(count, low), np.full(count, high), size, "m/s")
+        whole = ca.sqrt(forward**2 + drive.motion[:, 1] ** 2 + SOFT**2) - SOFT
+        lower, upper = np.full(2 * count, low), np.full(2 * count, high)
+        lower[count:], upper[count:] = -np.inf, size
+        return Rows(ca.vertcat(forward, whole), lower, upper, size, "m/s")
+
+
+class YawRate(BareLimit):
+    """The yaw rate within `bounds` [rad/s], to the left positive."""
+
+    name: ClassVar[str] = "yaw_rate"
+    bounds: Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
+
+    def rows(self, drive: Drive) -> Rows:
+        """Yaw rate at every time checked."""
+        count, (low, high) = drive.motion.shape[0], self.bounds
+        return Rows(
+            drive.motion[:, 2],
+            np.full(count, low),
+            np.full(count, high),
+            max(abs(low), abs(high)),
+            "rad/s",
+        )
+
+
+class LateralAcceleration(BareLimit):
+    """Speed times yaw rate at most `bounds` [m/s^2] to either side: what keeps tyres from slipping."""
+
+    name: ClassVar[str] = "lateral_acceleration"
+    bounds: Annotated[Acceleration, Field(gt=0)]
+
+    def rows(self, drive: Drive) -> Rows:
+        """Acceleration across the path, forward (and lateral) speed times yaw rate, at every time checked."""
+        forward, lateral, yaw_rate = (drive.motion[:, column] for column in range(3))
+        across = [forward * yaw_rate]
+        if moves_sideways(drive.model):
+            across.append(lateral * yaw_rate)
+        count = len(across) * drive.motion.shape[0]
+        return Rows(
+            ca.vertcat(*across),
+            np.full(count, -self.bounds),
+            np.full(count, self.bounds),
+            self.bounds,
+            "m/s^2",
+        )
+
+
+class TurningRadius(BareLimit):
+    """Turns no tighter than radius `bounds` [m]: speed at least that many times the yaw rate.
+
+    Its margin is in m/s: how much faster the robot is than its yaw rate needs.
+    """
+
+    name: ClassVar[str] = "turning_radius"
+    bounds: Annotated[Length, Field(gt=0)]
+
+    def rows(self, drive: Drive) -> Rows:
+        """|speed| - radius * |yaw rate| at every time checked, corners rounded alike."""
+        forward, lateral, yaw_rate = (drive.motion[:, column] for column in range(3))
+        speed = ca.sqrt(forward**2 + lateral**2 + SOFT**2)
+        needed = ca.sqrt((self.bounds * yaw_rate) ** 2 + SOFT**2)
+        count = drive.motion.shape[0]
+        return Rows(speed - needed, np.zeros(count), np.full(count, np.inf), self.bounds, "m/s")

@@ -1,0 +1,70 @@
+"""Limits on where a drive ends: at a place, facing a way, or where it began."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.component import Component
+from oed.limits.limit import Limit, Rows
+from oed.quantities import Angle, Length
+from oed.rollout import Drive
+
+
+class Place(Component):
+    """A point of the room [m]."""
+
+    x: Length
+    y: Length
+
+
+class EndPosition(Limit):
+    """Every run ends within `tolerance` [m] of a place, or of its own start: a closed path.
+
+    In YAML `start`, `{x: 1 m, y: 0 m}`, or `{at: start, tolerance: 5 mm}`.
+    """
+
+    name: ClassVar[str] = "end_position"
+    at: Place | Literal["start"]
+    tolerance: Annotated[Length, Field(gt=0)] = 0.01
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, value: Any) -> Any:
+        if isinstance(value, dict) and "at" not in value:
+            place = {key: entry for key, entry in value.items() if key != "tolerance"}
+            return {"at": place, **{key: value[key] for key in value if key == "tolerance"}}
+        return value if isinstance(value, dict) else {"at": value}
+
+    def rows(self, drive: Drive) -> Rows:
+        """Distance along x and along y, of every run."""
+        first, last = drive.ends_of(drive.path)
+        if isinstance(self.at, Place):
+            offset = last[:, :2] - ca.repmat(ca.DM([[self.at.x, self.at.y]]), drive.runs, 1)
+        else:
+            offset = last[:, :2] - first[:, :2]
+        bound = np.full(2 * drive.runs, self.tolerance)
+        return Rows(ca.vec(offset), -bound, bound, self.tolerance, "m")
+
+
+class EndHeading(Limit):
+    """Every run ends facing `at` [rad], or as it began, within `tolerance` [rad]; full turns do not count."""
+
+    name: ClassVar[str] = "end_heading"
+    at: Angle | Literal["start"]
+    tolerance: Annotated[Angle, Field(gt=0)] = 0.0175
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, value: Any) -> Any:
+        return value if isinstance(value, dict) else {"at": value}
+
+    def rows(self, drive: Drive) -> Rows:
+        """Twice the sine of half the difference, of every run: the difference itself where it is small."""
+        first, last = drive.ends_of(drive.path)
+        difference = last[:, 2] - (first[:, 2] if self.at == "start" else self.at)
+        bound = np.full(drive.runs, self.tolerance)
+        return Rows(2 * ca.sin(difference / 2), -bound, bound, self.tolerance, "rad")

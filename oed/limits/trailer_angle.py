@@ -1,0 +1,34 @@
+"""Limit on the angle between a tractor and its trailer."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from oed.errors import Flaw
+from oed.limits.limit import BareLimit, Rows, TwoSided
+from oed.models.model import Model
+from oed.rollout import Drive
+from oed.trajectory import DesignSpace
+
+STATE = "trailer_angle"
+
+
+class TrailerAngle(BareLimit):
+    """The trailer's angle within `bounds` [rad]: 0 straight behind, before the trailer jackknifes."""
+
+    name: ClassVar[str] = "trailer_angle"
+    bounds: Annotated[tuple[float, float], TwoSided("rad", "60 deg")]
+
+    def rows(self, drive: Drive) -> Rows:
+        """The angle at every point of the path."""
+        angle = drive.path[:, drive.model.states.index(STATE)]
+        count, (low, high) = angle.shape[0], self.bounds
+        return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
+
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """A robot without a trailer."""
+        if STATE in model.states:
+            return []
+        return [Flaw(("limits", self.name), f"{model.kind} has no trailer")]
