@@ -202,6 +202,7 @@ def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any
         "coefficients": trajectory.coefficients.tolist(),
         "start": trajectory.start.tolist(),
         "samples": trajectory.samples,
+        "runs": trajectory.runs,
         "poses": rounded(evaluation.poses, 9),
     }
 
@@ -285,4 +286,5 @@ def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
         np.array(drive["coefficients"]),
         np.array(drive["start"]),
         drive["samples"],
+        drive.get("runs", 1),
     )
