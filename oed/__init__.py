@@ -33,10 +33,25 @@ if TYPE_CHECKING:
     from oed.evaluation import Margin as Margin
     from oed.evaluation import evaluate as evaluate
     from oed.identifiability import ambiguities as ambiguities
+    from oed.limits import BodySpeed as BodySpeed
+    from oed.limits import Circle as Circle
+    from oed.limits import CircularObstacle as CircularObstacle
+    from oed.limits import EndHeading as EndHeading
+    from oed.limits import EndPosition as EndPosition
+    from oed.limits import LateralAcceleration as LateralAcceleration
     from oed.limits import Limit as Limit
+    from oed.limits import Obstacle as Obstacle
+    from oed.limits import Obstacles as Obstacles
+    from oed.limits import PathLength as PathLength
+    from oed.limits import Polygon as Polygon
+    from oed.limits import PolygonalObstacle as PolygonalObstacle
     from oed.limits import Rectangle as Rectangle
     from oed.limits import Rows as Rows
+    from oed.limits import SteeringAngle as SteeringAngle
+    from oed.limits import SteeringRate as SteeringRate
+    from oed.limits import TurningRadius as TurningRadius
     from oed.limits import WheelAcceleration as WheelAcceleration
+    from oed.limits import WheelJerk as WheelJerk
     from oed.limits import WheelSpeed as WheelSpeed
     from oed.limits import Workspace as Workspace
     from oed.measurements import AbsoluteNoise as AbsoluteNoise
@@ -54,9 +69,18 @@ if TYPE_CHECKING:
     from oed.measurements import Several as Several
     from oed.measurements import YawRate as YawRate
     from oed.measurements import regression as regression
+    from oed.models import Ackermann as Ackermann
     from oed.models import DifferentialDrive as DifferentialDrive
+    from oed.models import Input as Input
+    from oed.models import Mecanum as Mecanum
     from oed.models import Model as Model
+    from oed.models import OffsetDrive as OffsetDrive
+    from oed.models import OmniThree as OmniThree
+    from oed.models import Parameter as Parameter
     from oed.models import SkidSteer as SkidSteer
+    from oed.models import SkidSteerIcr as SkidSteerIcr
+    from oed.models import TractorTrailer as TractorTrailer
+    from oed.models import Tricycle as Tricycle
     from oed.path_file import read_trajectory as read_trajectory
     from oed.path_file import write_trajectory as write_trajectory
     from oed.prior import Prior as Prior
@@ -117,10 +141,25 @@ _HOMES = {
     ),
     "oed.identifiability": ("ambiguities",),
     "oed.limits": (
+        "BodySpeed",
+        "Circle",
+        "CircularObstacle",
+        "EndHeading",
+        "EndPosition",
+        "LateralAcceleration",
         "Limit",
+        "Obstacle",
+        "Obstacles",
+        "PathLength",
+        "Polygon",
+        "PolygonalObstacle",
         "Rectangle",
         "Rows",
+        "SteeringAngle",
+        "SteeringRate",
+        "TurningRadius",
         "WheelAcceleration",
+        "WheelJerk",
         "WheelSpeed",
         "Workspace",
     ),
@@ -142,9 +181,18 @@ _HOMES = {
         "regression",
     ),
     "oed.models": (
+        "Ackermann",
         "DifferentialDrive",
+        "OffsetDrive",
+        "Input",
+        "Mecanum",
         "Model",
+        "OmniThree",
+        "Parameter",
         "SkidSteer",
+        "SkidSteerIcr",
+        "TractorTrailer",
+        "Tricycle",
     ),
     "oed.path_file": (
         "read_trajectory",

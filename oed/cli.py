@@ -69,6 +69,22 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         return command
 
+    command = add("init", _init, "write a first study for a robot, a room and a sensor")
+    command.add_argument("file", metavar="STUDY", nargs="?", help="what to write (default: ROBOT.yaml)")
+    command.add_argument("--robot", help="a preset or a kind of robot; asked for where not given")
+    command.add_argument("--room", help="like '4 m x 3 m' or 'circle 2 m'")
+    command.add_argument("--sensor", help="poses, positions, ranges or displacements")
+    command.add_argument(
+        "--size",
+        metavar="KEY=VALUE",
+        type=_pair,
+        action="append",
+        default=[],
+        help="a constant of the robot, e.g. 'track=18 cm'; may be given again",
+    )
+    command.add_argument("--duration", help="of one run, e.g. '20 s'")
+    command.add_argument("--runs", type=_positive, default=1, help="separate drives designed together")
+    command.add_argument("--force", action="store_true", help="write over a file that exists")
     command = add("run", _run, "do everything a study asks for; write the record and the report", working)
     command.add_argument("study", metavar="STUDY")
     command.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
@@ -139,6 +155,31 @@ def _seconds(text: str) -> float:
     if not value > 0:
         raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {value:g}")
     return value
+
+
+def _pair(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {text!r}")
+    return key.strip(), value.strip()
+
+
+def _init(options: argparse.Namespace) -> int:
+    from oed.console import choice_of, print_json, say
+    from oed.errors import UserMistake
+    from oed.files import write_text
+    from oed.starter import starter
+
+    choice = choice_of(options)
+    file = Path(options.file or f"{choice.robot}.yaml")
+    if file.exists() and not options.force:
+        raise UserMistake(f"{file} exists; give another name, or --force to write over it")
+    write_text(file, starter(choice))
+    if options.json:
+        print_json({"study": str(file)})
+    else:
+        say(f"wrote {file}; change what is yours, then: oed run {file}")
+    return DONE
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -15,6 +15,11 @@ from rich.table import Table
 from rich.text import Text
 
 from oed.solvers import Progress, Silent
+
+if TYPE_CHECKING:
+    import argparse
+
+    from oed.starter import Choice
 
 
 class _Bars:
@@ -111,3 +116,46 @@ def gap(share: float) -> str:
 def number(value: float | None, digits: int = 6) -> str:
     """A number with so many significant digits; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
+
+
+def choice_of(options: argparse.Namespace) -> Choice:
+    """What `oed init` is to write a study for: from its options, and asked for at a terminal where missing.
+
+    Raises:
+        UserMistake: no robot given and nobody there to ask.
+    """
+    from oed.errors import UserMistake
+    from oed.starter import DURATION, ROOM, SENSORS, Choice, robots, sizes_needed
+
+    asking = sys.stdin.isatty() and not options.json
+    robot = options.robot or _answer(asking, "Which robot", None, robots())
+    if robot is None:
+        raise UserMistake(f"give --robot, one of {', '.join(robots())}")
+    sizes = dict(options.size)
+    for key, typical in sizes_needed(robot).items():
+        if asking and key not in sizes:
+            sizes[key] = _answer(asking, f"Its {key.replace('_', ' ')}", typical) or typical
+    return Choice(
+        robot=robot,
+        sizes=sizes,
+        room=options.room or _answer(asking, "Which room ('4 m x 3 m' or 'circle 2 m')", ROOM) or ROOM,
+        sensor=options.sensor or _answer(asking, "Which sensor", "poses", tuple(SENSORS)) or "poses",
+        duration=options.duration or _answer(asking, "How long may a drive take", DURATION) or DURATION,
+        runs=options.runs,
+    )
+
+
+def _answer(asking: bool, question: str, default: str | None, choices: Sequence[str] = ()) -> str | None:
+    # Questions go to stderr, so that stdout stays what the command prints.
+    if not asking:
+        return default
+    known = f" ({', '.join(choices)})" if choices else ""
+    shown = f" [{default}]" if default else ""
+    while True:
+        print(f"{question}{known}{shown}: ", end="", file=sys.stderr, flush=True)
+        given = sys.stdin.readline()
+        if not given:
+            return default
+        text = given.strip() or default
+        if text and (not choices or text in choices):
+            return text

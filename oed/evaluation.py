@@ -164,11 +164,13 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         raise ValueError(
             f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
         )
-    fine_times = np.linspace(0.0, trajectory.duration, FINE * trajectory.samples + 1)
-    rates = trajectory.rates_at(fine_times)
-    jerks = trajectory.jerks_at(fine_times)
+    # Every run by itself, both its ends included.
+    fine = [(one, np.linspace(0.0, one.duration, FINE * one.samples + 1)) for one in trajectory.each]
+    values = np.concatenate([one.inputs_at(times) for one, times in fine])
+    rates = np.concatenate([one.rates_at(times) for one, times in fine])
+    jerks = np.concatenate([one.jerks_at(times) for one, times in fine])
     scorer = _scorer(problem, trajectory.samples, trajectory.runs, len(rates), len(jerks))
-    return scorer.evaluation(trajectory, trajectory.inputs_at(fine_times), rates, jerks)
+    return scorer.evaluation(trajectory, values, rates, jerks)
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
@@ -186,6 +188,13 @@ def parameter_table(problem: Problem) -> list[dict[str, Any]]:
         }
         for one in problem.any_estimations
         for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
+    ]
+
+
+def input_table(problem: Problem) -> list[dict[str, Any]]:
+    """The robot's inputs: name, quantity, SI unit."""
+    return [
+        {"name": entry.name, "quantity": entry.quantity, "unit": entry.unit} for entry in problem.model.inputs
     ]
 
 
@@ -208,7 +217,7 @@ class _Scorer:
             ca.MX.sym("start", runs, len(model.states)),
             ca.MX.sym("parameters", len(model.parameters)),
             ca.MX.sym("period"),
-            ca.MX.sym("values", FINE * samples + 1, len(model.inputs)),
+            ca.MX.sym("values", FINE * samples + runs, len(model.inputs)),
             ca.MX.sym("rates", rates, len(model.inputs)),
             ca.MX.sym("jerks", jerks, len(model.inputs)),
         ]
@@ -324,7 +333,7 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
         offset = np.abs(trajectory.starts - problem.fixed_starts).max()
         margins.append(Margin("start", -float(offset), 1.0, "m or rad"))
     if space.rest_to_rest:
-        ends = trajectory.inputs_at(trajectory.ends)
+        ends = np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in trajectory.each])
         size = float(np.abs(problem.input_bounds).max())
         margins.append(Margin("rest_to_rest", -float(np.abs(ends).max()), size, model.inputs[0].unit))
     return margins

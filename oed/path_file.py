@@ -69,10 +69,8 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     if flaws:
         raise PathFileError(sorted(flaws, key=lambda flaw: (flaw.line, flaw.key)))
     runs = [one for one in read if isinstance(one, _Run)]
-    if len({len(run.inputs) for run in runs}) > 1:
-        counts = ", ".join(str(len(run.inputs)) for run in runs)
-        text = f"expected runs of equally many periods, got {counts}"
-        raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+    for part, run in zip(parts[1:], runs[1:], strict=True):
+        _require_alike(part, run, runs[0])
     given = [run.start for run in runs if run.start is not None]
     starts = np.array(given) if len(given) == len(runs) else problem.fixed_starts
     return Trajectory.from_samples(
@@ -91,6 +89,18 @@ class _Run:
     inputs: Array
     duration: float
     start: Array | None
+
+
+def _require_alike(table: _Table, run: _Run, first: _Run) -> None:
+    # All runs share one duration and number of periods.
+    count, expected = len(run.inputs), len(first.inputs)
+    if count != expected:
+        text = f"expected {expected} periods, as in the first run, got {count}"
+    elif abs(run.duration - first.duration) > EVEN * first.duration / expected:
+        text = f"expected {first.duration:.6g} s, as in the first run, got {run.duration:.6g} s"
+    else:
+        return
+    raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
 
 
 def _by_run(table: _Table, expected: int) -> list[_Table]:

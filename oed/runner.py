@@ -18,7 +18,7 @@ from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
 from oed.errors import ProblemError, UserMistake
-from oed.evaluation import evaluate, nuisance_table, parameter_table
+from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
 from oed.record import (
@@ -170,6 +170,7 @@ def record(
             "study": study.echo(),
             "study_text": study.text,
             "seed": seed,
+            "inputs": input_table(study.problem),
             "parameters": parameter_table(study.problem),
             "nuisances": nuisance_table(study.problem),
             "results": results,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Optional
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
 
-from oed.baselines import BaselineName
+from oed.baselines import BaselineName, baseline_flaws
 from oed.bounds import LATTICE
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
@@ -19,6 +19,7 @@ from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
+from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
 from oed.record import load_record
@@ -188,19 +189,31 @@ def _study(source: YamlSource) -> Study:
     if not isinstance(source.data, dict):
         raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
     try:
-        file = StudyFile.model_validate(source.data)
+        file = StudyFile.model_validate(_with_folder(with_preset(source.data), source))
+    except ProblemError as error:
+        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
     except ValidationError as error:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
     try:
         file = _with_prior(file, Path(source.file).parent)
         problem = _problem(file)
+        flaws += baseline_flaws(problem, file.baselines)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
     return Study(problem, file, source.text, source.file)
+
+
+def _with_folder(data: dict[str, Any], source: YamlSource) -> dict[str, Any]:
+    # A robot of the user's own stands beside the study, or in a folder named relative to it.
+    robot = data.get("robot")
+    if not isinstance(robot, dict) or robot.get("kind") != "python":
+        return data
+    folder = Path(source.file).parent / str(robot.get("folder") or "")
+    return {**data, "robot": {**robot, "folder": str(folder.resolve())}}
 
 
 def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
@@ -303,6 +316,13 @@ def _limits(file: StudyFile) -> tuple[Limit, ...]:
 def json_schema() -> dict[str, Any]:
     """The JSON schema of a study file, for editors."""
     schema = StudyFile.model_json_schema()
+    from_preset = {
+        "type": "object",
+        "properties": {"preset": {"enum": list(preset_names())}},
+        "required": ["preset"],
+        "description": "A robot that can be bought; every further key overrides its own.",
+    }
+    schema["properties"]["robot"] = {"anyOf": [schema["properties"]["robot"], from_preset]}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "oed study"
     return schema

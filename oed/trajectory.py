@@ -30,7 +30,7 @@ class Trajectory:
     on one clock and have nothing in common where they meet.
 
     Attributes:
-        knots: (n + degree + 1,) [s], clamped, from 0 to the duration.
+        knots: (n + degree + 1,) [s], clamped, from 0 to the duration; the same in every run.
         degree: of the splines.
         coefficients: (n, inputs), in the inputs' SI units.
         start: start state (states,): x [m], y [m], heading [rad], ...; of several runs (runs, states).
@@ -64,6 +64,8 @@ class Trajectory:
             raise ValueError(
                 f"expected coefficients of shape ({expected}, inputs), got {self.coefficients.shape}"
             )
+        if self.runs > 1 and not self._runs_are_alike:
+            raise ValueError(f"expected knots that repeat in each of the {self.runs} runs")
         if self.samples % self.runs or len(self.starts) != self.runs:
             raise ValueError(
                 f"expected samples that {self.runs} runs share equally and a start for each, got "
@@ -104,6 +106,29 @@ class Trajectory:
         return self.start.reshape(-1, self.start.shape[-1])
 
     @property
+    def each(self) -> tuple[Trajectory, ...]:
+        """Every run as a drive of its own, on its own clock."""
+        if self.runs == 1:
+            return (self,)
+        samples, parts = self.samples // self.runs, np.split(self.coefficients, self.runs)
+        return tuple(
+            Trajectory(self._own_knots, self.degree, part, start, samples)
+            for part, start in zip(parts, self.starts, strict=True)
+        )
+
+    @property
+    def _own_knots(self) -> Array:
+        # Of the first run.
+        return self.knots[: len(self.coefficients) // self.runs + self.degree + 1]
+
+    @property
+    def _runs_are_alike(self) -> bool:
+        if len(self.coefficients) % self.runs or len(self.coefficients) // self.runs <= self.degree:
+            return False
+        repeated = spline.repeated_knots(self._own_knots, self.degree, self.runs)
+        return np.allclose(self.knots, repeated, rtol=0, atol=1e-9 * self.duration)
+
+    @property
     def duration(self) -> float:
         """Duration [s]."""
         return float(self.knots[-1])
@@ -116,7 +141,9 @@ class Trajectory:
     @property
     def inputs(self) -> Array:
         """Inputs held in each period, (N, inputs)."""
-        return self.inputs_at(middles(self.duration, self.samples))
+        # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
+        held = [one.inputs_at(middles(one.duration, one.samples)) for one in self.each]
+        return np.concatenate(held)
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""
@@ -127,7 +154,7 @@ class Trajectory:
         drive, the change from each period to the next over one period.
         """
         if self.degree == 0:
-            return self._differences(self.inputs)
+            return np.concatenate([np.diff(one.inputs, axis=0) for one in self.each]) / self.period
         matrix, knots = spline.derivative(self.knots, self.degree)
         return np.asarray(spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients))
 
@@ -136,23 +163,13 @@ class Trajectory:
         their change from each period to the next over one period.
         """
         if self.degree < 2:
-            return self._differences(self.rates_at(middles(self.duration, self.samples)))
+            rates = [one.rates_at(middles(one.duration, one.samples)) for one in self.each]
+            return np.concatenate([np.diff(run, axis=0) for run in rates]) / self.period
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
         return np.asarray(
             spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
         )
-
-    def _differences(self, rows: Array) -> Array:
-        # Of neighbouring rows of the same run, over one period.
-        return np.concatenate([np.diff(run, axis=0) for run in np.array_split(rows, self.runs)]) / self.period
-
-    @property
-    def ends(self) -> Array:
-        """Times [s] at which runs begin and end, as close as their splines tell them apart."""
-        begins = np.arange(self.runs) * (self.duration / self.runs)
-        last = (begins + self.duration / self.runs) * (1 - 1e-12)
-        return np.sort(np.concatenate([begins, last[:-1], [self.duration]]))
 
 
 class Spline(Component):
@@ -221,8 +238,9 @@ class DesignSpace(Component):
     @property
     def sampling_matrix(self) -> Array:
         """(N, n): takes coefficients to the inputs held in each period."""
-        times = middles(self.whole_duration, self.all_samples)
-        return np.asarray(spline.basis(self.knots, self.spline.degree, times).toarray())
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        held = spline.basis(own, self.spline.degree, middles(self.duration, self.samples))
+        return np.asarray(np.kron(np.eye(self.runs), held.toarray()))
 
     @property
     def rate_matrix(self) -> Array:

@@ -14,10 +14,11 @@ import oracle
 from oed.models import (
     Ackermann,
     DifferentialDrive,
-    DifferentialDriveWithOffset,
     Mecanum,
     Model,
+    OffsetDrive,
     OmniThree,
+    PythonRobot,
     SkidSteer,
     SkidSteerIcr,
     TractorTrailer,
@@ -38,7 +39,7 @@ class Example:
     model: Model
     twist: Callable[[np.ndarray], np.ndarray]
     effective: Callable[[np.ndarray], np.ndarray] = np.asarray
-    internal: Callable[[np.ndarray, np.ndarray, float], np.ndarray] | None = None
+    internal: Callable[..., np.ndarray] | None = None
     told: tuple[str, ...] | None = None
 
 
@@ -94,26 +95,25 @@ def _ackermann_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset
     return np.array([speed, 0.0, speed / turning_radius])
 
 
-def _trailer_angle(offset: float, length: float) -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
+def _trailer_angle(
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+) -> np.ndarray:
     """The trailer's angle, from where its axle's middle is dragged: no velocity across the trailer."""
+    offset, length = parameters[3:5]
 
-    def rate(angle: float, twist: np.ndarray) -> float:
-        hitch = np.array([twist[0], -offset * twist[2]])  # in the tractor's frame
-        across = np.array([-np.sin(angle), np.cos(angle)])
-        return float(hitch @ across) / length - twist[2]
+    def rate(angle: float) -> float:
+        # The hitch's velocity in the tractor's frame, and what of it is across the trailer.
+        ahead, left = twist[0], -offset * twist[2]
+        return (left * np.cos(angle) - ahead * np.sin(angle)) / length - twist[2]
 
-    def internal(state: np.ndarray, twist: np.ndarray, period: float) -> np.ndarray:
-        angle, count = float(state[3]), 400
-        for _ in range(count):
-            step = period / count
-            first = rate(angle, twist)
-            second = rate(angle + step / 2 * first, twist)
-            third = rate(angle + step / 2 * second, twist)
-            fourth = rate(angle + step * third, twist)
-            angle += step / 6 * (first + 2 * second + 2 * third + fourth)
-        return np.array([angle])
-
-    return internal
+    angle, step = float(state[3]), period / steps
+    for _ in range(steps):
+        first = rate(angle)
+        second = rate(angle + step / 2 * first)
+        third = rate(angle + step / 2 * second)
+        fourth = rate(angle + step * third)
+        angle += step / 6 * (first + 2 * second + 2 * third + fourth)
+    return np.array([angle])
 
 
 EXAMPLES: dict[str, tuple[Example, ...]] = {
@@ -134,12 +134,10 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             (0.12, -0.05),
         ),
     ),
-    "differential_drive_with_offset": (
+    "offset_drive": (
         Example(
             "offset",
-            DifferentialDriveWithOffset(
-                wheel_radius_right=0.051, wheel_radius_left=0.047, track=TRACK, sensor_offset=0.03
-            ),
+            OffsetDrive(wheel_radius_right=0.051, wheel_radius_left=0.047, track=TRACK, sensor_offset=0.03),
             lambda speeds: _offset_twist(speeds, 0.03),
         ),
     ),
@@ -190,12 +188,26 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             name,
             TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=offset, trailer_length=0.4),
             lambda speeds: oracle.differential_twist(speeds, RADIUS, RADIUS, TRACK),
-            internal=_trailer_angle(offset, 0.4),
+            internal=_trailer_angle,
             told=("wheel_radius_right", "wheel_radius_left", "track"),
         )
         for name, offset in (("trailer", 0.1), ("trailer_on_axle", 0.0))
     ),
 }
+
+EXAMPLES["python"] = (
+    Example(
+        "python",
+        PythonRobot(
+            object="oed.models.offset_drive:OffsetDrive",
+            wheel_radius_right=0.051,
+            wheel_radius_left="4.7 cm",
+            track=TRACK,
+            sensor_offset=0.03,
+        ),
+        lambda speeds: _offset_twist(speeds, 0.03),
+    ),
+)
 
 ROBOTS = [example for examples in EXAMPLES.values() for example in examples]
 PLANAR = [example for example in ROBOTS if len(example.model.states) == 3]

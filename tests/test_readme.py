@@ -12,6 +12,9 @@ import pytest
 import yaml
 
 from oed.cli import main
+from oed.limits import LIMITS
+from oed.models import MODELS
+from oed.presets import preset_names
 from oed.study import load_study, parse_study
 
 ROOT = Path(__file__).parent.parent
@@ -38,8 +41,17 @@ def test_make_targets_exist(target: str):
     subprocess.run(["make", "-n", target], cwd=ROOT, check=True, capture_output=True)
 
 
+def test_init_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    (words,) = [words for words in commands() if words[:2] == ["oed", "init"]]
+    assert main(words[1:]) == 0
+    load_study(tmp_path / words[2]).require_identifiable()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [words for words in commands() if words[0] == "oed"], ids=" ".join)
+@pytest.mark.parametrize(
+    "words", [words for words in commands() if words[0] == "oed" and words[1] != "init"], ids=" ".join
+)
 def test_commands_run(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.chdir(ROOT)
     assert main(words[1:]) == 0
@@ -47,17 +59,38 @@ def test_commands_run(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys:
 
 
 def test_the_study_explained_is_the_shipped_one():
-    text, _ = blocks("yaml")
+    text = blocks("yaml")[0]
     shipped = load_study(ROOT / "problems" / "choi_skid_steer.yaml")
     assert parse_study(text).echo() == shipped.echo()
 
 
 def test_the_keys_for_sensors_are_accepted():
     # They stand in the place of the first study's keys of the same names.
-    whole, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
     study = parse_study(yaml.safe_dump({**whole, **part}))
     assert [sensor.kind for sensor in study.problem.measurement.sensors] == ["poses", "ranges", "yaw_rate"]
     study.require_identifiable()
+
+
+def test_the_keys_for_robots_and_limits_are_accepted():
+    whole, sensors, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    measured = {**whole, "measurement": sensors["measurement"], "estimate": sensors["estimate"], **part}
+    problem = parse_study(
+        yaml.safe_dump({**measured, "criterion": {"kind": "E"}, "validation": None})
+    ).problem
+    assert {limit.name for limit in problem.limits} == set(LIMITS) - {
+        "steering_angle",
+        "steering_rate",
+        "trailer_angle",
+        "end_heading",
+    }
+
+
+def test_every_robot_is_listed():
+    for model in MODELS:
+        assert f"`{model.model_fields['kind'].default}`" in README
+    for name in preset_names():
+        assert f"`{name}`" in README
 
 
 @pytest.mark.slow

@@ -236,7 +236,7 @@ BROKEN = {
         "hovercraft",
         "robot",
         "robot",
-        "'omni_three', 'tractor_trailer', got 'hovercraft'",
+        "'tractor_trailer', 'tricycle', got 'hovercraft'",
     ),
     "wrong kind of solver": (
         "kind: genetic",
@@ -631,7 +631,7 @@ BROKEN_SENSORS = {
         "kind: gyroscope",
         "- kind: gyroscope",
         "measurement.1",
-        "expected 'poses', 'ranges', 'yaw_rate', got 'gyroscope'",
+        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",

@@ -6,6 +6,7 @@ from oed.measurements.poses import AbsoluteNoise, Poses
 from oed.measurements.ranges import Ranges
 from oed.measurements.sensor import LeverArm, Moment, PosePrior, Sensor
 from oed.measurements.several import SENSORS, Several
+from oed.measurements.trailer_angle import TrailerAngle
 from oed.measurements.yaw_rate import YawRate
 
 MEASUREMENTS: tuple[type[Measurement], ...] = (Displacements, *SENSORS, Several)
@@ -26,6 +27,7 @@ __all__ = [
     "Ranges",
     "Sensor",
     "Several",
+    "TrailerAngle",
     "YawRate",
     "regression",
 ]

@@ -12,11 +12,12 @@ from oed.measurements.measurement import Block, Measurement
 from oed.measurements.poses import Poses
 from oed.measurements.ranges import Ranges
 from oed.measurements.sensor import Sensor, joint_block
+from oed.measurements.trailer_angle import TrailerAngle
 from oed.measurements.yaw_rate import YawRate
 from oed.models.model import Model
 from oed.rollout import Drive
 
-SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate)
+SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
 
 
 class Several(Measurement):

@@ -1,44 +1,29 @@
-"""Robots. A new one is a file here and a name in `MODELS`."""
+"""Robots. A new one is a file here and its import below, which lists it in `MODELS`."""
 
-from oed.models.ackermann import Ackermann
-from oed.models.differential_drive import DifferentialDrive
-from oed.models.differential_drive_with_offset import DifferentialDriveWithOffset
-from oed.models.mecanum import Mecanum
-from oed.models.model import Input, Integration, Model, Parameter, chord, sinc, step
-from oed.models.omni_three import OmniThree
-from oed.models.skid_steer import SkidSteer
-from oed.models.skid_steer_icr import SkidSteerIcr
-from oed.models.tractor_trailer import TractorTrailer
-from oed.models.tricycle import Tricycle
-
-MODELS: tuple[type[Model], ...] = (
-    DifferentialDrive,
-    DifferentialDriveWithOffset,
-    SkidSteer,
-    SkidSteerIcr,
-    Tricycle,
-    Ackermann,
-    Mecanum,
-    OmniThree,
-    TractorTrailer,
+from oed.models.ackermann import Ackermann as Ackermann
+from oed.models.differential_drive import DifferentialDrive as DifferentialDrive
+from oed.models.mecanum import Mecanum as Mecanum
+from oed.models.model import Input as Input
+from oed.models.model import Integration as Integration
+from oed.models.model import Model as Model
+from oed.models.model import Parameter as Parameter
+from oed.models.model import chord as chord
+from oed.models.model import moves_sideways as moves_sideways
+from oed.models.model import sinc as sinc
+from oed.models.model import step as step
+from oed.models.offset_drive import (
+    OffsetDrive as OffsetDrive,
 )
+from oed.models.omni_three import OmniThree as OmniThree
+from oed.models.python_robot import PythonRobot as PythonRobot
+from oed.models.skid_steer import SkidSteer as SkidSteer
+from oed.models.skid_steer_icr import SkidSteerIcr as SkidSteerIcr
+from oed.models.tractor_trailer import TractorTrailer as TractorTrailer
+from oed.models.tricycle import Tricycle as Tricycle
 
-__all__ = [
-    "MODELS",
-    "Ackermann",
-    "DifferentialDrive",
-    "DifferentialDriveWithOffset",
-    "Input",
-    "Integration",
-    "Mecanum",
-    "Model",
-    "OmniThree",
-    "Parameter",
-    "SkidSteer",
-    "SkidSteerIcr",
-    "TractorTrailer",
-    "Tricycle",
-    "chord",
-    "sinc",
-    "step",
-]
+MODELS: tuple[type[Model], ...] = tuple(
+    found
+    for found in list(globals().values())
+    if isinstance(found, type) and issubclass(found, Model) and found is not Model
+)
+"""Every robot imported above: what a study's `robot: {kind: ...}` may name."""

@@ -167,9 +167,11 @@ def _finite(rows: Rows) -> Rows:
 
 def _dependent(rows: Rows, unknowns: Expression) -> Rows:
     # Rows that no unknown moves (coefficients that rest fixes) would only burden the solver.
-    moved = np.array(ca.which_depends(rows.expression, unknowns, 1, True), dtype=bool)
+    # Dense, or rows that are structurally 0 (where runs meet) would not be counted.
+    expression = ca.densify(rows.expression)
+    moved = np.array(ca.which_depends(expression, unknowns, 1, True), dtype=bool)
     chosen = np.flatnonzero(moved)
-    return Rows(rows.expression[chosen.tolist()], rows.lower[moved], rows.upper[moved], rows.size, rows.unit)
+    return Rows(expression[chosen.tolist()], rows.lower[moved], rows.upper[moved], rows.size, rows.unit)
 
 
 @dataclass(frozen=True)

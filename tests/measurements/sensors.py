@@ -17,7 +17,7 @@ import oracle
 import robots
 from scipy.linalg import block_diag
 
-from oed.measurements import Poses, Ranges, Sensor, YawRate
+from oed.measurements import Poses, Ranges, Sensor, TrailerAngle, YawRate
 
 SAMPLES, PERIOD = 11, 0.2
 UNKNOWN, KNOWN = math.inf, 0.0
@@ -39,6 +39,7 @@ class Example:
         every: reads every so many moments.
         periods: whether the moments are periods rather than samples.
         whole: covariance of all readings, where they are correlated over time.
+        states: beyond the pose, that the robot must have.
     """
 
     name: str
@@ -50,6 +51,11 @@ class Example:
     every: int = 1
     periods: bool = False
     whole: np.ndarray | None = None
+    states: tuple[str, ...] = ()
+
+    def suits(self, robot: robots.Example) -> bool:
+        """Whether the robot has all the states that the sensor reads."""
+        return set(self.states) <= set(robot.model.states)
 
     def moments(self, samples: int) -> range:
         return range(0, samples if self.periods else samples + 1, self.every)
@@ -67,7 +73,7 @@ def growing(*pairs: tuple[float, float]) -> Callable[[float], np.ndarray]:
 
 def arm_end(pose: np.ndarray, ahead: float, left: float) -> tuple[float, float]:
     """Where a point of the robot is."""
-    x, y, heading = pose
+    x, y, heading = pose[:3]
     return (
         x + ahead * math.cos(heading) + left * math.cos(heading + math.pi / 2),
         y + ahead * math.sin(heading) + left * math.sin(heading + math.pi / 2),
@@ -97,6 +103,11 @@ def read_distances(beacons: Sequence[tuple[float, float]], arm: tuple[float, flo
 def read_yaw_rate(pose, twist, own):
     """The yaw rate, and the bias where it is a nuisance."""
     return [twist[2] + sum(own)]
+
+
+def read_trailer_angle(pose, twist, own):
+    """The trailer's angle, and the encoder's bias where it is a nuisance."""
+    return [pose[3] + sum(own)]
 
 
 POSE_COVARIANCE = np.array([[4.0, 1.0, -2.0], [1.0, 2.0, 0.5], [-2.0, 0.5, 90.0]]) * 1e-6
@@ -257,6 +268,34 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             periods=True,
         ),
     ),
+    "trailer_angle": (
+        Example(
+            "trailer_angle",
+            TrailerAngle(noise=0.01),
+            read_trailer_angle,
+            constant(0.01),
+            states=("trailer_angle",),
+        ),
+        Example(
+            "trailer_angle_with_bias",
+            TrailerAngle(noise=0.02, bias="unknown", initial_pose="known", every=2),
+            read_trailer_angle,
+            constant(0.02),
+            own=((0.0, UNKNOWN),),
+            start=(KNOWN,) * 3,
+            every=2,
+            states=("trailer_angle",),
+        ),
+        Example(
+            "trailer_angle_known_roughly",
+            TrailerAngle(noise=0.01, bias=0.005, initial_pose={"position": 0.01, "heading": 0.1}),
+            read_trailer_angle,
+            constant(0.01),
+            own=((0.0, 0.005),),
+            start=(0.01, 0.01, 0.1),
+            states=("trailer_angle",),
+        ),
+    ),
 }
 
 SENSOR_EXAMPLES = [example for examples in EXAMPLES.values() for example in examples]
@@ -272,11 +311,11 @@ Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 def motion_by_parameters(robot: robots.Example) -> Motion:
     """A robot's twist for inputs and any values of its parameters; of unlisted robots by the package."""
-    if robot.model.kind in ("differential_drive", "skid_steer"):
+    if robot.model.kind in ("differential_drive", "skid_steer", "tractor_trailer"):
 
         def motion(inputs, parameters):
             right, left, track, *slips = parameters
-            speeds = oracle.skid_speeds(inputs, *slips) if slips else inputs
+            speeds = oracle.skid_speeds(inputs, *slips) if robot.model.kind == "skid_steer" else inputs
             return oracle.differential_twist(speeds, right, left, track)
 
         return motion
@@ -305,7 +344,8 @@ class Experiment:
         parameters: nominal values, (p,).
         sensors: used together.
         inputs: (N, inputs).
-        start: initial pose (3,).
+        start: initial state.
+        internal: of a robot with further states, their values after one step.
         rule: "arc" or "midpoint".
         period: [s].
     """
@@ -317,19 +357,32 @@ class Experiment:
     start: Sequence[float]
     rule: str
     period: float = PERIOD
+    internal: Callable[..., np.ndarray] | None = None
 
     def readings(self, values: np.ndarray) -> np.ndarray:
         """All readings (rows,) for parameters, initial pose and the sensors' nuisances, stacked."""
         size = len(self.parameters)
         twists = np.array([self.motion(row, values[:size]) for row in self.inputs])
-        poses = oracle.roll_out(twists, values[size : size + 3], self.period, self.rule)
-        rows, begin = [], size + 3
+        begin = size + len(self.start)
+        poses = oracle.roll_out(twists, values[size:begin], self.period, self.rule)
+        if self.internal is not None:
+            poses = np.column_stack([poses, self._further(poses, twists, values[:begin])])
+        rows = []
         for sensor in self.sensors:
             own = values[begin : (begin := begin + len(sensor.own))].tolist()
             for index in sensor.moments(len(twists)):
                 # At the last sample's instant the inputs are those held until then.
                 rows.append(sensor.read(poses[index], twists[min(index, len(twists) - 1)], own))
         return np.concatenate(rows)
+
+    def _further(self, poses: np.ndarray, twists: np.ndarray, values: np.ndarray) -> np.ndarray:
+        # The states after the pose, (N + 1, states - 3).
+        size = len(self.parameters)
+        further = [values[size + 3 :]]
+        for pose, twist in zip(poses, twists, strict=False):
+            state = np.concatenate([pose, further[-1]])
+            further.append(self.internal(state, twist, self.period, values[:size], steps=40))
+        return np.array(further)
 
     @cached_property
     def nominal(self) -> np.ndarray:
@@ -355,6 +408,8 @@ class Experiment:
         """Standard deviations known beforehand of all values, none of the parameters."""
         starts = [sensor.start for sensor in self.sensors if sensor.start]
         start = starts[0] if starts else (KNOWN,) * 3
+        # Of a trailer's angle as much is known as of the heading.
+        start = (*start, *start[2:] * (len(self.start) - 3))
         own = [deviation for sensor in self.sensors for _, deviation in sensor.own]
         return np.array([*[UNKNOWN] * len(self.parameters), *start, *own])
 

@@ -80,7 +80,7 @@ def test_further_states_are_the_oracles(example: Example):
     straight, spin, rest = [5.0, 5.0], [4.0, -4.0], [0.0, 0.0]
     for inputs in [*draw_inputs(rng, 20, example.model), straight, spin, rest]:
         state = rng.uniform(-2, 2, len(example.model.states))
-        expected = example.internal(state, example.twist(inputs), 0.4)
+        expected = example.internal(state, example.twist(inputs), 0.4, np.array(example.model.nominal))
         found = next_pose(example.model, "arc", state, inputs, 0.4)
         np.testing.assert_allclose(found[3:], expected, rtol=0, atol=1e-9)
 

@@ -12,14 +12,14 @@ from oed.models.wheels import COEFFICIENT_NAMES, TWO_WHEEL_SPEEDS, TwoSidedGeome
 from oed.quantities import Length
 
 
-class DifferentialDriveWithOffset(TwoSidedGeometry, Model):
+class OffsetDrive(TwoSidedGeometry, Model):
     """Two driven wheels, tracked at a point `sensor_offset` [m] to the left of the middle of their axle.
 
     That point's forward speed is V - Omega * offset: all four coefficients are independent of each other,
     so linear least squares tells radii, track and offset.
     """
 
-    kind: Literal["differential_drive_with_offset"] = "differential_drive_with_offset"
+    kind: Literal["offset_drive"] = "offset_drive"
     sensor_offset: Length = 0.0
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES

@@ -1,0 +1,122 @@
+"""The everyday paths as lists of moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+FULL_TURN = 2 * math.pi
+RIGHT_ANGLE = FULL_TURN / 4
+SLALOM_ANGLE = FULL_TURN / 12
+"""Heading [rad] at which a slalom crosses its middle line."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """One move from rest to rest with a constant ratio of its speeds.
+
+    Attributes:
+        forward: distance along the robot [m], backwards negative.
+        turn: change of heading [rad], to the left positive.
+        sideways: distance across the robot [m], to the left positive.
+    """
+
+    forward: float
+    turn: float
+    sideways: float = 0.0
+
+    @property
+    def on_the_spot(self) -> bool:
+        """Whether the robot's origin stays where it is."""
+        return self.forward == 0 and self.sideways == 0
+
+
+Pattern = Callable[[float, int], list[Move]]
+"""The moves of one lap: its size [m] and its number, from 0."""
+
+
+def straight(size: float, lap: int) -> list[Move]:
+    """There; on the next lap, back."""
+    return [Move(-size if lap % 2 else size, 0.0)]
+
+
+def circle(size: float, lap: int) -> list[Move]:
+    """A full circle of diameter `size`, to the left."""
+    return [Move(math.pi * size, FULL_TURN)]
+
+
+def square(size: float, lap: int) -> list[Move]:
+    """A square in both directions, spinning at the corners [Borenstein and Feng, UMBmark, 1995]."""
+    left = [Move(size, 0.0), Move(0.0, RIGHT_ANGLE)] * 4
+    right = [Move(size, 0.0), Move(0.0, -RIGHT_ANGLE)] * 4
+    return left + right
+
+
+def rounded_square(size: float, lap: int) -> list[Move]:
+    """A square of width `size` in both directions whose corners are quarter circles of radius size / 4."""
+    corner = RIGHT_ANGLE * size / 4
+    left = [Move(size / 2, 0.0), Move(corner, RIGHT_ANGLE)] * 4
+    right = [Move(size / 2, 0.0), Move(corner, -RIGHT_ANGLE)] * 4
+    return left + right
+
+
+def figure_eight(size: float, lap: int) -> list[Move]:
+    """A circle to the left, then one to the right, of diameter `size` each."""
+    return [Move(math.pi * size, FULL_TURN), Move(math.pi * size, -FULL_TURN)]
+
+
+def slalom(size: float, lap: int) -> list[Move]:
+    """A bend to the left of a line, then one to its right, of overall length `size`; next lap, back.
+
+    All arcs have the same radius, and the heading ends as it began.
+    """
+    radius = size / (8 * math.sin(SLALOM_ANGLE))
+    angles = [SLALOM_ANGLE * turn for turn in (1, -2, 1, -1, 2, -1)]
+    arcs = [Move(radius * abs(angle), angle) for angle in angles]
+    return [Move(-arc.forward, -arc.turn) for arc in reversed(arcs)] if lap % 2 else arcs
+
+
+def straight_and_spin(size: float, lap: int) -> list[Move]:
+    """There, a full turn on the spot, back, and the turn undone."""
+    return [Move(size, 0.0), Move(0.0, FULL_TURN), Move(-size, 0.0), Move(0.0, -FULL_TURN)]
+
+
+def sideways_straight(size: float, lap: int) -> list[Move]:
+    """To the left without turning; on the next lap, back."""
+    return [Move(0.0, 0.0, -size if lap % 2 else size)]
+
+
+def sideways_square(size: float, lap: int) -> list[Move]:
+    """A square without turning: forward, left, back, right; then the other way round."""
+    forward, left = Move(size, 0.0), Move(0.0, 0.0, size)
+    back, right = Move(-size, 0.0), Move(0.0, 0.0, -size)
+    return [forward, left, back, right, left, forward, right, back]
+
+
+PATTERNS: dict[str, Pattern] = {
+    "straight": straight,
+    "circle": circle,
+    "square": square,
+    "rounded_square": rounded_square,
+    "figure_eight": figure_eight,
+    "slalom": slalom,
+    "straight_and_spin": straight_and_spin,
+    "sideways_straight": sideways_straight,
+    "sideways_square": sideways_square,
+}
+BaselineName = Literal[
+    "straight",
+    "circle",
+    "square",
+    "rounded_square",
+    "figure_eight",
+    "slalom",
+    "straight_and_spin",
+    "sideways_straight",
+    "sideways_square",
+    "random",
+]
+NAMES: tuple[str, ...] = get_args(BaselineName)
+RANDOM = "random"

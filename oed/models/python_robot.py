@@ -1,0 +1,126 @@
+"""A robot of the user's own, named in a study by where its class stands."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from functools import cached_property
+from typing import Any, Literal
+
+from pydantic import ConfigDict, ValidationError, model_validator
+
+from oed.expression import Expression
+from oed.models.model import Input, Model, Parameter
+
+
+class PythonRobot(Model):
+    """The robot that `object` ("my_module:MyRobot") makes of all further keys; a `Model` of the user's own.
+
+    Attributes:
+        object: module and class.
+        folder: where the module is looked for besides Python's own path; a study's folder by default.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    kind: Literal["python"] = "python"
+    object: str
+    folder: str | None = None
+
+    @model_validator(mode="after")
+    def _made(self) -> PythonRobot:
+        _ = self.robot
+        return self
+
+    @cached_property
+    def robot(self) -> Model:
+        """The robot itself.
+
+        Raises:
+            ValueError: no such module or class, or keys that it does not take.
+        """
+        found = _class_of(self.object, self.folder)
+        own = {"body_radius": self.body_radius} if "body_radius" in self.model_fields_set else {}
+        try:
+            return found(**own, **(self.model_extra or {}))
+        except ValidationError as error:
+            reasons = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
+            raise ValueError(f"{self.object} cannot be made: {'; '.join(reasons)}") from None
+        except TypeError as error:
+            raise ValueError(f"{self.object} cannot be made: {error}") from None
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """The robot's inputs."""
+        return self.robot.inputs
+
+    @property
+    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The robot's states."""
+        return self.robot.states
+
+    @property
+    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Their units."""
+        return self.robot.state_units
+
+    @property
+    def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
+        """The robot's coefficient names."""
+        return self.robot.coefficient_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The robot's parameters."""
+        return self.robot.parameters
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The robot's matrix c."""
+        return self.robot.coefficients(parameters)
+
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
+        """The robot's own."""
+        return self.robot.effective_inputs(inputs, parameters)
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The robot's own."""
+        return self.robot.internal_step(state, twist, parameters, period)
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """The robot's own."""
+        return self.robot.twist(inputs, parameters)
+
+    def __hash__(self) -> int:
+        """By the robot that is made."""
+        return hash((self.object, self.body_radius, self.robot))
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Without the robot, which a worker makes again where it finds the module."""
+        state = super().__getstate__()
+        kept = {key: value for key, value in state["__dict__"].items() if key != "robot"}
+        return {**state, "__dict__": kept}
+
+
+def _class_of(place: str, folder: str | None) -> type[Model]:
+    module_name, colon, name = place.partition(":")
+    if not colon or not module_name or not name:
+        raise ValueError(f"expected module:Class, got {place!r}")
+    if folder is not None and folder not in sys.path:
+        sys.path.append(folder)
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        if error.name != module_name.partition(".")[0]:
+            raise ValueError(f"{module_name} cannot be imported: {error}") from None
+        where = f"in {folder} and " if folder is not None else ""
+        raise ValueError(f"no module {module_name} {where}on Python's path") from None
+    except Exception as error:
+        raise ValueError(f"{module_name} cannot be imported: {type(error).__name__}: {error}") from None
+    found = getattr(module, name, None)
+    if found is None:
+        raise ValueError(f"{module_name} has no {name}")
+    if not isinstance(found, type) or not issubclass(found, Model):
+        raise ValueError(f"{place} is no robot: expected a class that inherits from oed.Model")
+    return found
