@@ -88,7 +88,7 @@ def test_rooms_that_cannot_be_read(room: str):
 
 
 def test_a_room_smaller_than_the_robot_is_said():
-    with pytest.raises(StudyError, match="lies outside the workspace"):
+    with pytest.raises(StudyError, match="too small for a robot of radius"):
         starter(Choice("husky", room="1 m x 1 m"))
 
 
@@ -139,7 +139,7 @@ class TestCommand:
         [
             ([], "give --robot, one of create_3"),
             (["--robot", "hovercraft"], "expected a robot of"),
-            (["--robot", "husky", "--room", "1 m x 1 m"], "outside the workspace"),
+            (["--robot", "husky", "--room", "1 m x 1 m"], "too small for a robot"),
             (["--robot", "ackermann", "--size", "wheelbse=1 m"], "did you mean wheelbase?"),
             (["--robot", "ackermann", "--size", "wheelbase=1 s"], "expected a length"),
         ],

@@ -8,14 +8,18 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from oed.limits.limit import BareLimit, Rows, TwoSided
-from oed.models.model import moves_sideways
+from oed.errors import Flaw
+from oed.limits.limit import BareLimit, Rows, TwoSided, magnitude, rest_flaws
+from oed.models.model import Model, moves_sideways
 from oed.quantities import Length, Unit
 from oed.rollout import Drive
+from oed.trajectory import DesignSpace
 
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
+CREEP = 2e-3
+"""Speed [m/s] per metre of turning radius by which a robot may be too slow for its yaw rate."""
 SOFT = 1e-3
-"""Speed [m/s] over which the corner of a magnitude at rest is rounded, for optimisers."""
+"""Speed [m/s] over which the corner of a speed at rest is rounded, for optimisers."""
 
 
 class BodySpeed(BareLimit):
@@ -34,10 +38,14 @@ class BodySpeed(BareLimit):
         size = max(abs(low), abs(high))
         if not moves_sideways(drive.model):
             return Rows(forward, np.full(count, low), np.full(count, high), size, "m/s")
-        whole = ca.sqrt(forward**2 + drive.motion[:, 1] ** 2 + SOFT**2) - SOFT
+        whole = magnitude(forward, drive.motion[:, 1], size)
         lower, upper = np.full(2 * count, low), np.full(2 * count, high)
         lower[count:], upper[count:] = -np.inf, size
         return Rows(ca.vertcat(forward, whole), lower, upper, size, "m/s")
+
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """Bounds that exclude rest."""
+        return rest_flaws(self, [self.bounds], "m/s", space)
 
 
 class YawRate(BareLimit):
@@ -57,6 +65,10 @@ class YawRate(BareLimit):
             "rad/s",
         )
 
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """Bounds that exclude rest."""
+        return rest_flaws(self, [self.bounds], "rad/s", space)
+
 
 class LateralAcceleration(BareLimit):
     """Speed times yaw rate at most `bounds` [m/s^2] to either side: what keeps tyres from slipping."""
@@ -65,25 +77,20 @@ class LateralAcceleration(BareLimit):
     bounds: Annotated[Acceleration, Field(gt=0)]
 
     def rows(self, drive: Drive) -> Rows:
-        """Acceleration across the path, forward (and lateral) speed times yaw rate, at every time checked."""
+        """Acceleration across the path at every time checked; its magnitude, where there is lateral speed."""
         forward, lateral, yaw_rate = (drive.motion[:, column] for column in range(3))
-        across = [forward * yaw_rate]
+        across = forward * yaw_rate
         if moves_sideways(drive.model):
-            across.append(lateral * yaw_rate)
-        count = len(across) * drive.motion.shape[0]
-        return Rows(
-            ca.vertcat(*across),
-            np.full(count, -self.bounds),
-            np.full(count, self.bounds),
-            self.bounds,
-            "m/s^2",
-        )
+            across = magnitude(across, lateral * yaw_rate, self.bounds)
+        bound = np.full(drive.motion.shape[0], self.bounds)
+        return Rows(across, -bound, bound, self.bounds, "m/s^2")
 
 
 class TurningRadius(BareLimit):
     """Turns no tighter than radius `bounds` [m]: speed at least that many times the yaw rate.
 
-    Its margin is in m/s: how much faster the robot is than its yaw rate needs.
+    Its margin is in m/s: how much faster the robot is than its yaw rate needs, with `CREEP` to spare, so
+    that a robot at rest does not count as turning too tightly.
     """
 
     name: ClassVar[str] = "turning_radius"
@@ -95,4 +102,5 @@ class TurningRadius(BareLimit):
         speed = ca.sqrt(forward**2 + lateral**2 + SOFT**2)
         needed = ca.sqrt((self.bounds * yaw_rate) ** 2 + SOFT**2)
         count = drive.motion.shape[0]
-        return Rows(speed - needed, np.zeros(count), np.full(count, np.inf), self.bounds, "m/s")
+        spare = np.full(count, -CREEP * self.bounds)
+        return Rows(speed - needed, spare, np.full(count, np.inf), self.bounds, "m/s")

@@ -66,5 +66,5 @@ class EndHeading(Limit):
         """Twice the sine of half the difference, of every run: the difference itself where it is small."""
         first, last = drive.ends_of(drive.path)
         difference = last[:, 2] - (first[:, 2] if self.at == "start" else self.at)
-        bound = np.full(drive.runs, self.tolerance)
+        bound = np.full(drive.runs, 2 * np.sin(min(self.tolerance, np.pi) / 2))
         return Rows(2 * ca.sin(difference / 2), -bound, bound, self.tolerance, "rad")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -22,6 +22,9 @@ from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
 Array = npt.NDArray[np.float64]
+
+ROUNDED = 1e-3
+"""Share of a magnitude's limit over which its corner at 0 is rounded."""
 
 
 @dataclass(frozen=True)
@@ -167,15 +170,25 @@ class InputLimit(Limit, ABC):
         return Rows(ca.vec(columns), low, high, float(np.abs(pairs).max()), self.unit)
 
 
-def rest_flaws(limit: InputLimit, model: Model, space: DesignSpace) -> list[Flaw]:
-    """Bounds that exclude 0 where every input begins and ends there."""
+def rest_flaws(
+    limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: DesignSpace
+) -> list[Flaw]:
+    """Bounds that exclude 0 where everything begins and ends there."""
     if not space.rest_to_rest:
         return []
     return [
         Flaw(
             ("limits", limit.name),
-            f"[{low:g}, {high:g}] {limit.unit} excludes 0, which trajectory.rest_to_rest needs",
+            f"[{low:g}, {high:g}] {unit} excludes 0, which trajectory.rest_to_rest needs",
         )
-        for low, high in dict.fromkeys(limit.bounds_by_name(model).values())
+        for low, high in dict.fromkeys(pairs)
         if not low <= 0 <= high
     ]
+
+
+def magnitude(first: Expression, second: Expression, size: float) -> Expression:
+    """The length of vectors (first, second), exact at `size`; rounded at 0, for optimisers, where it is more
+    by at most a thousandth of `size`.
+    """
+    soft = ROUNDED * size
+    return ca.sqrt(first**2 + second**2 + soft**2) + (size - float(np.hypot(size, soft)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -20,18 +21,17 @@ Array = npt.NDArray[np.float64]
 Point = tuple[float, float]
 
 SLIVER = 1e-9
-"""Share of a shape's area below which a piece of it is rounding."""
+"""Share of a shape's area (or length) below which a piece of it (or a bend) is rounding."""
 SOFT = 1e-6
 """Distance [m] over which the corner of a distance to a point is rounded."""
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A half-plane normal @ p >= offset, with a unit normal inwards; virtual where no wall stands there."""
+    """A half-plane normal @ p >= offset, with a unit normal inwards."""
 
     normal: Point
     offset: float
-    virtual: bool
 
     def clearance(self, points: Expression) -> Expression:
         """Distance (G, 1) of points (G, 2) from it, positive inside."""
@@ -73,14 +73,22 @@ def polygon_flaw(points: Sequence[Point]) -> str:
     """What keeps points from being the corners of a polygon; "" if nothing."""
     import shapely
 
+    hull = shapely.MultiPoint(points).convex_hull
+    if hull.area <= SLIVER * hull.length**2:
+        return "expected corners that enclose an area, got corners on a line"
     shape = shapely.Polygon(points)
     if not shapely.is_valid(shape):
-        return f"expected an outline that does not cross itself: {shapely.is_valid_reason(shape)}"
-    return "" if shape.area > 0 else "expected corners that enclose an area"
+        reason = shapely.is_valid_reason(shape)
+        return f"expected an outline that neither crosses nor touches itself, got {reason}"
+    return ""
 
 
 def walls_and_pockets(points: Sequence[Point]) -> tuple[tuple[Wall, ...], tuple[ConvexShape, ...]]:
-    """A room of any outline: its hull's walls, and the convex pieces of what the hull has too much."""
+    """A room of any outline: its hull's walls, and the convex pieces of what the hull has too much.
+
+    The least distance from all of them is that from the outline: where the hull's edge is no wall of the
+    room, the pocket is closer.
+    """
     import shapely
 
     room = shapely.Polygon(points)
@@ -88,18 +96,59 @@ def walls_and_pockets(points: Sequence[Point]) -> tuple[tuple[Wall, ...], tuple[
     corners = _corners(hull)
     walls = []
     for begin, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge = end - begin
-        normal = np.array([-edge[1], edge[0]]) / np.hypot(*edge)
-        # Along a pocket the hull's edge is no wall of the room.
-        along = shapely.LineString([begin, end]).intersection(room.exterior).length
-        walls.append(
-            Wall(
-                (float(normal[0]), float(normal[1])),
-                float(normal @ begin),
-                virtual=along < (1 - 1e-6) * float(np.hypot(*edge)),
-            )
-        )
-    return tuple(walls), convex_pieces(hull.difference(room), SLIVER * hull.area)
+        normal = _left_of(begin, end)
+        walls.append(Wall((float(normal[0]), float(normal[1])), float(normal @ begin)))
+    least = SLIVER * hull.area
+    pockets = [part for part in shapely.get_parts(hull.difference(room)) if part.area > least]
+    return tuple(walls), tuple(
+        piece for part in pockets for piece in seamless(convex_pieces(_opened(part, hull), least))
+    )
+
+
+def seamless(pieces: Sequence[ConvexShape]) -> tuple[ConvexShape, ...]:
+    """The pieces, and one across every line where two of them meet.
+
+    A point on such a line is on the edge of both, which alone would let a robot without a body pass along it.
+    """
+    import shapely
+
+    shapes = [shapely.Polygon(piece.corners) for piece in pieces]
+    across = []
+    for first, second in combinations(shapes, 2):
+        seam = first.intersection(second)
+        if seam.length <= SLIVER * first.length:
+            continue
+        begin, end = shapely.get_coordinates(seam)[[0, -1]]
+        middle = (begin + end) / 2
+        reach = _left_of(begin, end) * (first.length + second.length)
+        rays = (shapely.LineString([middle, middle + reach]), shapely.LineString([middle, middle - reach]))
+        tips = [ray.intersection(shapely.union(first, second)) for ray in rays]
+        corners = shapely.union_all([seam, *tips]).convex_hull
+        across.append(ConvexShape(tuple((float(x), float(y)) for x, y in _corners(corners))))
+    return (*pieces, *across)
+
+
+def _left_of(begin: Array, end: Array) -> Array:
+    # The unit vector to the left of the way from one point to another.
+    ahead = end - begin
+    return np.asarray(np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead))
+
+
+def _opened(pocket: object, hull: object) -> object:
+    # Together with something beyond the hull's edges along it, so that no point on them is allowed.
+    import shapely
+
+    edges = shapely.intersection(shapely.boundary(hull), shapely.boundary(pocket))
+    lines = [part for part in shapely.get_parts(edges) if part.length > 0]
+    beyond = []
+    for line in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))):
+        begin, end = shapely.get_coordinates(line)[[0, -1]]
+        inwards = _left_of(begin, end)
+        if inwards @ (shapely.get_coordinates(shapely.centroid(hull))[0] - begin) < 0:
+            inwards = -inwards
+        tip = (begin + end) / 2 - inwards * shapely.length(line) / 2
+        beyond.append(shapely.Polygon([begin, end, tip]))
+    return shapely.union_all([pocket, *beyond])
 
 
 def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
@@ -109,7 +158,8 @@ def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
     """
     import shapely
 
-    parts = [part for part in shapely.get_parts(shape) if part.area > least]
+    # A corner on a straight line would be one more for triangles to begin at.
+    parts = [part for part in shapely.get_parts(_simple(shape)) if part.area > least]
     triangles = [
         triangle
         for part in parts
@@ -118,13 +168,14 @@ def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
     ]
     pieces: list[object] = []
     for triangle in triangles:
-        joined = triangle
-        for place, piece in enumerate(pieces):
-            union = shapely.union(piece, joined)
+        joined, place = triangle, 0
+        while place < len(pieces):
+            union = shapely.union(pieces[place], joined)
+            place += 1
             if abs(union.convex_hull.area - union.area) <= 1e-9 * union.area:
                 joined = union.convex_hull
-                del pieces[place]
-                break
+                del pieces[place - 1]
+                place = 0
         pieces.append(joined)
     return tuple(ConvexShape(tuple((float(x), float(y)) for x, y in _corners(piece))) for piece in pieces)
 
@@ -140,8 +191,14 @@ def middle_of(points: Sequence[Point]) -> Point:
 
 
 def _corners(shape: object) -> Array:
-    # Counter-clockwise, the first one not repeated, none on a straight line between its neighbours.
+    # Counter-clockwise, the first one not repeated.
     import shapely
 
-    simple = shapely.simplify(shape, 0.0)
-    return np.asarray(shapely.get_coordinates(shapely.orient_polygons(simple))[:-1])
+    return np.asarray(shapely.get_coordinates(shapely.orient_polygons(_simple(shape)))[:-1])
+
+
+def _simple(shape: object) -> object:
+    # Without corners on a straight line between their neighbours, to rounding.
+    import shapely
+
+    return shapely.simplify(shape, SLIVER * shapely.length(shape))

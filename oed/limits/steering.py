@@ -31,7 +31,10 @@ class SteeringAngle(InputLimit):
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """No steering, bounds without 0 where it begins and ends there, or beyond the model's equations."""
         flaws = super().flaws(model, space)
-        return flaws or rest_flaws(self, model, space) + self._beyond(model)
+        if flaws:
+            return flaws
+        pairs = self.bounds_by_name(model).values()
+        return rest_flaws(self, pairs, self.unit, space) + self._beyond(model)
 
     def _beyond(self, model: Model) -> list[Flaw]:
         below = {entry.name: entry.below for entry in model.inputs}

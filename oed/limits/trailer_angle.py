@@ -28,7 +28,12 @@ class TrailerAngle(BareLimit):
         return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """A robot without a trailer."""
-        if STATE in model.states:
+        """A robot without a trailer, or bounds that exclude 0, where every run begins."""
+        low, high = self.bounds
+        if STATE not in model.states:
+            text = f"{model.kind} has no trailer"
+        elif not low <= 0 <= high:
+            text = f"[{low:g}, {high:g}] rad excludes 0, where every run begins"
+        else:
             return []
-        return [Flaw(("limits", self.name), f"{model.kind} has no trailer")]
+        return [Flaw(("limits", self.name), text)]

@@ -29,7 +29,8 @@ class WheelSpeed(InputLimit):
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """No wheels, or bounds that exclude rest."""
-        return super().flaws(model, space) or rest_flaws(self, model, space)
+        flaws = super().flaws(model, space)
+        return flaws or rest_flaws(self, self.bounds_by_name(model).values(), self.unit, space)
 
     def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """The bounds of every wheel."""

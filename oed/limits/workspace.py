@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from oed.component import Component, OneOf
 from oed.errors import Flaw
 from oed.expression import Expression
-from oed.limits.limit import Limit, Rows
+from oed.limits.limit import Limit, Rows, magnitude
 from oed.limits.shapes import (
     ConvexShape,
     Point,
@@ -21,6 +21,7 @@ from oed.limits.shapes import (
     convex_pieces,
     middle_of,
     polygon_flaw,
+    seamless,
     walls_and_pockets,
 )
 from oed.models.model import Model
@@ -30,8 +31,6 @@ from oed.trajectory import DesignSpace
 
 Extent = tuple[float, float, float, float]
 Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3)]
-ROUNDED = 1e-3
-"""Share of a circle's radius over which the corner of the distance from its centre is rounded."""
 
 
 class Area(Limit):
@@ -86,6 +85,13 @@ class Workspace(Area):
         x_min, x_max, y_min, y_max = self.extent
         return (x_min + x_max) / 2, (y_min + y_max) / 2
 
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """A fixed start outside, a robot larger than the room."""
+        if not self.allows(*self.middle, model.body_radius):
+            text = f"the room is too small for a robot of radius {model.body_radius:g} m"
+            return [Flaw(("limits", self.name), text)]
+        return super().flaws(model, space)
+
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start outside."""
         x_min, x_max, y_min, y_max = self.extent
@@ -138,7 +144,8 @@ class Circle(Workspace):
 
     def rows_at(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from the circle's line; the size is its radius."""
-        clearance, count = self.radius - _distance(points, self.x, self.y, self.radius), points.shape[0]
+        away = magnitude(points[:, 0] - self.x, points[:, 1] - self.y, self.radius)
+        clearance, count = self.radius - away, points.shape[0]
         return Rows(clearance, np.full(count, radius), np.full(count, np.inf), self.radius, "m")
 
 
@@ -169,17 +176,18 @@ class Polygon(Workspace):
         return walls_and_pockets(self.points)
 
     def rows_at(self, points: Expression, radius: float) -> Rows:
-        """Distance of every point from every wall; the size is the shorter half of the bounding box."""
+        """Distance of every point from every wall and pocket; the size is half the bounding box's shorter
+        side.
+        """
         walls, pockets = self._parts
         count = points.shape[0]
         clearances = [wall.clearance(points) for wall in walls]
         clearances += [pocket.clearance(points) for pocket in pockets]
-        least = [0.0 if wall.virtual else radius for wall in walls] + [radius] * len(pockets)
         x_min, x_max, y_min, y_max = self.extent
         return Rows(
             ca.vertcat(*clearances),
-            np.repeat(least, count),
-            np.full(count * len(least), np.inf),
+            np.full(count * len(clearances), radius),
+            np.full(count * len(clearances), np.inf),
             min(x_max - x_min, y_max - y_min) / 2,
             "m",
         )
@@ -213,7 +221,7 @@ class CircularObstacle(Obstacle):
 
     def clearances(self, points: Expression) -> list[Expression]:
         """Distance from its line."""
-        return [_distance(points, self.x, self.y, self.radius) - self.radius]
+        return [magnitude(points[:, 0] - self.x, points[:, 1] - self.y, self.radius) - self.radius]
 
     @property
     def size(self) -> float:
@@ -236,7 +244,7 @@ class PolygonalObstacle(Obstacle):
     def _pieces(self) -> tuple[ConvexShape, ...]:
         import shapely
 
-        return convex_pieces(shapely.Polygon(self.points))
+        return seamless(convex_pieces(shapely.Polygon(self.points)))
 
     def clearances(self, points: Expression) -> list[Expression]:
         """Distance from each convex piece."""
@@ -274,13 +282,6 @@ class Obstacles(Area):
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start inside one."""
         return f"{where} touches an obstacle{_keeping(radius)}; move the start or the obstacle"
-
-
-def _distance(points: Expression, x: float, y: float, radius: float) -> Expression:
-    # From a point, exact at `radius`; rounded at the point itself, for optimisers.
-    soft = ROUNDED * radius
-    away = ca.sqrt((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2 + soft**2)
-    return away + (radius - float(np.hypot(radius, soft)))
 
 
 def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import casadi as ca
 from pydantic import Field
@@ -26,11 +26,16 @@ class Ackermann(Model):
     wheelbase: PositiveLength
     steering_offset: Angle = 0.0
     steering_gain: Annotated[Ratio, Field(gt=0)] = 1.0
-    inputs: ClassVar[tuple[Input, ...]] = (
-        Input("wheel_speed", "wheel_speed", "rad/s"),
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """Speed of the rear wheels, steering angle commanded."""
         # Wheels that stand across the robot do not let it roll.
-        Input("steering_angle", "steering_angle", "rad", below=pi / 2),
-    )
+        most = (pi / 2 - abs(self.steering_offset)) / self.steering_gain
+        return (
+            Input("wheel_speed", "wheel_speed", "rad/s"),
+            Input("steering_angle", "steering_angle", "rad", below=most),
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
