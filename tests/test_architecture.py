@@ -26,7 +26,7 @@ FLOORS: tuple[set[str], ...] = (
     {"solvers", "baselines", "bounds"},
     {"estimators"},
     {"validation"},
-    {"study", "study_errors", "yaml_source", "record", "path_file", "runner"},
+    {"study", "presets", "starter", "study_errors", "yaml_source", "record", "path_file", "runner"},
     {"report"},
     {"cli", "console", "__init__", "__main__"},
 )
@@ -34,7 +34,7 @@ FLOORS: tuple[set[str], ...] = (
 
 FLOOR = {part: level for level, parts in enumerate(FLOORS) for part in parts}
 CASADI_FLOORS = range(FLOOR["models"], FLOOR["solvers"] + 1)
-FIGURE_MODULES = {"oed.report.figures", "oed.report.panels"}
+FIGURE_MODULES = {f"oed.report.{name}" for name in ("figures", "panels", "path_figures", "path_panels")}
 
 
 def module_name(path: Path) -> str:

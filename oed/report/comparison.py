@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from oed.record import Record
+from oed.report.driven import Path as DrivenPath
+from oed.report.driven import path_of
 from oed.report.page import render
-from oed.report.reading import Path as DrivenPath
-from oed.report.reading import beacons, is_regression, path_of, value
+from oed.report.reading import is_regression, value, whole_duration
+from oed.report.rooms import room_of
 from oed.report.section import Picture, Section
 from oed.report.tables import Cell, Column, Table, fixed, significant
 from oed.report.wording import count, words
@@ -70,7 +72,7 @@ def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
         _criterion(study["criterion"]),
         None if best is None else str(best["name"]),
         *numbers,
-        float(study["trajectory"]["duration"]),
+        whole_duration(record),
         None if best is None else value(best, "path_length"),
     )
 
@@ -131,14 +133,14 @@ def _paths(records: Sequence[Named]) -> Section | None:
 
 
 def _picture(index: int, name: str, record: Record, path: DrivenPath) -> Picture:
-    draw = partial(_draw, [path], record.data["study"]["limits"].get("workspace"), beacons(record))
+    draw = partial(_draw, [path], room_of(record))
     return Picture(f"path_{index + 1}", f"Path of the best drive of {name}", name, draw)
 
 
-def _draw(paths: Any, workspace: Any, places: Any) -> Any:
-    from oed.report import panels
+def _draw(paths: Any, room: Any) -> Any:
+    from oed.report import path_panels
 
-    return panels.paths(paths, workspace, places)
+    return path_panels.paths(paths, room)
 
 
 def _precision(records: Sequence[Named]) -> Section | None:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.markers import MarkerStyle
-from matplotlib.patches import Circle, Patch, Polygon, Rectangle
-from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from oed.report.reading import NOWHERE, Cloud, Path, Series
+from oed.report.inputs import Series
+from oed.report.reading import Cloud
 from oed.report.wording import unit_text
 
 INK = "#222222"
@@ -26,157 +22,20 @@ LINES = (
     {"color": "#b0588f", "linestyle": (0, (1, 1.3)), "linewidth": 1.7},
 )
 """Styles of a drive's inputs: told apart by dashes and by brightness, not by hue alone."""
-ARROWS = 10
-"""Direction arrows per path at most, at full size."""
-APART = 0.11
-"""Least distance between direction arrows, as a share of the panel's width."""
-MOST_TICKS = 40
-"""Segments beyond which their boundaries are not marked."""
-ARROW = Outline([(-0.9, -0.75), (1.0, 0.0), (-0.9, 0.75), (-0.9, -0.75)], closed=True)
-
-OUTLINES: dict[str, Callable[[Mapping[str, Any]], Patch]] = {
-    "rectangle": lambda area: Rectangle(
-        (area["x"][0], area["y"][0]), area["x"][1] - area["x"][0], area["y"][1] - area["y"][0]
-    ),
-    "circle": lambda area: Circle(area["center"], area["radius"]),
-    "polygon": lambda area: Polygon(area["vertices"], closed=True),
-}
-"""Workspace kind -> its outline, from the study's echo of the workspace."""
 
 
-def speed_colours(boundaries: Sequence[float]) -> tuple[ListedColormap, BoundaryNorm]:
-    """Colours of speed classes, darker for faster, and the norm that picks them."""
-    count = len(boundaries) - 1
-    shades = matplotlib.colormaps["viridis"](np.linspace(0.80, 0.02, count))
-    return ListedColormap(shades), BoundaryNorm(boundaries, count)
-
-
-def plot_workspace(ax: Axes, workspace: Mapping[str, Any] | None) -> Axes:
-    """The workspace as a shaded outline; nothing for none or for a kind without an outline."""
-    make = OUTLINES.get(workspace["kind"]) if workspace else None
-    if make and workspace:
-        patch = make(workspace)
-        patch.set(facecolor="#f4f4f1", edgecolor=FAINT, linewidth=1.0, zorder=0)
-        ax.add_patch(patch)
-    return ax
-
-
-def plot_beacons(ax: Axes, beacons: Any) -> Axes:
-    """Beacons (n, 2) [m] that distances are measured to."""
-    for x, y in beacons:
-        ax.plot(x, y, **BEACON)
-    return ax
-
-
-BEACON: dict[str, Any] = {
-    "marker": "^",
-    "markersize": 7,
-    "markerfacecolor": "#e6c229",
-    "markeredgecolor": INK,
-    "markeredgewidth": 0.9,
-    "linestyle": "none",
-    "zorder": 4,
-}
-
-
-def plot_path(ax: Axes, path: Path, boundaries: Sequence[float], scale: float = 1.0) -> Axes:
-    """A path [m], coloured and widened by speed class, with start, end, direction and segments.
-
-    `scale` shrinks lines and marks, for small panels.
-    """
-    colours, norm = speed_colours(boundaries)
-    classes = norm(np.abs(path.speed))
-    for first, last in _runs(classes):
-        level = int(classes[first])
-        width = scale * (1.3 + 1.9 * level / max(1, colours.N - 1))
-        piece = slice(first, last + 1)
-        ax.plot(path.x[piece], path.y[piece], color=colours(level), linewidth=width, zorder=2)
-    _mark_segments(ax, path, scale)
-    _mark_directions(ax, path, scale)
-    for mark, end in ((START, 0), (END, -1)):
-        ax.plot(path.x[end], path.y[end], **{**mark, "markersize": scale * mark["markersize"]})
-    return ax
-
-
-START: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 9,
-    "markerfacecolor": "white",
-    "markeredgecolor": INK,
-    "markeredgewidth": 1.6,
-    "linestyle": "none",
-    "zorder": 5,
-}
-END: dict[str, Any] = {
-    **START,
-    "marker": "s",
-    "markersize": 5.5,
-    "markerfacecolor": INK,
-    "markeredgewidth": 0.8,
-    "zorder": 6,
-}
-
-
-def _runs(classes: Any) -> list[tuple[int, int]]:
-    # First and last vertex of every stretch of one class: few long lines instead of many short ones.
-    changes = np.flatnonzero(np.diff(classes)) + 1
-    return list(zip([0, *changes], [*changes, len(classes)], strict=True))
-
-
-def _mark_segments(ax: Axes, path: Path, scale: float) -> None:
-    if len(path.edges) >= MOST_TICKS:
-        return
-    x, y, across = path.x[path.edges], path.y[path.edges], path.heading[path.edges] + np.pi / 2
-    for tick_x, tick_y, angle in zip(x, y, across, strict=True):
-        marker = MarkerStyle(Outline([(-1, 0), (1, 0)])).rotated(rad=angle)
-        ax.plot(
-            tick_x,
-            tick_y,
-            marker=marker,
-            markersize=9 * scale,
-            color=INK,
-            markeredgewidth=1.2 * scale,
-            zorder=3,
-        )
-
-
-def _mark_directions(ax: Axes, path: Path, scale: float) -> None:
-    steps = np.hypot(np.diff(path.x), np.diff(path.y))
-    travelled = np.cumsum(steps)
-    if travelled[-1] < NOWHERE:
-        return
-    low, high = ax.get_xlim()
-    count = int(np.clip(travelled[-1] / (APART * (high - low)), 2, scale * ARROWS))
-    wanted = (np.arange(count) + 0.5) / count * travelled[-1]
-    for index in np.unique(np.searchsorted(travelled, wanted)):
-        along = np.array([path.x[index + 1] - path.x[index], path.y[index + 1] - path.y[index]])
-        marker = MarkerStyle(ARROW).rotated(rad=float(np.arctan2(along[1], along[0])))
-        ax.plot(
-            path.x[index] + along[0] / 2,
-            path.y[index] + along[1] / 2,
-            **arrow_style(bool(path.speed[index] >= 0), scale),
-            marker=marker,
-            zorder=4,
-        )
-
-
-def arrow_style(forward: bool, scale: float = 1.0) -> dict[str, Any]:
-    """A direction arrow: filled where the robot drives forwards, hollow where backwards."""
-    face = INK if forward else "white"
-    return {
-        "markersize": 7 * scale,
-        "markerfacecolor": face,
-        "markeredgecolor": INK,
-        "markeredgewidth": 0.9,
-        "linestyle": "none",
-    }
+def line_style(index: int) -> Mapping[str, Any]:
+    """The style of a panel's line of that number, from 0."""
+    return LINES[index % len(LINES)]
 
 
 def plot_series(ax: Axes, series: Series, bounds: tuple[float, float] | None, unit: str) -> Axes:
     """Inputs or their rates over time [s], one line each, and their bounds in `unit`, labelled."""
     style = {"drawstyle": "steps-post"} if series.steps else {}
-    for column, line in zip(series.values.T, LINES, strict=False):
-        ax.plot(series.times, column, **line, **style, zorder=3)
+    for index, column in enumerate(series.values.T):
+        ax.plot(series.times, column, **line_style(index), **style, zorder=3)
+    for end in series.breaks:
+        ax.axvline(end, color=FAINT, linewidth=0.8, zorder=1.5)
     for bound in bounds or ():
         ax.axhline(bound, color=INK, linewidth=0.9, zorder=2)
     if bounds is not None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oed.record import Record
-from oed.report.reading import blocks, is_regression, segments, sensors
+from oed.report.reading import blocks, is_regression, runs_of, segments, sensors
 from oed.report.wording import count, deviation_text, given_text, listing, words
 
 Sensor = Mapping[str, Any]
@@ -20,12 +21,16 @@ def measured_as(record: Record) -> str:
     """`displacements of 10 segments`, `201 poses (x, y and heading)`; "" where nothing is known of it."""
     if is_regression(record):
         parts = segments(record, samples_of(record))
-        return f"the {_regressor(record)} of {count(parts, 'segment')}" if parts else ""
-    return listing([_brief(sensor, samples_of(record)) for sensor in sensors(record)])
+        return f"the {_regressor(record)} of {count(parts, 'segment')}{_each_run(record)}" if parts else ""
+    return f"{listing([_brief(sensor, samples_of(record)) for sensor in sensors(record)])}{_each_run(record)}"
+
+
+def _each_run(record: Record) -> str:
+    return " in each run" if runs_of(record) > 1 else ""
 
 
 def samples_of(record: Record) -> int:
-    """Samples of the designed drives."""
+    """Samples of each run of the designed drives."""
     return int(record.data["study"]["trajectory"]["samples"])
 
 
@@ -61,7 +66,7 @@ def readings_text(record: Record) -> str:
     """All sensors, with when they are read and their noise."""
     samples = samples_of(record)
     sentences = [_sentence(sensor, samples) for sensor in sensors(record)]
-    return f"What is read: {'; '.join(sentences)}."
+    return f"What is read{_each_run(record)}: {'; '.join(sentences)}."
 
 
 def _sentence(sensor: Sensor, samples: int) -> str:
@@ -167,8 +172,9 @@ def _grouped(record: Record) -> dict[str, list[Mapping[str, Any]]]:
     # initial_pose.x, initial_pose.y -> initial_pose; poses.lever_arm.x -> poses.lever_arm; yaw_rate.bias.
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for entry in record.data.get("nuisances", []):
-        name, _, last = str(entry["name"]).rpartition(".")
-        groups.setdefault(name if last in STATE_UNITS else str(entry["name"]), []).append(entry)
+        full = re.sub(r"^initial_pose_\d+\.", "initial_pose_of_each_run.", str(entry["name"]))
+        name, _, last = full.rpartition(".")
+        groups.setdefault(name if last in STATE_UNITS else full, []).append(entry)
     return groups
 
 

@@ -12,22 +12,24 @@ from typing import Any
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import Bbox
 
 from oed.report import figures
-from oed.report.reading import NOWHERE, Cloud, Path, Series
+from oed.report.inputs import Series
+from oed.report.reading import Cloud
 from oed.report.wording import unit_text
 
 WIDTH = 7.2
 """Width of a report's column [inch]."""
 BEYOND = 0.3
 """How far beyond the limits a panel shows a drive that breaks them, as a share of the limits' width."""
+LETTER = 0.072
+"""Width of a letter of a legend [inch]."""
+HANDLE = 0.75
+"""Width of a line before a legend's entry, and of the gap after it [inch]."""
 LONG = 22
 """Letters of a legend's entry beyond which there are fewer of them on a line."""
 APART = 3.0
@@ -90,7 +92,8 @@ class Grid:
             ax.set_ylabel(y if beside else "")
 
 
-def _grid(count: int, columns: int, width: float, panel_height: float, share_y: bool = True) -> Grid:
+def new_grid(count: int, columns: int, width: float, panel_height: float, share_y: bool = True) -> Grid:
+    """A figure of that width [inch] with `count` panels in so many columns."""
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(width, rows * panel_height), layout="constrained")
     shape = figure.subplots(rows, columns, squeeze=False, sharey=share_y)
@@ -100,123 +103,45 @@ def _grid(count: int, columns: int, width: float, panel_height: float, share_y: 
     return Grid(figure, axes[:count])
 
 
-def paths(drives: Sequence[Path], workspace: Mapping[str, Any] | None, beacons: Any = ()) -> Figure:
-    """One panel per drive on one scale, workspace and beacons behind it, speed as colour and width."""
-    boundaries = _speed_classes(drives)
-    box = _view(_extent_of(workspace), drives, beacons)
-    columns = _path_columns(len(drives), box)
-    grid = _grid(len(drives), columns, WIDTH, 3.0)
-    _equal_scales(grid, columns, box)
-    for ax, drive in zip(grid.axes, drives, strict=True):
-        figures.plot_workspace(ax, workspace)
-        figures.plot_beacons(ax, beacons)
-        figures.plot_path(ax, drive, boundaries, scale=(1.0, 0.85, 0.7)[columns - 1])
-        ax.set_title(drive.title, fontsize=(10, 10, 9)[columns - 1])
-    grid.label("x [m]", "y [m]")
-    _speed_bar(grid, boundaries)
-    handles = _path_legend(drives)
-    if len(beacons):
-        handles.append(Line2D([], [], **figures.BEACON, label="beacon"))
-    grid.figure.legend(
-        handles=handles, loc="outside lower center", ncols=6, columnspacing=1.2, handletextpad=0.3
-    )
-    return grid.figure
+def legend_columns(labels: Sequence[str], width: float, handle: float) -> int:
+    """How many entries of a legend fit side by side, at most 6.
 
-
-def _speed_bar(grid: Grid, boundaries: Sequence[float]) -> None:
-    colours, norm = figures.speed_colours(boundaries)
-    share = min(1.0, 3.6 / float(grid.figure.get_size_inches()[1]))
-    bar = ScalarMappable(norm, colours)
-    grid.figure.colorbar(bar, ax=grid.axes, label="speed [m/s]", shrink=share, aspect=22, pad=0.02)
-
-
-def _view(area: Bbox | None, drives: Sequence[Path], beacons: Any = ()) -> Bbox:
-    # All that is feasible, and of beacons and drives that break limits as much as leaves that in sight.
-    marks = [Bbox.from_extents(x, y, x, y) for x, y in beacons]
-    everything = [_extent(drive) for drive in drives] + marks + ([area] if area else [])
-    core = [_extent(drive) for drive in drives if drive.feasible] + ([area] if area else [])
-    if not core:
-        return Bbox.union(everything)
-    box = Bbox.union(core)
-    seen = Bbox.intersection(Bbox.union(everything), box.padded(BEYOND * max(box.width, box.height)))
-    return seen or box
-
-
-def _extent(drive: Path) -> Bbox:
-    return Bbox.from_extents(drive.x.min(), drive.y.min(), drive.x.max(), drive.y.max())
-
-
-def _speed_classes(drives: Sequence[Path]) -> list[float]:
-    fastest = max(float(np.abs(drive.speed).max()) for drive in drives)
-    locator = MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10])
-    return [float(level) for level in locator.tick_values(0.0, fastest if fastest > 0 else 1.0)]
-
-
-def _extent_of(workspace: Mapping[str, Any] | None) -> Bbox | None:
-    if workspace is None or workspace["kind"] not in figures.OUTLINES:
-        return None
-    patch = figures.OUTLINES[workspace["kind"]](workspace)
-    return patch.get_path().transformed(patch.get_patch_transform()).get_extents()
-
-
-def _path_columns(count: int, box: Bbox) -> int:
-    if box.height < 0.45 * box.width:
-        return 1
-    return 1 if count == 1 else 2 if count <= 4 else 3
-
-
-def _equal_scales(grid: Grid, columns: int, box: Bbox) -> None:
-    # One box for all panels; the figure's height follows from its shape.
-    pad = 0.06 * max(box.width, box.height, 1e-3)
-    for ax in grid.axes:
-        ax.set_xlim(box.x0 - pad, box.x1 + pad)
-        ax.set_ylim(box.y0 - pad, box.y1 + pad)
-        ax.set_aspect("equal")
-        ax.xaxis.set_major_locator(MaxNLocator(nbins=4 if columns > 2 else 6, steps=[1, 2, 5, 10]))
-        ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
-    ratio = (box.height + 2 * pad) / (box.width + 2 * pad)
-    width = 5.6 if columns == 1 and ratio > 0.5 else WIDTH
-    panel = (width - 1.4) / columns * min(ratio, 1.6)
-    grid.figure.set_size_inches(width, math.ceil(len(grid.axes) / columns) * (panel + 0.35) + 0.8)
-
-
-def _path_legend(drives: Sequence[Path]) -> list[Line2D]:
-    arrow = MarkerStyle(figures.ARROW)
-    handles = [
-        Line2D([], [], **figures.START, label="start"),
-        Line2D([], [], **figures.END, label="end"),
-    ]
-    if any(np.hypot(np.diff(drive.x), np.diff(drive.y)).sum() >= NOWHERE for drive in drives):
-        handles.append(Line2D([], [], marker=arrow, **figures.arrow_style(True), label="forwards"))
-    if any((drive.speed < 0).any() for drive in drives):
-        handles.append(Line2D([], [], marker=arrow, **figures.arrow_style(False), label="backwards"))
-    if any(0 < len(drive.edges) < figures.MOST_TICKS for drive in drives):
-        tick = {"marker": "|", "markersize": 9, "markeredgewidth": 1.2, "linestyle": "none"}
-        handles.append(Line2D([], [], color=figures.INK, **tick, label="segments meet"))
-    return handles
+    Args:
+        labels: of the entries, which fill column by column.
+        width: of the figure [inch].
+        handle: room that each entry takes beside its text [inch].
+    """
+    for rows in range(math.ceil(len(labels) / 6), len(labels)):
+        columns = math.ceil(len(labels) / rows)
+        filled = np.array_split([len(label) for label in labels], columns)
+        if LETTER * sum(int(letters.max()) for letters in filled) + handle * columns <= width:
+            return columns
+    return 1
 
 
 def series(drives: Sequence[Series], labels: Sequence[str], quantity: str, unit: str, bounds: Any) -> Figure:
     """One panel per drive: its inputs or their rates over time, between their bounds."""
     columns = 1 if len(drives) == 1 else 2
-    grid = _grid(len(drives), columns, WIDTH, 2.5 if columns == 1 else 2.1)
+    grid = new_grid(len(drives), columns, WIDTH, 2.5 if columns == 1 else 2.1)
     for ax, drive in zip(grid.axes, drives, strict=True):
         figures.plot_series(ax, drive, bounds, unit)
         ax.set_title(drive.title)
     low, high = _range(drives, bounds)
     grid.axes[0].set_ylim(low, high)
-    grid.label("time [s]", f"{quantity}\n[{unit_text(unit)}]")
-    handles = [
-        Line2D([], [], **line, label=label) for line, label in zip(figures.LINES, labels, strict=False)
-    ]
-    grid.figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.2)
+    several = any(drive.breaks for drive in drives)
+    time = "time [s], runs one after the other" if several else "time [s]"
+    grid.label(time, f"{quantity}\n[{unit_text(unit)}]" if unit else quantity)
+    handles = [Line2D([], [], **figures.line_style(index), label=label) for index, label in enumerate(labels)]
+    if handles:
+        ncols = min(4, legend_columns(labels, WIDTH, HANDLE))
+        grid.figure.legend(handles=handles, loc="outside upper center", ncols=ncols, handlelength=3.2)
     return grid.figure
 
 
 def _range(drives: Sequence[Series], bounds: tuple[float, float] | None) -> tuple[float, float]:
     # Room beyond the bounds for their labels, and a little for what exceeds them.
-    low = min(float(drive.values.min()) for drive in drives)
-    high = max(float(drive.values.max()) for drive in drives)
+    low = min(float(np.nanmin(drive.values)) for drive in drives)
+    high = max(float(np.nanmax(drive.values)) for drive in drives)
     if bounds is None:
         room = 0.06 * (high - low or 1.0)
         return low - room, high + room
@@ -229,7 +154,7 @@ def _range(drives: Sequence[Series], bounds: tuple[float, float] | None) -> tupl
 def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> Figure:
     """One panel per search: its starts' shortfalls [%], best first, and starts without a design."""
     columns = 1 if len(spreads) == 1 else 2
-    grid = _grid(len(spreads), columns, WIDTH, 2.7, share_y=False)
+    grid = new_grid(len(spreads), columns, WIDTH, 2.7, share_y=False)
     for ax, (title, shortfalls, failed) in zip(grid.axes, spreads, strict=True):
         figures.plot_starts(ax, shortfalls, failed)
         ax.set_title(title)
@@ -274,13 +199,13 @@ def convergence(lines: Sequence[Line], apart: bool) -> Figure:
 
 
 def _cycled(count: int) -> list[Mapping[str, Any]]:
-    return [figures.LINES[index % len(figures.LINES)] for index in range(count)]
+    return [figures.line_style(index) for index in range(count)]
 
 
 def clouds(drawn: Sequence[Cloud]) -> Figure:
     """One panel per drive, all on one scale: simulated estimates and their ellipses."""
     columns = min(len(drawn), 2)
-    grid = _grid(len(drawn), columns, WIDTH, 3.1)
+    grid = new_grid(len(drawn), columns, WIDTH, 3.1)
     reach = _reach(drawn)
     for ax, cloud in zip(grid.axes, drawn, strict=True):
         figures.plot_cloud(ax, cloud)

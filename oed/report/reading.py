@@ -1,4 +1,4 @@
-"""What a report reads out of a record: the best result, and the drives as series to draw."""
+"""What a report reads out of a record: its results, what is measured, how long and in how many runs."""
 
 from __future__ import annotations
 
@@ -9,16 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.record import Record, drive_of
+from oed.record import Record
 from oed.report.wording import Unit, common_units, words
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]
 
-PER_SAMPLE = 4
-"""Points drawn per sample of a smooth input."""
-MOST_POINTS = 1500
-"""Points drawn per input at most."""
 NOWHERE = 1e-3
 """Path length [m] below which a drive goes nowhere."""
 
@@ -77,8 +73,24 @@ def blocks(record: Record) -> list[str]:
     return list(dict.fromkeys(parameter["block"] for parameter in record.data["parameters"]))
 
 
+def runs_of(record: Record) -> int:
+    """How many runs the designed drives consist of."""
+    return int(record.data["study"]["trajectory"].get("runs", 1))
+
+
+def whole_duration(record: Record) -> float:
+    """Duration of the designed drives, all runs together [s]."""
+    return runs_of(record) * float(record.data["study"]["trajectory"]["duration"])
+
+
+def duration_text(record: Record) -> str:
+    """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
+    duration, runs = f"{record.data['study']['trajectory']['duration']:g} s", runs_of(record)
+    return duration if runs == 1 else f"{runs} runs of {duration}"
+
+
 def segments(record: Record, samples: int) -> int | None:
-    """Number of segments P of a displacement measurement of a drive of that many samples."""
+    """Number of segments P of a displacement measurement of a run of that many samples."""
     measurement = record.data["study"]["measurement"]
     given = measurement.get("segments")
     return samples if given == "samples" else given
@@ -91,74 +103,10 @@ def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
     return common_units({name: known.get(name) for name in units}, units)
 
 
-def limit_bounds(record: Record, name: str) -> tuple[float, float] | None:
-    """Bounds (min, max) of a limit on the inputs, SI; None where the study has no such limit."""
-    limit = record.data["study"]["limits"].get(name)
-    return None if limit is None else (limit["bounds"][0], limit["bounds"][1])
-
-
 def solver_options(record: Record, entry: Entry) -> Mapping[str, Any]:
     """The study's options of the search that made a result; {} for anything but a search."""
     solvers = [] if entry["kind"] == "baseline" else record.data["study"]["solvers"]
     return next((one for one in solvers if (one.get("name") or one["kind"]) == entry["name"]), {})
-
-
-@dataclass(frozen=True)
-class Path:
-    """A drive's path.
-
-    Attributes:
-        title: the result's name.
-        x, y, heading: at the samples, (N + 1,) [m, m, rad].
-        speed: mean over each period, (N,) [m/s], negative where the robot drives backwards.
-        edges: sample indices at which segments meet, the ends left out.
-        feasible: whether the drive keeps every limit.
-    """
-
-    title: str
-    x: Array
-    y: Array
-    heading: Array
-    speed: Array
-    edges: npt.NDArray[np.int64]
-    feasible: bool
-
-
-def path_of(record: Record, entry: Entry) -> Path:
-    """The path of a result that has a drive, from the poses saved with it."""
-    drive = drive_of(entry)
-    assert drive is not None
-    x, y, heading_angle = np.array(entry["drive"]["poses"], dtype=float)[:, :3].T
-    turn = np.diff(heading_angle)
-    along = np.hypot(np.diff(x), np.diff(y)) / drive.period
-    if record.data["study"]["trajectory"]["integration"] == "arc":
-        along = along / np.sinc(np.clip(turn / (2 * np.pi), -0.75, 0.75))
-    middle = heading_angle[:-1] + turn / 2
-    forward = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle) >= 0
-    speed, edges = np.where(forward, along, -along), _edges(record, drive.samples)
-    return Path(heading(entry), x, y, heading_angle, speed, edges, bool(entry["feasible"]))
-
-
-def _edges(record: Record, samples: int) -> npt.NDArray[np.int64]:
-    count = segments(record, samples) or 1
-    return np.rint(np.linspace(0, samples, count + 1)).astype(np.int64)[1:-1]
-
-
-@dataclass(frozen=True)
-class Series:
-    """A drive's inputs, or their rates, over time.
-
-    Attributes:
-        title: the result's name.
-        times: (k,) [s].
-        values: (k, inputs).
-        steps: whether each value holds until the next time.
-    """
-
-    title: str
-    times: Array
-    values: Array
-    steps: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,29 +129,3 @@ class Cloud:
     promised: Array
     sampled: Array
     alike: bool = True
-
-
-def inputs_of(entry: Entry) -> Series:
-    """The inputs of a result that has a drive."""
-    drive = drive_of(entry)
-    assert drive is not None
-    if drive.degree == 0:
-        times = np.linspace(0.0, drive.duration, drive.samples + 1)
-        return Series(heading(entry), times, np.vstack([drive.inputs, drive.inputs[-1:]]), steps=True)
-    times = _drawn_times(drive.duration, drive.samples)
-    return Series(heading(entry), times, drive.inputs_at(times))
-
-
-def rates_of(entry: Entry) -> Series:
-    """The inputs' rates of a result that has a drive; for a piecewise constant one, jumps over a period."""
-    drive = drive_of(entry)
-    assert drive is not None
-    if drive.degree == 0:
-        times = np.linspace(0.0, drive.duration, drive.samples + 1)[1:-1]
-        return Series(heading(entry), times, drive.rates_at(times), steps=True)
-    times = _drawn_times(drive.duration, drive.samples)
-    return Series(heading(entry), times, drive.rates_at(times))
-
-
-def _drawn_times(duration: float, samples: int) -> Array:
-    return np.linspace(0.0, duration, min(PER_SAMPLE * samples, MOST_POINTS) + 1)

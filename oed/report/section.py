@@ -31,16 +31,23 @@ class Animation:
     """Drives to be played in the HTML page; lengths in m.
 
     Attributes:
-        drives: each with name, duration [s], and x, y, heading at even times.
+        drives: each a run with name, duration [s], and x, y, heading at even times, of a tractor the
+            trailer's angle, too.
         view: x_min, x_max, y_min, y_max of what is shown.
-        workspace: the same of the workspace, where it is a rectangle.
-        width: of the robot.
+        workspace: its outline, a circle (x, y, radius) or a polygon (points).
+        obstacles: outlines alike.
+        width: of the robot; 0 where it is not known.
+        body_radius: of the circle around it, 0 for none.
+        trailer: how far behind the robot's origin it is hitched, and from there to its axle.
     """
 
     drives: tuple[Mapping[str, Any], ...]
     view: tuple[float, float, float, float]
-    workspace: tuple[float, float, float, float] | None
+    workspace: Mapping[str, Any] | None
     width: float
+    obstacles: tuple[Mapping[str, Any], ...] = ()
+    body_radius: float = 0.0
+    trailer: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

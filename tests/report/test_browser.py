@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from sample_records import scored
+from sample_rooms import crab, towing
 
 from oed.record import Record
 from oed.report import write_report
@@ -72,6 +74,16 @@ def test_play_moves_the_robot(page: Path, tmp_path: Path):
     assert now["time"] > 0
     assert now["x"] != 0
     assert now["heading"] != 0
+
+
+@pytest.mark.parametrize("make", [crab, towing])
+def test_rooms_bodies_and_trailers_play_without_console_errors(
+    make: Callable[[], Record], tmp_path: Path
+) -> None:
+    page = write_report(make(), tmp_path / "report")
+    elements, console = opened(page, "#play", tmp_path / "profile")
+    assert console == []
+    assert state(elements)["time"] > 0
 
 
 def test_an_error_in_the_page_would_be_seen(page: Path, tmp_path: Path):

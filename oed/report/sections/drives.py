@@ -1,95 +1,146 @@
-"""The drives as figures: paths in the workspace, wheel speeds and accelerations over time."""
+"""The drives as figures: paths in the room, and the inputs and their rates over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from oed.record import Record
-from oed.report.reading import (
-    beacons,
+from oed.report.driven import Path, path_of, paths_of
+from oed.report.inputs import (
+    Group,
+    Series,
+    groups_of,
     inputs_of,
     limit_bounds,
-    on_the_spot,
-    path_of,
+    own_bounds,
     rates_of,
-    segments,
-    with_drive,
+    short_names,
 )
+from oed.report.reading import on_the_spot, runs_of, segments, with_drive
+from oed.report.rooms import Room, body_text, room_of, surroundings_text
 from oed.report.section import Picture, Section
-from oed.report.wording import count, words
+from oed.report.wording import count, listing, unit_text, words
 
-INPUTS = ("wheel_speed_right", "wheel_speed_left")
+DASHES = ("solid", "dashed", "dash-dotted", "dotted")
+"""How the lines of a panel are drawn, in their order."""
 
 
 def paths(record: Record) -> Section | None:
-    """Every drive's path in the workspace, on one scale."""
-    drives = [path_of(record, entry) for entry in with_drive(record)]
-    if not drives:
+    """Every drive's path in the room, on one scale."""
+    entries = with_drive(record)
+    if not entries:
         return None
-    workspace = record.data["study"]["limits"].get("workspace")
-    parts = segments(record, record.data["study"]["trajectory"]["samples"])
-    marks = f" Ticks across the path are where the {count(parts, 'segment')} meet." if parts else ""
-    places = beacons(record)
-    marks += " Triangles are beacons; one far outside is not shown." if len(places) else ""
-    marks += " A drive on the spot is a dot." if any(map(on_the_spot, with_drive(record))) else ""
-    area = "The shaded area is the workspace." if workspace else "The study sets no workspace."
-    caption = (
-        f"Path of the robot's origin. {area} Darker and wider is faster; arrows point where the robot "
-        f"moves, hollow where it drives backwards.{marks}{_cut(record)}"
-    )
+    drives, room = paths_of(record, entries), room_of(record)
     alt = f"Paths of {count(len(drives), 'drive')} in the x-y plane, coloured by speed"
-    pictures = [Picture("paths", alt, caption, partial(_draw, "paths", drives, workspace, places))]
+    pictures = [Picture("paths", alt, _caption(record, drives, room), partial(_draw_paths, drives, room))]
     if record.best is not None and len(drives) > 1:
         winner = [path_of(record, record.best)]
         note = f"The best drive, {record.best['name']}; the same as in the panel below."
         alt = f"Path of the best drive, {record.best['name']}"
-        pictures.insert(
-            0, Picture("best_path", alt, note, partial(_draw, "paths", winner, workspace, places))
-        )
+        pictures.insert(0, Picture("best_path", alt, note, partial(_draw_paths, winner, room)))
     return Section("Paths in the workspace", figures=tuple(pictures))
 
 
+def _caption(record: Record, drives: list[Path], room: Room) -> str:
+    arrows = "hollow where it drives backwards"
+    if any(drive.sideways for drive in drives):
+        arrows = "thin open ones where it faces"
+    sentences = [
+        f"Path of the robot's origin. {surroundings_text(room)} Darker and wider is faster; arrows point "
+        f"where the robot moves, {arrows}.",
+        _runs(record),
+        _ticks(record),
+        body_text(room),
+        "Dotted is the path of the trailer's axle." if _with_trailer(drives) else "",
+        "Triangles are beacons; one far outside is not shown." if len(room.beacons) else "",
+        "A drive on the spot is a dot." if any(map(on_the_spot, with_drive(record))) else "",
+        _cut(record),
+    ]
+    return " ".join(filter(None, sentences))
+
+
+def _runs(record: Record) -> str:
+    runs = runs_of(record)
+    return f"Each drive is in {runs} runs, numbered at or just after their starts." if runs > 1 else ""
+
+
+def _ticks(record: Record) -> str:
+    parts = segments(record, record.data["study"]["trajectory"]["samples"])
+    if not parts:
+        return ""
+    each = " of each run" if runs_of(record) > 1 else ""
+    return f"Ticks across the path are where the {count(parts, 'segment')}{each} meet."
+
+
+def _with_trailer(drives: list[Path]) -> bool:
+    return any(run.trailer is not None for drive in drives for run in drive.runs)
+
+
 def wheels(record: Record) -> Section | None:
-    """Every drive's wheel speeds and wheel accelerations, between their limits."""
+    """Every drive's inputs by quantity, and their rates, between their limits."""
     entries = [entry for entry in with_drive(record) if not entry["name"].endswith("_same_length")]
     if not entries:
         return None
-    speeds, rates = [inputs_of(entry) for entry in entries], [rates_of(entry) for entry in entries]
-    figures = (
-        _series(record, "wheel_speed", "rad/s", speeds),
-        _series(record, "wheel_acceleration", "rad/s^2", [series for series in rates if len(series.times)]),
-    )
-    return Section("Wheel speeds and accelerations", figures=figures)
+    groups = groups_of(record, len(entries[0]["drive"]["coefficients"][0]))
+    drawn = []
+    for values, rates in groups:
+        drawn.append((values, [inputs_of(entry, values) for entry in entries]))
+        drawn.append((rates, [rates_of(entry, rates) for entry in entries]))
+    figures = [_picture(record, group, [one for one in series if len(one.times)]) for group, series in drawn]
+    pictures = tuple(picture for picture in figures if picture is not None)
+    return Section(_title([values.limit for values, _ in groups]), figures=pictures)
 
 
-def _series(record: Record, limit: str, unit: str, drives: list[Any]) -> Picture:
-    bounds = limit_bounds(record, limit)
-    quantity = words(limit)
-    between = f"The lines marked are the limits of the {quantity}." if bounds else f"No {quantity} limit."
-    labels = _labels(record, drives[0].values.shape[1])
-    caption = f"{quantity.capitalize()}: {', '.join(labels)}. {between}{_cut(record)}"
-    alt = f"{quantity.capitalize()} over time of {count(len(drives), 'drive')}"
-    draw = partial(_draw, "series", drives, labels, quantity, unit, bounds)
-    return Picture(f"{limit}s", alt, caption, draw)
+def _title(quantities: list[str]) -> str:
+    if quantities == ["wheel_speed"]:
+        return "Wheel speeds and accelerations"
+    return f"{listing([f'{words(one)}s' for one in quantities])}, and their rates".capitalize()
+
+
+def _picture(record: Record, group: Group, drives: list[Series]) -> Picture | None:
+    if not drives:
+        return None
+    bounds, name, labels = limit_bounds(record, group), words(group.limit), _labels(group)
+    lines = f"{name.capitalize()}: {', '.join(labels)}." if labels else f"{name.capitalize()}."
+    gaps = "Runs follow each other, with a line between them." if runs_of(record) > 1 else ""
+    told = (lines, _limits(record, group), gaps, _cut(record))
+    alt = f"{name.capitalize()} over time of {count(len(drives), 'drive')}"
+    draw = partial(_draw_series, drives, labels, name, group.unit, bounds)
+    return Picture(f"{group.limit}s", alt, " ".join(filter(None, told)), draw)
+
+
+def _limits(record: Record, group: Group) -> str:
+    own, name = own_bounds(record, group), words(group.limit)
+    if limit_bounds(record, group):
+        return f"The lines marked are the limits of the {name}."
+    if not own:
+        return f"No {name} limit."
+    shorts = dict(zip(group.names, short_names(group), strict=True))
+    each = [f"{shorts[one]} {low:g} to {high:g} {unit_text(group.unit)}" for one, (low, high) in own.items()]
+    return f"No limit is drawn, as each has its own: {', '.join(each)}."
 
 
 def _cut(record: Record) -> str:
     broken = any(not entry["feasible"] for entry in with_drive(record))
-    return " A drive far beyond a limit is cut off at the frame." if broken else ""
+    return "A drive far beyond a limit is cut off at the frame." if broken else ""
 
 
-def _labels(record: Record, inputs: int) -> list[str]:
-    names = INPUTS if inputs == len(INPUTS) else [f"input {index + 1}" for index in range(inputs)]
-    dashes = ("solid", "dashed", "dash-dotted", "dotted")
-    shorts = [words(name).removeprefix("wheel speed ") for name in names]
-    return [f"{short} ({dash})" for short, dash in zip(shorts, dashes, strict=False)]
+def _labels(group: Group) -> list[str]:
+    # A line alone needs none.
+    if len(group.names) == 1:
+        return []
+    return [f"{short} ({DASHES[index % len(DASHES)]})" for index, short in enumerate(short_names(group))]
 
 
-def _draw(panel: str, *data: Any) -> Any:
+def _draw_paths(drives: list[Path], room: Room) -> Any:
     # Imported late: the drawing library takes longer to load than the rest of a report.
+    from oed.report import path_panels
+
+    return path_panels.paths(drives, room)
+
+
+def _draw_series(*data: Any) -> Any:
     from oed.report import panels
 
-    draw: Callable[..., Any] = getattr(panels, panel)
-    return draw(*data)
+    return panels.series(*data)

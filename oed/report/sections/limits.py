@@ -9,10 +9,16 @@ from oed.record import Record
 from oed.report.reading import Entry, with_drive
 from oed.report.section import Section
 from oed.report.tables import Cell, Column, Table, fixed
-from oed.report.wording import quantity, unit_text, words
+from oed.report.wording import DEGREES, quantity, unit_text, words
 
 CONDITIONS = ("duration", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""
+IN_DEGREES = ("steering_angle", "steering_rate", "trailer_angle", "end_heading", "yaw_rate")
+"""Limits whose angles are shown in degrees; those of wheels stay in rad/s, as data sheets have them."""
+SIZE_UNITS = {"turning_radius": "m"}
+"""Units of the sizes of limits whose margins are in other ones."""
+MOST_COLUMNS = 7
+"""Limits beyond which a table of all drives names only those that a drive touches."""
 
 
 def limits(record: Record) -> Section | None:
@@ -38,15 +44,51 @@ def _by_limit(entry: Entry) -> Table:
 
 
 def _row(margin: Mapping[str, Any]) -> tuple[Cell, ...]:
-    size = f"{margin['size']:g}" if margin["limit"] not in ("start", "rest_to_rest") else None
-    return words(margin["limit"]), _amount(margin), size, unit_text(margin["unit"]), _state(margin)
+    unit, factor = _unit(margin)
+    return (
+        words(margin["limit"]),
+        _amount(margin, factor),
+        _size(margin, factor),
+        unit_text(unit),
+        _state(margin),
+    )
+
+
+def _unit(margin: Mapping[str, Any]) -> tuple[str, float]:
+    # As shown, and its factor from SI.
+    unit = str(margin["unit"])
+    degrees = margin["limit"] in IN_DEGREES and unit.startswith("rad")
+    return (unit.replace("rad", "deg", 1), DEGREES) if degrees else (unit, 1.0)
+
+
+def _size(margin: Mapping[str, Any], factor: float) -> str | None:
+    if margin["limit"] in ("start", "rest_to_rest"):
+        return None
+    return f"{factor * margin['size']:g} {SIZE_UNITS.get(margin['limit'], '')}".strip()
 
 
 def _side_by_side(entries: list[Entry]) -> Table:
     names = list(dict.fromkeys(margin["limit"] for entry in entries for margin in entry["margins"]))
+    if len(names) > MOST_COLUMNS:
+        return _touched(entries)
     columns = (Column("result"), *(Column(words(name)) for name in names))
     rows = tuple((str(entry["name"]), *_states(entry, names)) for entry in entries)
     return Table(columns, rows, "All drives")
+
+
+def _touched(entries: list[Entry]) -> Table:
+    titles = ("result", "exceeded", "active or met", "kept with room")
+    columns = tuple(Column(title) for title in titles)
+    return Table(columns, tuple(_touched_row(entry) for entry in entries), "All drives")
+
+
+def _touched_row(entry: Entry) -> tuple[Cell, ...]:
+    broken = [margin for margin in entry["margins"] if not margin["kept"]]
+    touched = [margin for margin in entry["margins"] if margin["kept"] and margin["active"]]
+    exceeded = [f"{words(margin['limit'])} by {_quantity(-margin['margin'], margin)}" for margin in broken]
+    rest = len(entry["margins"]) - len(broken) - len(touched)
+    met = ", ".join(words(margin["limit"]) for margin in touched)
+    return str(entry["name"]), ", ".join(exceeded) or None, met or None, str(rest)
 
 
 def _states(entry: Entry, names: list[str]) -> list[Cell]:
@@ -56,10 +98,15 @@ def _states(entry: Entry, names: list[str]) -> list[Cell]:
 
 def _brief(margin: Mapping[str, Any]) -> str:
     if not margin["kept"]:
-        return f"exceeded by {quantity(-margin['margin'], margin['unit'])}"
+        return f"exceeded by {_quantity(-margin['margin'], margin)}"
     if margin["active"]:
         return "met" if margin["limit"] in CONDITIONS else "active"
-    return f"{quantity(margin['margin'], margin['unit'])} spare"
+    return f"{_quantity(margin['margin'], margin)} spare"
+
+
+def _quantity(amount: float, margin: Mapping[str, Any]) -> str:
+    unit, factor = _unit(margin)
+    return quantity(factor * amount, unit)
 
 
 def _state(margin: Mapping[str, Any]) -> str:
@@ -70,7 +117,7 @@ def _state(margin: Mapping[str, Any]) -> str:
     return "active" if margin["active"] else "kept with room"
 
 
-def _amount(margin: Mapping[str, Any]) -> str:
+def _amount(margin: Mapping[str, Any], factor: float) -> str:
     # As fine as the tolerance by which a limit is judged, and one digit more.
-    decimals = 4 if margin["size"] <= 1 else 3
-    return fixed(decimals)(margin["margin"])
+    decimals = 4 if factor * margin["size"] <= 1 else 3
+    return fixed(decimals)(factor * margin["margin"])

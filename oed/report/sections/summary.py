@@ -8,9 +8,17 @@ from itertools import pairwise
 from typing import Any
 
 from oed.record import Record
+from oed.report.driven import poses_of
 from oed.report.judging import aim_of, judged, meaning, precision, singular, study_aim
 from oed.report.measured import along_text, measured_as, prior_text
-from oed.report.reading import Entry, deviation_units, is_regression, on_the_spot
+from oed.report.reading import (
+    Entry,
+    deviation_units,
+    duration_text,
+    is_regression,
+    on_the_spot,
+    runs_of,
+)
 from oed.report.section import Section
 from oed.report.sections.candidates import repetitions_of
 from oed.report.wording import Unit, deviation_text, listing, quantity, words
@@ -27,13 +35,13 @@ def summary(record: Record) -> Section:
 
 def _question(record: Record) -> str:
     study = record.data["study"]
-    duration = f"{study['trajectory']['duration']:g} s"
+    which = f"in {duration_text(record)}" if runs_of(record) > 1 else f"of {duration_text(record)}"
     robot = words(study["robot"]["kind"])
     names = [words(parameter["name"]) for parameter in judged(record)]
     measured = measured_as(record)
     how = f", measured as {measured}" if measured else ""
     question = (
-        f"Which drive of {duration} tells {listing(names)} of this {robot} robot best{how}? The criterion is "
+        f"Which drive {which} tells {listing(names)} of this {robot} robot best{how}? The criterion is "
         f"{meaning(record)}, where a larger objective is a better drive."
     )
     more = (_not_judged(record), along_text(record), prior_text(record))
@@ -64,8 +72,8 @@ def _found_by(record: Record, entry: Entry) -> str:
 def _extent(entry: Entry) -> str:
     if not on_the_spot(entry):
         return f"of {quantity(entry['path_length'], 'm')}"
-    angles = [pose[2] for pose in entry["drive"]["poses"]]
-    turns = sum(abs(after - before) for before, after in pairwise(angles)) / math.tau
+    angles = [[pose[2] for pose in run] for run in poses_of(entry)]
+    turns = sum(abs(after - before) for run in angles for before, after in pairwise(run)) / math.tau
     return f"on the spot ({quantity(turns, '', 2)} turns)"
 
 
@@ -84,13 +92,14 @@ def _everyday(record: Record, entry: Entry) -> str:
     parameters = [one for one in judged(record) if known.get(one["name"]) and one["nominal"]]
     if chosen is None or chosen["name"] == entry["name"] or not parameters:
         return ""
-    parameter, duration = parameters[-1], record.data["study"]["trajectory"]["duration"]
+    parameter, duration = parameters[-1], duration_text(record)
+    drive = f"drive in {duration}" if runs_of(record) > 1 else f"{duration} drive"
     name = parameter["name"]
     shares = [_percent(one["standard_deviations"].get(name), parameter["nominal"]) for one in (entry, chosen)]
     before = "With what was known beforehand, one" if record.data["study"].get("prior") else "One"
     everyday = words(chosen["name"])
     return (
-        f"{before} {duration:g} s drive gives {words(name)} to {shares[0]}; the {everyday} you would have "
+        f"{before} {drive} gives {words(name)} to {shares[0]}; the {everyday} you would have "
         f"driven gives {shares[1]}.{_needed(record, chosen)}"
     )
 

@@ -9,10 +9,24 @@ document.querySelectorAll(".player").forEach(function (player) {
   const slider = player.querySelector("input");
   const clock = player.querySelector("output");
   const context = canvas.getContext("2d");
+  const hatch = hatched();
   const [left, right, bottom, top] = data.view;
   let drive = data.drives[0];
   let time = 0;
   let before = null;
+
+  function hatched() {
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = 10;
+    const brush = tile.getContext("2d");
+    brush.strokeStyle = "#4a4a4a";
+    for (const shift of [-10, 0, 10]) {
+      brush.moveTo(shift, 10);
+      brush.lineTo(shift + 10, 0);
+    }
+    brush.stroke();
+    return context.createPattern(tile, "repeat");
+  }
 
   function fit() {
     const width = player.clientWidth;
@@ -30,7 +44,31 @@ document.querySelectorAll(".player").forEach(function (player) {
     const index = Math.min(Math.floor(position), last - 1);
     const share = position - index;
     const between = (values) => values[index] + share * (values[index + 1] - values[index]);
-    return { x: between(drive.x), y: between(drive.y), heading: between(drive.heading), index: index };
+    return {
+      x: between(drive.x), y: between(drive.y), heading: between(drive.heading),
+      trailer: drive.trailer ? between(drive.trailer) : 0, index: index
+    };
+  }
+
+  // From the hitch to the trailer's axle and its wheels, in the tractor's frame.
+  function tow(angle, offset, length, half) {
+    context.save();
+    context.lineWidth = 3 * (window.devicePixelRatio || 1);
+    context.strokeStyle = "#5f5f5f";
+    context.beginPath();
+    context.moveTo(0, 0);
+    context.lineTo(-offset, 0);
+    context.translate(-offset, 0);
+    context.rotate(-angle);
+    context.lineTo(-length, 0);
+    context.moveTo(-length, -0.9 * half);
+    context.lineTo(-length, 0.9 * half);
+    context.stroke();
+    context.beginPath();
+    context.arc(0, 0, context.lineWidth, 0, 2 * Math.PI);
+    context.fillStyle = "#222222";
+    context.fill();
+    context.restore();
   }
 
   function draw() {
@@ -39,14 +77,23 @@ document.querySelectorAll(".player").forEach(function (player) {
     const toY = (y) => canvas.height / 2 - (y - (bottom + top) / 2) * scale;
     const now = pose();
     context.clearRect(0, 0, canvas.width, canvas.height);
-    if (data.workspace) {
-      const [x0, x1, y0, y1] = data.workspace;
-      context.fillStyle = "#f4f4f1";
-      context.strokeStyle = "#767676";
+    const shape = function (outline, fill, line) {
+      context.beginPath();
+      if (outline.points) {
+        outline.points.forEach((point) => context.lineTo(toX(point[0]), toY(point[1])));
+        context.closePath();
+      } else context.arc(toX(outline.x), toY(outline.y), outline.radius * scale, 0, 2 * Math.PI);
+      context.fillStyle = fill;
+      context.strokeStyle = line;
       context.lineWidth = 1.5;
-      context.fillRect(toX(x0), toY(y1), (x1 - x0) * scale, (y1 - y0) * scale);
-      context.strokeRect(toX(x0), toY(y1), (x1 - x0) * scale, (y1 - y0) * scale);
-    }
+      context.fill();
+      context.stroke();
+    };
+    if (data.workspace) shape(data.workspace, "#f4f4f1", "#767676");
+    data.obstacles.forEach(function (obstacle) {
+      shape(obstacle, "#c4c1ba", "#4a4a4a");
+      shape(obstacle, hatch, "#4a4a4a");
+    });
     const trace = function (count, colour, width) {
       context.beginPath();
       for (let k = 0; k <= count; k += 1) context.lineTo(toX(drive.x[k]), toY(drive.y[k]));
@@ -61,6 +108,14 @@ document.querySelectorAll(".player").forEach(function (player) {
     context.translate(toX(now.x), toY(now.y));
     context.rotate(-now.heading);
     const half = Math.max(data.width * scale / 2, 7);
+    if (data.body_radius) {
+      context.beginPath();
+      context.arc(0, 0, data.body_radius * scale, 0, 2 * Math.PI);
+      context.strokeStyle = "#222222";
+      context.lineWidth = 1;
+      context.stroke();
+    }
+    if (data.trailer) tow(now.trailer, data.trailer[0] * scale, data.trailer[1] * scale, half);
     context.beginPath();
     context.moveTo(1.3 * half, 0);
     context.lineTo(-half, 0.9 * half);

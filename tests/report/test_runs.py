@@ -1,0 +1,130 @@
+"""Drives of several runs in reports: apart in every figure, told in the text, played one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import sample_rooms
+from sample_records import full
+
+from oed.record import Record
+from oed.report import panels
+from oed.report.driven import Run, path_of, paths_of
+from oed.report.inputs import groups_of, inputs_of, rates_of
+from oed.report.page import sections_of
+from oed.report.path_figures import number_places
+from oed.report.path_panels import paths
+from oed.report.rooms import room_of
+from oed.report.section import Section
+
+
+def section(record: Record, title: str) -> Section:
+    return next(part for part in sections_of(record) if part.title == title)
+
+
+def test_paths_are_split_where_runs_begin() -> None:
+    record = sample_rooms.crab()
+    path = path_of(record, record.results[0])
+    assert [(run.x[0], run.y[0]) for run in path.runs] == [(0, 0), (-0.6, -0.6), (0, 0)]
+    assert [len(run.x) for run in path.runs] == [41] * 3
+    assert [len(run.speed) for run in path.runs] == [40] * 3
+    assert [list(run.edges) for run in path.runs] == [[10, 20, 30]] * 3
+
+
+def test_no_line_joins_two_runs() -> None:
+    record = sample_rooms.crab()
+    drives = paths_of(record, record.results)
+    longest = max(run.steps.max() for drive in drives for run in drive.runs)
+    for ax in paths(drives, room_of(record)).axes[:2]:
+        lines = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) > 1]
+        assert len(lines) >= 3
+        assert max(np.hypot(*np.diff(points, axis=0).T).max() for points in lines) <= longest + 1e-12
+
+
+def test_every_run_has_its_marks_and_its_number() -> None:
+    record = sample_rooms.crab()
+    ax = paths(paths_of(record, record.results), room_of(record)).axes[0]
+    assert [text.get_text() for text in ax.texts] == ["1", "2", "3"]
+    assert sum(line.get_marker() == "o" for line in ax.lines) == 3
+    assert sum(line.get_marker() == "s" for line in ax.lines) == 3
+    assert "in 3 runs, numbered" in section(record, "Paths in the workspace").figures[1].caption
+
+
+def test_a_single_run_has_no_number() -> None:
+    figure = paths(paths_of(full(), full().results), room_of(full()))
+    assert not figure.axes[0].texts
+    assert "runs" not in section(full(), "Paths in the workspace").figures[1].caption
+
+
+def run_along(angle: float) -> Run:
+    way = np.linspace(0.0, 1.0, 11)
+    none = np.zeros(0, dtype=np.int64)
+    return Run(way * np.cos(angle), way * np.sin(angle), np.zeros(11), np.ones(10), none)
+
+
+def test_numbers_of_runs_from_one_start_keep_apart() -> None:
+    runs = [run_along(0.0), run_along(1.0), run_along(1.0)]
+    places = number_places(runs, 0.15)
+    assert places[0] == (0.0, 0.0)
+    gaps = [np.hypot(*np.subtract(one, other)) for one in places for other in places if one is not other]
+    assert min(gaps) >= 0.15
+    # Where there is no room they are as far apart as can be.
+    assert np.allclose(number_places(runs[:2], 5.0)[1], [np.cos(1.0), np.sin(1.0)])
+
+
+def test_lines_over_time_break_between_runs() -> None:
+    record = sample_rooms.crab()
+    ((values, rates),) = groups_of(record, 4)
+    for series in (inputs_of(record.results[0], values), rates_of(record.results[0], rates)):
+        assert series.breaks == (8.0, 16.0)
+        figure = panels.series([series], ["a", "b", "c", "d"], "speed", "rad/s", None)
+        lines, separators = figure.axes[0].lines[:4], figure.axes[0].lines[4:]
+        for line in lines:
+            gaps = np.isnan(np.asarray(line.get_ydata(), dtype=float))
+            assert np.allclose(np.asarray(line.get_xdata())[gaps], [8, 16])
+        assert [line.get_xdata()[0] for line in separators] == [8.0, 16.0]
+        assert figure.axes[0].get_xlabel() == "time [s], runs one after the other"
+
+
+def test_a_run_is_drawn_to_its_own_end() -> None:
+    # At the time where two runs meet the first is at rest, while its acceleration is not yet the next one's.
+    record = sample_rooms.crab()
+    ((_, rates),) = groups_of(record, 4)
+    series = rates_of(record.results[0], rates)
+    gap = int(np.flatnonzero(np.isnan(series.values[:, 0]))[0])
+    before, after = series.values[gap - 1], series.values[gap + 1]
+    coefficients = np.array(record.results[0]["drive"]["coefficients"])
+    ends = coefficients[[6, 7, 8, 9]]
+    assert np.allclose(np.sign(before), np.sign(ends[1] - ends[0]), atol=1e-9)
+    assert np.allclose(np.sign(after), np.sign(ends[3] - ends[2]), atol=1e-9)
+
+
+def test_piecewise_constant_runs_break_as_well() -> None:
+    record = sample_rooms.stepped()
+    ((values, rates),) = groups_of(record, 2)
+    inputs, jumps = inputs_of(record.results[0], values), rates_of(record.results[0], rates)
+    assert inputs.steps
+    assert np.isnan(inputs.values).any(axis=1).sum() == np.isnan(jumps.values).any(axis=1).sum() == 1
+    assert len(inputs.times) == 2 * 41 + 1
+    assert len(jumps.times) == 2 * 39 + 1
+
+
+def test_player_plays_runs_one_by_one() -> None:
+    record = sample_rooms.crab()
+    animation = section(record, "The drive, played").animation
+    assert animation is not None
+    best = str(record.best["name"]) if record.best else ""
+    names = [drive["name"] for drive in animation.drives]
+    assert names[:3] == [f"{best}, run {number}" for number in (1, 2, 3)]
+    assert len(names) == 6
+    assert {drive["duration"] for drive in animation.drives} == {8.0}
+    assert {len(drive["x"]) for drive in animation.drives} == {41}
+
+
+def test_texts_count_the_runs() -> None:
+    crab, steered = sample_rooms.crab(), sample_rooms.steered()
+    question = section(crab, "Summary").paragraphs[0]
+    assert "Which drive in 3 runs of 8 s tells" in question
+    assert "displacements of 4 segments in each run" in question
+    assert "the initial pose of each run." in section(steered, "Summary").paragraphs[0]
+    assert "segments of each run meet" in section(crab, "Paths in the workspace").figures[1].caption
+    assert "Which drive of 4 s tells" in section(full(), "Summary").paragraphs[0]
