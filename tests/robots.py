@@ -32,7 +32,7 @@ RADIUS, TRACK = 0.049, 0.18
 class Example:
     """A robot, and its twist (and effective inputs, and further states) written independently of the package.
 
-    `told` are the parameters that absolute poses tell apart; all of them by default.
+    `ambiguities` counts combinations of parameters that no poses (and no trailer's angle) tell apart.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Example:
     twist: Callable[[np.ndarray], np.ndarray]
     effective: Callable[[np.ndarray], np.ndarray] = np.asarray
     internal: Callable[..., np.ndarray] | None = None
-    told: tuple[str, ...] | None = None
+    ambiguities: int = 0
 
 
 def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 0.0)) -> Example:
@@ -52,7 +52,7 @@ def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 
         model,
         lambda speeds: oracle.differential_twist(effective(speeds), *radii, TRACK),
         effective,
-        told=("wheel_radius_right", "wheel_radius_left", "track"),
+        ambiguities=1 if isinstance(model, SkidSteer) else 0,
     )
 
 
@@ -189,7 +189,6 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=offset, trailer_length=0.4),
             lambda speeds: oracle.differential_twist(speeds, RADIUS, RADIUS, TRACK),
             internal=_trailer_angle,
-            told=("wheel_radius_right", "wheel_radius_left", "track"),
         )
         for name, offset in (("trailer", 0.1), ("trailer_on_axle", 0.0))
     ),

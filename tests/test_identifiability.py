@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, input_limits, make_problem, random_drive
+from robots import ROBOTS, Example
 
 import oed
 from oed.criteria import D, E
@@ -17,7 +18,7 @@ from oed.errors import ProblemError
 from oed.evaluation import evaluate
 from oed.expression import Expression
 from oed.identifiability import STEP, ambiguities, require_identifiable
-from oed.measurements import Displacements, Measurement, Poses, Ranges, Several, YawRate
+from oed.measurements import Displacements, Measurement, Poses, Ranges, Several, TrailerAngle, YawRate
 from oed.models import DifferentialDrive, Model, Parameter, SkidSteer
 from oed.models.wheels import TWO_WHEEL_SPEEDS
 from oed.prior import Prior
@@ -529,3 +530,31 @@ class TestSolve:
             oed.solve(problem_of(SKID), Untouched(criterion=alone))
         with pytest.raises(ProblemError, match="cannot be told apart"):
             oed.solve(problem_of(SKID, criterion=alone), Untouched(criterion=D()))
+
+
+class TestEveryRobot:
+    """The rank of what poses (and a trailer's angle) tell of each listed robot."""
+
+    @staticmethod
+    def found(example: Example, measurement: Measurement) -> tuple:
+        problem = make_problem(
+            model=example.model,
+            design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8)),
+            measurement=measurement,
+            limits=input_limits(example.model),
+            criterion=E(scaling="none"),
+        )
+        return ambiguities(problem)
+
+    @pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
+    def test_rank(self, example: Example):
+        trailer = "trailer_angle" in example.model.states
+        sensors = [POSES, TrailerAngle(noise=0.01)] if trailer else [POSES]
+        assert len(self.found(example, Several(sensors=sensors))) == example.ambiguities
+
+    @pytest.mark.parametrize(
+        "example", [one for one in ROBOTS if one.model.kind == "tractor_trailer"], ids=lambda one: one.name
+    )
+    def test_without_its_angle_a_trailer_is_not_told(self, example: Example):
+        hidden = {name for one in self.found(example, POSES) for name in one.changes}
+        assert hidden == {"hitch_offset", "trailer_length"}
