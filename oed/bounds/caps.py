@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.bounds.certificate import Cap
-from oed.bounds.motion import coefficient_rows, grip, input_reach, room, top_speeds
+from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
 from oed.measurements.displacements import Displacements
 from oed.problem import Estimation, Problem, prior_of
 
@@ -94,6 +94,11 @@ def _direction_caps(
     if lengths is not None:
         method, assumptions = "a segment is no longer than the top speed allows", (SPEEDS, NO_ROOM)
         yield along(problem, one, rows[1], float((lengths**2).sum()) / variance, method, assumptions)
+    budget = path_budget(problem)
+    if lengths is not None and budget is not None:
+        method = "no more path than allowed, in segments as long as the top speed allows"
+        assumptions = ("path length within its limit", SPEEDS, NO_ROOM)
+        yield along(problem, one, rows[1], largest_squares(lengths, budget) / variance, method, assumptions)
     if arcs and bounds is not None:
         x_min, x_max, y_min, y_max = bounds
         diagonal = (x_max - x_min) ** 2 + (y_max - y_min) ** 2
@@ -101,6 +106,17 @@ def _direction_caps(
         method = "a segment's displacement is no longer than the room's diagonal"
         assumptions = ("exact arcs", "every position within the room", SPEEDS)
         yield along(problem, one, rows[1], float(squares.sum()) / variance, method, assumptions)
+
+
+def largest_squares(lengths: Array, budget: float) -> float:
+    """The largest sum of squares of numbers up to `lengths` that add up to at most `budget`.
+
+    The longest first: no other numbers have larger sums of their largest ones, nor of their squares.
+    """
+    longest = np.sort(lengths)[::-1]
+    before = np.concatenate([[0.0], np.cumsum(longest)[:-1]])
+    taken = np.clip(budget - before, 0.0, longest)
+    return float((taken**2).sum())
 
 
 def along(

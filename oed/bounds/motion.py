@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.limits.path_length import PathLength
 from oed.limits.workspace import Workspace
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.skid_steer import SkidSteer
@@ -85,6 +86,12 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
     x_min, x_max, y_min, y_max = found[0].extent
     own = problem.model.body_radius
     return x_min + own, x_max - own, y_min + own, y_max - own
+
+
+def path_budget(problem: Problem) -> float | None:
+    """How far the robot's origin may go [m]; None where nothing limits it."""
+    found = [limit for limit in problem.limits if isinstance(limit, PathLength)]
+    return found[0].bounds if found else None
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:

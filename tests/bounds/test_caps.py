@@ -7,12 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem, random_drive
+from hypothesis import given
+from hypothesis import strategies as st
 
 from oed.bounds import NOTHING, Certificate, bound
+from oed.bounds.caps import largest_squares
 from oed.bounds.certificate import INFLATION
 from oed.criteria import A, D, E, ModifiedE
-from oed.limits import Rectangle
+from oed.evaluation import evaluate
+from oed.limits import PathLength, Rectangle
 from oed.measurements import Displacements, Poses, Ranges
 from oed.measurements.displacements import PoseNoise
 from oed.measurements.poses import AbsoluteNoise
@@ -184,3 +188,44 @@ def test_the_gap_of_an_objective() -> None:
 
 def test_the_same_bound_on_the_track_of_the_paper() -> None:
     assert cap(10) == pytest.approx(20 * (TRACK / RADIUS) ** 2)
+
+
+def test_a_path_budget_is_spent_in_the_longest_segments() -> None:
+    # Per sample 2 T wmax L / r, for L shorter than what the top speed allows. [F++ = 2 T^2 sum V^2 / r^2]
+    space = DesignSpace(duration=10, samples=100, rest_to_rest=False)
+    budget, period, top = 1.47, 0.1, 10.0
+    problem = make_problem(
+        design=space,
+        measurement=Displacements(segments="samples"),
+        limits=(SPEED, PathLength(bounds=budget)),
+    )
+    expected = 2 * period * top * budget / RADIUS
+    assert methods(bound(problem), "no more path") == [pytest.approx(expected, rel=2 * INFLATION)]
+    without = make_problem(design=space, measurement=Displacements(segments="samples"), limits=(SPEED,))
+    assert methods(bound(without), "no more path") == []
+
+
+@given(
+    lengths=st.lists(st.floats(0.0, 5.0), min_size=1, max_size=6),
+    shares=st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6),
+    budget=st.floats(0.0, 12.0),
+)
+def test_no_other_way_to_spend_it_has_a_larger_sum_of_squares(lengths, shares, budget) -> None:
+    spent = np.array(lengths) * np.array(shares[: len(lengths)])
+    spent *= min(1.0, budget / spent.sum()) if spent.sum() > 0 else 1.0
+    assert (spent**2).sum() <= largest_squares(np.array(lengths), budget) + 1e-9
+
+
+def test_no_drive_within_the_budget_beats_it() -> None:
+    problem = make_problem(
+        limits=(SPEED, ACCELERATION, PathLength(bounds=0.6)), measurement=Displacements(segments=4)
+    )
+    upper = bound(problem).upper_bound
+    tried = 0
+    for seed in range(200):
+        drive = random_drive(problem, seed, amplitude=1.0 + seed % 9)
+        found = evaluate(problem, drive)
+        if all(margin.violation <= 1e-12 for margin in found.margins):
+            tried += 1
+            assert found.objective <= upper
+    assert tried > 20
