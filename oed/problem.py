@@ -160,7 +160,21 @@ class Problem:
     @cached_property
     def any_estimations(self) -> tuple[Estimation, ...]:
         """The same of a drive without values: for parameters, noise and nuisances."""
-        return self.estimations(_any_drive(self))
+        return self.estimations(self._any_drive)
+
+    @cached_property
+    def _any_drive(self) -> Drive:
+        # A drive of the problem's shape without values: enough to ask which parameters there are.
+        model, space = self.robot, self.design
+        return roll_out(
+            model,
+            space.integration,
+            inputs=ca.MX.sym("inputs", space.all_samples, len(model.inputs)),
+            start=ca.MX.sym("start", space.runs, len(model.states)),
+            parameters=ca.MX(ca.DM(model.nominal)),
+            period=ca.MX(space.period),
+            runs=space.runs,
+        )
 
     def _estimated(self, block: Block) -> tuple[str, ...]:
         wanted = block.parameters if self.estimate is None else self.estimate
@@ -255,7 +269,7 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
 
 
 def _estimation_flaws(problem: Problem) -> list[Flaw]:
-    blocks = problem.measurement.blocks(_any_drive(problem))
+    blocks = problem.measurement.blocks(problem._any_drive)
     known = [name for block in blocks for name in block.parameters]
     strangers = [name for name in problem.estimate or () if name not in known]
     if strangers:
@@ -292,17 +306,3 @@ def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]
     }
     values = np.array([table[name][0] for name in estimated])
     return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])
-
-
-def _any_drive(problem: Problem) -> Drive:
-    # A drive of the problem's shape without values: enough to ask which parameters there are.
-    model, space = problem.robot, problem.design
-    return roll_out(
-        model,
-        space.integration,
-        inputs=ca.MX.sym("inputs", space.all_samples, len(model.inputs)),
-        start=ca.MX.sym("start", space.runs, len(model.states)),
-        parameters=ca.MX(ca.DM(model.nominal)),
-        period=ca.MX(space.period),
-        runs=space.runs,
-    )

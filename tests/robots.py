@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import oracle
 
@@ -224,3 +225,32 @@ def draw_inputs(rng: np.random.Generator, count: int, model: Model | None = None
     magnitudes = np.linspace(1.0, 9.0, inputs) + rng.uniform(-0.9, 0.9, (count, inputs))
     drawn = rng.permuted(magnitudes * rng.choice([-1.0, 1.0], (count, inputs)), axis=1)
     return drawn * np.array(largest) / 10
+
+
+Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def motion_by_parameters(robot: Example) -> Motion:
+    """A robot's twist for inputs and any values of its parameters; of unlisted robots by the package."""
+    if robot.model.kind in ("differential_drive", "skid_steer", "tractor_trailer"):
+
+        def motion(inputs, parameters):
+            right, left, track, *slips = parameters
+            speeds = oracle.skid_speeds(inputs, *slips) if robot.model.kind == "skid_steer" else inputs
+            return oracle.differential_twist(speeds, right, left, track)
+
+        return motion
+    inputs, parameters = ca.SX.sym("u", len(robot.model.inputs)), ca.SX.sym("p", len(robot.model.nominal))
+    twist = ca.Function("twist", [inputs, parameters], [robot.model.twist(inputs, parameters)])
+    return lambda inputs, parameters: np.array(twist(inputs, parameters)).ravel()
+
+
+def motion_by_coefficients(robot: Example) -> Motion:
+    """The same for any values of its coefficients c11, c12, ..., its other constants nominal."""
+
+    def motion(inputs, coefficients):
+        rows = len(robot.model.coefficient_names)
+        yaw_rate, forward, *sideways = np.reshape(coefficients, (rows, -1)) @ robot.effective(inputs)
+        return np.array([forward, sideways[0] if sideways else 0.0, yaw_rate])
+
+    return motion

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from typing import Annotated, ClassVar, Literal
 
@@ -163,6 +164,7 @@ def chord(
     return gain, heading + half_turn
 
 
+@lru_cache(maxsize=32)
 def step(model: Model, integration: Integration) -> ca.Function:
     """The function (pose, inputs, parameters, period [s]) -> next pose, shared by all robots."""
     pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")

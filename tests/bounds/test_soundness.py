@@ -11,13 +11,14 @@ from drives import best_objective
 
 from oed.bounds import bound
 from oed.criteria import E
-from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.limits import Circle as CircularRoom
+from oed.limits import Polygon, Rectangle, WheelAcceleration, WheelSpeed
 from oed.measurements import Displacements, Poses, Ranges, YawRate
 from oed.measurements.displacements import PoseNoise
 from oed.measurements.poses import AbsoluteNoise
 from oed.measurements.sensor import LeverArm, PosePrior
 from oed.measurements.several import Several
-from oed.models import DifferentialDrive, SkidSteer
+from oed.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerIcr, TractorTrailer
 from oed.prior import Prior
 from oed.problem import Problem
 from oed.trajectory import DesignSpace, StartPose
@@ -153,7 +154,38 @@ def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
 @pytest.mark.parametrize("make", [random_regression, random_joint])
 def test_no_drive_beats_the_bounds_of_many_problems(make: Any) -> None:
     rng = np.random.default_rng(5)
-    assert sum(check(make(rng), rng, 40, 40) for _ in range(25)) > 1000
+    assert sum(check(make(rng), rng, 40, 40) for _ in range(14)) > 500
+
+
+BODY = {"body_radius": 0.15, "wheel_radius": RADIUS}
+OTHERS = {
+    "offset": OffsetDrive(**BODY, track=TRACK, sensor_offset=0.06),
+    "icr": SkidSteerIcr(**BODY, y_icr_left=0.2, y_icr_right=-0.15, x_icr=-0.03, alpha_left=0.9),
+    "trailer": TractorTrailer(**BODY, track=TRACK, hitch_offset=0.1, trailer_length=0.3),
+    "body": DifferentialDrive(**BODY, track=TRACK),
+}
+CORNERED = Polygon(points=((-1, -1), (1, -1), (1, 0.5), (0.3, 0.5), (0.3, 1), (-1, 1)))
+
+
+@pytest.mark.parametrize("room", [CircularRoom(radius=0.9), CORNERED], ids=["circle", "polygon"])
+@pytest.mark.parametrize("robot", OTHERS)
+@pytest.mark.parametrize("measured", ["segments", "samples", "poses"])
+def test_other_robots_and_rooms(robot: str, room: Any, measured: str) -> None:
+    # Lengths of the robots whose lengths scale the whole path; coefficients of the others.
+    model = OTHERS[robot]
+    poses = Poses(noise=AbsoluteNoise(position=0.01, heading=0.02))
+    segments = {"segments": 4, "samples": "samples"}.get(measured, 1)
+    estimate = None
+    if measured == "poses":
+        estimate = LENGTHS if robot in ("trailer", "body") else tuple(sum(model.coefficient_names, ()))
+    problem = make_problem(
+        model=model,
+        design=DesignSpace(duration=5, samples=24, rest_to_rest=False),
+        limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20), room),
+        measurement=poses if measured == "poses" else Displacements(segments=segments),
+        estimate=estimate,
+    )
+    assert check(problem, np.random.default_rng(1), 25, 15) > 10
 
 
 @pytest.mark.parametrize("slips", [(0.0, 0.3), (0.0, 0.7), (0.0, 0.9), (0.9, 0.0)])

@@ -12,8 +12,7 @@ from builders import make_problem, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from robots import PLANAR, ROBOTS, Example, draw_inputs
-from sensors import motion_by_parameters
+from robots import PLANAR, ROBOTS, Example, draw_inputs, motion_by_parameters
 
 from oed.criteria import A, D, E, G, I, Leg, Subject
 from oed.errors import ProblemError

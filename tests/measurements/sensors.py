@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 import oracle
-import robots
+from robots import Example as Robot
+from robots import Motion
 from scipy.linalg import block_diag
 
 from oed.measurements import Poses, Ranges, Sensor, TrailerAngle, YawRate
@@ -53,7 +53,7 @@ class Example:
     whole: np.ndarray | None = None
     states: tuple[str, ...] = ()
 
-    def suits(self, robot: robots.Example) -> bool:
+    def suits(self, robot: Robot) -> bool:
         """Whether the robot has all the states that the sensor reads."""
         return set(self.states) <= set(robot.model.states)
 
@@ -304,35 +304,6 @@ SENSOR_EXAMPLES = [example for examples in EXAMPLES.values() for example in exam
 def named(name: str) -> Example:
     """The example of that name."""
     return next(example for example in SENSOR_EXAMPLES if example.name == name)
-
-
-Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
-def motion_by_parameters(robot: robots.Example) -> Motion:
-    """A robot's twist for inputs and any values of its parameters; of unlisted robots by the package."""
-    if robot.model.kind in ("differential_drive", "skid_steer", "tractor_trailer"):
-
-        def motion(inputs, parameters):
-            right, left, track, *slips = parameters
-            speeds = oracle.skid_speeds(inputs, *slips) if robot.model.kind == "skid_steer" else inputs
-            return oracle.differential_twist(speeds, right, left, track)
-
-        return motion
-    inputs, parameters = ca.SX.sym("u", len(robot.model.inputs)), ca.SX.sym("p", len(robot.model.nominal))
-    twist = ca.Function("twist", [inputs, parameters], [robot.model.twist(inputs, parameters)])
-    return lambda inputs, parameters: np.array(twist(inputs, parameters)).ravel()
-
-
-def motion_by_coefficients(robot: robots.Example) -> Motion:
-    """The same for any values of its coefficients c11, c12, ..., its other constants nominal."""
-
-    def motion(inputs, coefficients):
-        rows = len(robot.model.coefficient_names)
-        yaw_rate, forward, *sideways = np.reshape(coefficients, (rows, -1)) @ robot.effective(inputs)
-        return np.array([forward, sideways[0] if sideways else 0.0, yaw_rate])
-
-    return motion
 
 
 @dataclass(frozen=True)

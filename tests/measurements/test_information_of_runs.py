@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from builders import RADIUS, SPEED, TRACK, make_problem
-from robots import ROBOTS, draw_inputs
+from robots import ROBOTS, draw_inputs, motion_by_parameters
 from scipy.linalg import block_diag
-from sensors import PERIOD, Example, Experiment, motion_by_parameters, named
+from sensors import PERIOD, Example, Experiment, named
 
 from oed.criteria import E
 from oed.errors import ProblemError

@@ -15,7 +15,8 @@ from oed.solvers import Ipopt, solve
 from oed.study import Study, load_study
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-FEW = Ipopt(starts=2, perturbations=0, second_stage="none", max_iterations=300)
+STARTS = {"tractor_trailer": 2}
+"""Starts needed for a design above everyday paths, where one is not enough."""
 NAMES = (
     "ackermann",
     "husky_outdoors",
@@ -38,7 +39,8 @@ def shipped(name: str) -> Study:
 
 def solved(name: str) -> tuple[Study, Evaluation]:
     study = shipped(name)
-    found = solve(study.problem, FEW, seed=study.seed, workers=1)
+    few = Ipopt(starts=STARTS.get(name, 1), perturbations=0, second_stage="none", max_iterations=300)
+    found = solve(study.problem, few, seed=study.seed, workers=1)
     assert found.evaluation is not None
     return study, found.evaluation
 
@@ -49,9 +51,13 @@ def test_every_robot_has_a_problem():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "obstacle_course"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("obstacle_course", "three_runs")])
 def test_designs_are_above_all_everyday_paths(name: str):
     study, design = solved(name)
+    assert_above_all_paths(study, design)
+
+
+def assert_above_all_paths(study: Study, design: Evaluation) -> None:
     assert design.feasible
     for path in study.file.baselines:
         (plain,) = baselines(study.problem, path, seed=study.seed)
@@ -63,11 +69,7 @@ def test_designs_are_above_all_everyday_paths(name: str):
 @pytest.mark.slow
 def test_a_room_with_a_corner_and_two_obstacles():
     study, design = solved("obstacle_course")
-    assert design.feasible
-    for path in study.file.baselines:
-        (plain,) = baselines(study.problem, path, seed=study.seed)
-        if plain.evaluation.feasible:
-            assert design.objective > plain.evaluation.objective, path
+    assert_above_all_paths(study, design)
     # On the fine grid the body, a disc, touches neither walls nor obstacles, by an independent geometry.
     limits = study.echo()["limits"]
     room = shapely.Polygon(limits["workspace"]["points"])
@@ -84,6 +86,7 @@ def test_a_room_with_a_corner_and_two_obstacles():
 @pytest.mark.slow
 def test_every_run_begins_in_the_room_and_keeps_to_its_length():
     study, design = solved("three_runs")
+    assert_above_all_paths(study, design)
     runs = np.split(design.path, study.problem.design.runs)
     body = study.problem.model.body_radius
     for path in runs:
