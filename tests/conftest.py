@@ -15,7 +15,12 @@ from oed.solution import Solution
 from oed.solvers import Ipopt, solve
 
 settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=60)
-settings.load_profile("seeded")
+settings.register_profile("quick", settings.get_profile("seeded"), max_examples=20)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Fewer examples of each property where slow tests are left out."""
+    settings.load_profile("quick" if config.option.markexpr == "not slow" else "seeded")
 
 
 @pytest.fixture

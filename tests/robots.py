@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import oracle
+import pytest
 
 from oed.models import (
     Ackermann,
@@ -213,6 +214,17 @@ ROBOTS = [example for examples in EXAMPLES.values() for example in examples]
 PLANAR = [example for example in ROBOTS if len(example.model.states) == 3]
 TWO_SIDED = [example for example in PLANAR if len(example.model.coefficient_names) == 2]
 COEFFICIENT_ROBOTS = [example for example in ROBOTS if example.model.coefficient_names]
+
+CORE = ("differential", "skid_slip", "ackermann", "mecanum", "trailer")
+"""One of every sort. What hardly depends on a robot is tried on the others where there is time."""
+
+
+def cases(examples: list[Example]) -> list:
+    """Parameters for pytest: the examples by name, all but those of `CORE` marked slow."""
+    return [
+        pytest.param(one, id=one.name, marks=() if one.name in CORE else pytest.mark.slow) for one in examples
+    ]
+
 
 LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5}
 """Magnitude of the inputs drawn, by quantity."""

@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pytest
 from builders import make_problem
-from robots import ROBOTS, TWO_SIDED, Example, draw_inputs
+from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
 from oed.evaluation import evaluate
 from oed.measurements import Displacements
@@ -17,7 +17,7 @@ from oed.regressors import Regressors
 from oed.trajectory import DesignSpace, Spline, Trajectory
 
 SPLINE = Spline(coefficients=8)
-robots = pytest.mark.parametrize("example", TWO_SIDED, ids=lambda example: example.name)
+robots = pytest.mark.parametrize("example", cases(TWO_SIDED))
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from robots import PLANAR, ROBOTS, Example, draw_inputs
+from robots import PLANAR, ROBOTS, Example, cases, draw_inputs
 
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.rollout import FINE, Drive, roll_out
@@ -14,7 +14,7 @@ from oed.rollout import FINE, Drive, roll_out
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
 FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")
 
-robots = pytest.mark.parametrize("example", PLANAR, ids=lambda example: example.name)
+robots = pytest.mark.parametrize("example", cases(PLANAR))
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 
 

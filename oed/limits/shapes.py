@@ -191,10 +191,13 @@ def middle_of(points: Sequence[Point]) -> Point:
 
 
 def _corners(shape: object) -> Array:
-    # Counter-clockwise, the first one not repeated.
+    # Counter-clockwise, the first one not repeated, and left out as well where it is on a straight line.
     import shapely
 
-    return np.asarray(shapely.get_coordinates(shapely.orient_polygons(_simple(shape)))[:-1])
+    corners = np.asarray(shapely.get_coordinates(shapely.orient_polygons(_simple(shape)))[:-1])
+    before, after = corners[-1] - corners[0], corners[1] - corners[0]
+    across = abs(before[0] * after[1] - before[1] * after[0]) / np.hypot(*(after - before))
+    return corners[1:] if across <= SLIVER * shapely.length(shape) else corners
 
 
 def _simple(shape: object) -> object:

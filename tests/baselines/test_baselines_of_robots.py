@@ -198,6 +198,7 @@ class TestFlaws:
         flaws = baseline_flaws(problem_of(ACKERMANN), [object(), "square", "straight", "nonsense", "square"])
         assert [flaw.key for flaw in flaws] == [("baselines", 1), ("baselines", 4)]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("bounds", "able"), [(1.55, False), (1.59, True)])
     def test_a_tricycle_spins_with_its_wheel_across(self, bounds: float, able: bool):
         # The angle that acts is 0.01 rad more: one way of spinning needs 1.561 rad.
@@ -356,6 +357,7 @@ class TestSizes:
         assert solution.evaluation.feasible
         assert np.ptp(solution.evaluation.path[:, 1]) == pytest.approx(3, rel=1e-3)
 
+    @pytest.mark.slow
     def test_no_size_at_all(self):
         limits = (*usual_limits(TWO_SIDED), TurningRadius(bounds=1.6))
         (solution,) = baselines(problem_of(TWO_SIDED, limits=limits), "circle")

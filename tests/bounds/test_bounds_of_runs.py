@@ -99,6 +99,7 @@ def test_runs_times_the_bound_of_one(runs: int, segments):
         assert joint.upper_bound == pytest.approx(runs * cap(4), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",
     [

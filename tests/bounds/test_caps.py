@@ -104,6 +104,8 @@ def test_joint_coefficients_of_a_start_known_may_lie_twice_as_far() -> None:
     assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 def test_joint_lengths() -> None:
     certificate = tracker()
     loosest = 201 * 2 / (3 * SIGMA**2)

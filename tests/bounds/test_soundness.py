@@ -167,6 +167,7 @@ OTHERS = {
 CORNERED = Polygon(points=((-1, -1), (1, -1), (1, 0.5), (0.3, 0.5), (0.3, 1), (-1, 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [CircularRoom(radius=0.9), CORNERED], ids=["circle", "polygon"])
 @pytest.mark.parametrize("robot", OTHERS)
 @pytest.mark.parametrize("measured", ["segments", "samples", "poses"])

@@ -12,7 +12,7 @@ from builders import make_problem, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from robots import PLANAR, ROBOTS, Example, draw_inputs, motion_by_parameters
+from robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
 from oed.criteria import A, D, E, G, I, Leg, Subject
 from oed.errors import ProblemError
@@ -22,7 +22,7 @@ from oed.models import Model
 from oed.problem import Problem
 from oed.solvers.program import DesignExpressions
 
-robots = pytest.mark.parametrize("example", PLANAR, ids=lambda example: example.name)
+robots = pytest.mark.parametrize("example", cases(PLANAR))
 quantities = pytest.mark.parametrize("quantity", ["position", "heading"])
 predictions = pytest.mark.parametrize("kind", [G, I])
 seeds = st.integers(0, 2**32 - 1)

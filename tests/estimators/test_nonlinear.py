@@ -420,6 +420,7 @@ class TestFit:
         assert found.parameters == case.estimator.parameters
         assert found.nuisances == case.estimator.nuisances
 
+    @pytest.mark.slow
     @cases
     def test_noisy_readings_give_what_scipy_finds(self, case: Case):
         truth, count = displaced(case), len(case.parameters)

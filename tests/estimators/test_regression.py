@@ -12,7 +12,7 @@ import numpy as np
 import oracle
 import pytest
 from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
-from robots import COEFFICIENT_ROBOTS, TWO_SIDED
+from robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.errors import Flaw, ProblemError
 from oed.estimators import (
@@ -221,6 +221,7 @@ class TestFirstOrder:
         _, linear = regression.replicate(np.random.default_rng(3), REPLICATES)
         assert passes(linear, regression.linear_covariance)
 
+    @pytest.mark.slow
     @distinct_ways
     @noise_models
     def test_estimates_are_those_of_the_simulation(
@@ -343,7 +344,7 @@ class TestOwnFormula:
                 alone.linear_covariance, both.linear_covariance[block, block], rtol=1e-12
             )
 
-    @pytest.mark.parametrize("example", COEFFICIENT_ROBOTS, ids=lambda one: one.name)
+    @pytest.mark.parametrize("example", cases(COEFFICIENT_ROBOTS))
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     def test_every_robot_and_rule(self, example, rule: str):
         problem = make_problem(

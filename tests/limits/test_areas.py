@@ -54,6 +54,7 @@ ROOMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.0, 0.15])
 @pytest.mark.parametrize("name", ROOMS)
 def test_slack_in_a_room_is_the_distance_from_its_outline(name: str, radius: float):
@@ -72,7 +73,8 @@ def test_slack_in_a_room_is_the_distance_from_its_outline(name: str, radius: flo
     np.testing.assert_array_equal(allowed, found[::9] >= -1e-9)
 
 
-@settings(max_examples=30)
+@pytest.mark.slow
+@settings(max_examples=10)
 @given(outline=outlines(), body=st.floats(0, 0.5))
 def test_a_body_moves_every_wall_by_its_radius(outline: np.ndarray, body: float):
     points = grid_around(outline, 9)
@@ -113,7 +115,7 @@ def motions(points: np.ndarray, angle: float, scale: float, shift) -> np.ndarray
     return scale * np.asarray(points) @ turn.T + np.asarray(shift)
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(
     outline=outlines(),
     angle=st.floats(-4, 4),

@@ -90,7 +90,7 @@ def test_a_room_is_its_walls_and_pockets(outline):
     assert np.all(rows[truth < -1e-9] < 1e-9)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
 def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
     points = np.random.default_rng(seed).uniform(-3.5, 3.5, (400, 2))
@@ -100,7 +100,7 @@ def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
     np.testing.assert_allclose(rows[inside], truth[inside], atol=1e-6)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
 def test_distance_from_an_obstacle_of_any_outline(outline: np.ndarray, seed: int):
     points = np.random.default_rng(seed).uniform(-3.5, 3.5, (400, 2))
@@ -128,7 +128,7 @@ def test_pieces_make_up_the_shape(outline):
     assert_pieces(outline, pieces_of(outline))
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(outline=outlines())
 def test_pieces_make_up_any_shape(outline: np.ndarray):
     assert_pieces(outline, pieces_of(outline))

@@ -12,7 +12,7 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_problem,
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from robots import ROBOTS, TWO_SIDED, Example, draw_inputs
+from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
 from oed.evaluation import evaluate
 from oed.measurements import Displacements
@@ -23,7 +23,7 @@ from oed.trajectory import DesignSpace, Spline, Trajectory
 SAMPLES, DURATION = 23, 5.0
 PERIOD, START = DURATION / SAMPLES, (0.2, -0.1, 0.4)
 
-robots = pytest.mark.parametrize("example", TWO_SIDED, ids=lambda example: example.name)
+robots = pytest.mark.parametrize("example", cases(TWO_SIDED))
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 seeds = st.integers(0, 2**32 - 1)
 

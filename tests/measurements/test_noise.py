@@ -10,7 +10,7 @@ from builders import RADIUS, SPEED, TRACK, make_problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from robots import ROBOTS, TWO_SIDED, Example, draw_inputs
+from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 from scipy.linalg import block_diag
 
 from oed.criteria import E
@@ -23,7 +23,7 @@ SAMPLES, DURATION, START = 23, 5.0, (0.2, -0.1, 0.4)
 NOISE = {"position": 2e-3, "heading": 0.01}
 COORDINATES = {"position": 2, "heading": 1}
 
-robots = pytest.mark.parametrize("example", TWO_SIDED, ids=lambda example: example.name)
+robots = pytest.mark.parametrize("example", cases(TWO_SIDED))
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 estimators = pytest.mark.parametrize("estimator", ["gls", "ols"])
 seeds = st.integers(0, 2**32 - 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 import oracle
@@ -15,9 +16,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from robots import (
     COEFFICIENT_ROBOTS,
+    CORE,
     PLANAR,
     ROBOTS,
     TWO_SIDED,
+    cases,
     draw_inputs,
     motion_by_coefficients,
     motion_by_parameters,
@@ -48,7 +51,7 @@ START = (0.2, -0.1, 0.4)
 C = ("c11", "c12", "c21", "c22")
 SIGMA = 2e-3
 
-robots = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+robots = pytest.mark.parametrize("robot", cases(ROBOTS))
 coefficient_robots = pytest.mark.parametrize(
     "robot", [one for one in COEFFICIENT_ROBOTS if one in PLANAR], ids=lambda robot: robot.name
 )
@@ -74,10 +77,22 @@ PAIRS = [
 pairs = pytest.mark.parametrize(
     ("robot", "example"), PAIRS, ids=[f"{example.name}-{robot.name}" for robot, example in PAIRS]
 )
+
+
+def slow_beyond_core(robot: Robot) -> Any:
+    return () if robot.name in CORE else pytest.mark.slow
+
+
 # Both rules where they were always there; the integration knows nothing of the robot.
 CASES = [(*pair, "arc") for pair in PAIRS] + [(*pair, "midpoint") for pair in PAIRS if pair[0] in ROBOTS[:4]]
 pairs_and_rules = pytest.mark.parametrize(
-    ("robot", "example", "rule"), CASES, ids=[f"{one.name}-{robot.name}-{rule}" for robot, one, rule in CASES]
+    ("robot", "example", "rule"),
+    [
+        pytest.param(
+            *case, id="-".join((case[1].name, case[0].name, case[2])), marks=slow_beyond_core(case[0])
+        )
+        for case in CASES
+    ],
 )
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 examples = pytest.mark.parametrize("example", PLAIN, ids=lambda example: example.name)

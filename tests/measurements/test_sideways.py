@@ -64,7 +64,7 @@ def squares(example: Example, speeds: np.ndarray, rule: str) -> np.ndarray:
 
 @sideways
 @rules
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_information_on_coefficients(example: Example, rule: str, seed: int):
     speeds = random_speeds(example, seed)
@@ -89,7 +89,7 @@ def test_uncorrelated_wheels_at_full_speed_reach_the_cap(example: Example):
 
 @sideways
 @rules
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
     problem = problem_of(example, rule, measurement=Displacements(segments="samples"))
@@ -97,7 +97,7 @@ def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
 
 
 @sideways
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_information_on_radius_and_distance(example: Example, seed: int):
     speeds, model = random_speeds(example, seed), example.model
