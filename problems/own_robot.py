@@ -1,4 +1,4 @@
-"""A robot of one's own: a differential drive whose wheels shrink under load, one more parameter to estimate."""
+"""A robot of one's own: a differential drive whose wheels shrink with speed, one more thing to estimate."""
 
 from __future__ import annotations
 
