@@ -112,11 +112,11 @@ def _text(choice: Choice, known: Mapping[str, str], baselines: str) -> str:
     robot = choice.robot.replace("_", " ")
     where = choice.room.strip()
     lines = [
-        f"# The best drive to calibrate a {robot} in a room of {where}, written by `oed init`.",
+        f"# The best drive to calibrate a robot ({robot}) in a room of {where}, written by `oed init`.",
         "# `oed check` reads it, `oed run` searches, compares and makes a report. Change what is yours;",
         "# `oed schema` lists every key.",
         "format: 1",
-        f"name: Calibration of a {robot}",
+        f"name: Calibration, {robot}",
         "robot:",
         *_robot_lines(choice, known),
         "trajectory:",

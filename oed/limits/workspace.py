@@ -94,10 +94,11 @@ class Workspace(Area):
 
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start outside."""
+        shape = "" if self.kind == "rectangle" else f"(a {self.kind}) within "
         x_min, x_max, y_min, y_max = self.extent
         return (
-            f"{where} lies outside the workspace x [{x_min:g}, {x_max:g}] m, y [{y_min:g}, {y_max:g}] m"
-            f"{_keeping(radius)}; move the start or widen the workspace"
+            f"{where} lies outside the workspace {shape}x [{x_min:g}, {x_max:g}] m, "
+            f"y [{y_min:g}, {y_max:g}] m{_keeping(radius)}; move the start or widen the workspace"
         )
 
 
