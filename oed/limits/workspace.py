@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from oed.component import Component, OneOf
 from oed.errors import Flaw
@@ -30,7 +30,17 @@ from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
 Extent = tuple[float, float, float, float]
-Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3)]
+
+
+def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    flaw = polygon_flaw(points)
+    if flaw:
+        raise ValueError(flaw)
+    return points
+
+
+Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3), AfterValidator(_checked)]
+"""The corners of a polygon [m], in order."""
 
 
 class Area(Limit):
@@ -156,11 +166,6 @@ class Polygon(Workspace):
     kind: Literal["polygon"] = "polygon"
     points: Corners
 
-    @field_validator("points")
-    @classmethod
-    def _is_a_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return _checked(points)
-
     @property
     def extent(self) -> Extent:
         """Its bounding box [m]."""
@@ -236,11 +241,6 @@ class PolygonalObstacle(Obstacle):
     kind: Literal["polygon"] = "polygon"
     points: Corners
 
-    @field_validator("points")
-    @classmethod
-    def _is_a_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return _checked(points)
-
     @cached_property
     def _pieces(self) -> tuple[ConvexShape, ...]:
         import shapely
@@ -283,10 +283,3 @@ class Obstacles(Area):
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start inside one."""
         return f"{where} touches an obstacle{_keeping(radius)}; move the start or the obstacle"
-
-
-def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
-    flaw = polygon_flaw(points)
-    if flaw:
-        raise ValueError(flaw)
-    return points

@@ -12,8 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
-from oed.measurements.measurement import Nuisance
-from oed.measurements.sensor import InitialPose, LeverArm, Moment, Sensor
+from oed.measurements.sensor import Moment, PlacedSensor
 from oed.models.model import Model
 from oed.quantities import Angle, Duration, Length, Unit, require_covariance
 
@@ -68,40 +67,26 @@ class AbsoluteNoise(Component):
         return self.heading_per_speed if quantity == "heading" else self.position_per_speed
 
 
-class Poses(Sensor):
+class Poses(PlacedSensor):
     """Absolute x, y [m] and heading [rad], or some of them, at every n-th sample.
 
     Attributes:
         quantities: which of x, y, heading are read.
         noise: of one reading.
-        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
-        lever_arm: where on the robot the position is measured.
     """
 
     kind: Literal["poses"] = "poses"
     quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)] = ("x", "y", "heading")
     noise: AbsoluteNoise = AbsoluteNoise()
-    initial_pose: InitialPose = "unknown"
-    lever_arm: LeverArm = LeverArm()
 
     @property
     def angles(self) -> tuple[int, ...]:
         """The heading's place."""
         return tuple(place for place, name in enumerate(self.quantities) if name == "heading")
 
-    @property
-    def initial_pose_known(self) -> InitialPose | None:
-        """What is known of the initial pose."""
-        return self.initial_pose
-
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The lever arm's coordinates, where they are not known."""
-        return lever_arm_nuisances(self.lever_arm)
-
     def reading(self, moment: Moment) -> Expression:
         """The quantities, at the lever arm's end."""
-        x, y = sensor_position(self.lever_arm, moment)
+        x, y = self.position(moment)
         read = {"x": x, "y": y, "heading": moment.pose[2]}
         return ca.vertcat(*(read[quantity] for quantity in self.quantities))
 
@@ -142,25 +127,6 @@ class Poses(Sensor):
             text = f"the noise of {', '.join(missing)} is needed to weigh the readings"
             flaws.append(Flaw(("measurement", "noise"), text))
         return flaws
-
-
-def sensor_position(lever_arm: LeverArm, moment: Moment) -> tuple[Expression, Expression]:
-    """Where the end of a lever arm is: x, y [m]."""
-    ahead = moment.nuisances.get("lever_arm.x", lever_arm.x)
-    left = moment.nuisances.get("lever_arm.y", lever_arm.y)
-    x, y, heading = moment.pose[0], moment.pose[1], moment.pose[2]
-    cosine, sine = ca.cos(heading), ca.sin(heading)
-    return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
-
-
-def lever_arm_nuisances(lever_arm: LeverArm) -> tuple[Nuisance, ...]:
-    """The coordinates of a lever arm that is estimated along."""
-    if lever_arm.known:
-        return ()
-    return (
-        Nuisance("lever_arm.x", lever_arm.x, "m", lever_arm.deviation),
-        Nuisance("lever_arm.y", lever_arm.y, "m", lever_arm.deviation),
-    )
 
 
 def _inverse_factor(covariance: Matrix) -> Array:

@@ -8,43 +8,28 @@ import casadi as ca
 from pydantic import Field
 
 from oed.expression import Expression
-from oed.measurements.measurement import Nuisance
-from oed.measurements.poses import lever_arm_nuisances, sensor_position
-from oed.measurements.sensor import InitialPose, LeverArm, Moment, Sensor
+from oed.measurements.sensor import Moment, PlacedSensor
 from oed.quantities import Length
 
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off, so that it has derivatives at the beacon itself."""
 
 
-class Ranges(Sensor):
+class Ranges(PlacedSensor):
     """Distances [m] from a point of the robot to every beacon.
 
     Attributes:
         beacons: their positions x, y [m].
         noise: standard deviation of one distance [m].
-        initial_pose, lever_arm: as for `Poses`.
     """
 
     kind: Literal["ranges"] = "ranges"
     beacons: Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
     noise: Annotated[Length, Field(gt=0)]
-    initial_pose: InitialPose = "unknown"
-    lever_arm: LeverArm = LeverArm()
-
-    @property
-    def initial_pose_known(self) -> InitialPose | None:
-        """What is known of the initial pose."""
-        return self.initial_pose
-
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The lever arm's coordinates, where they are not known."""
-        return lever_arm_nuisances(self.lever_arm)
 
     def reading(self, moment: Moment) -> Expression:
         """One distance per beacon."""
-        x, y = sensor_position(self.lever_arm, moment)
+        x, y = self.position(moment)
         squares = [(x - beacon_x) ** 2 + (y - beacon_y) ** 2 for beacon_x, beacon_y in self.beacons]
         return ca.vertcat(*(ca.sqrt(square + NEAREST**2) for square in squares))
 

@@ -126,6 +126,42 @@ class Sensor(Measurement):
         return list(range(0, last, self.every))
 
 
+class PlacedSensor(Sensor):
+    """A sensor that follows a point of the robot.
+
+    Attributes:
+        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
+        lever_arm: where on the robot that point is.
+    """
+
+    initial_pose: InitialPose = "unknown"
+    lever_arm: LeverArm = LeverArm()
+
+    @property
+    def initial_pose_known(self) -> InitialPose | None:
+        """What is known of the initial pose."""
+        return self.initial_pose
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """The lever arm's coordinates, where they are not known."""
+        arm = self.lever_arm
+        if arm.known:
+            return ()
+        return (
+            Nuisance("lever_arm.x", arm.x, "m", arm.deviation),
+            Nuisance("lever_arm.y", arm.y, "m", arm.deviation),
+        )
+
+    def position(self, moment: Moment) -> tuple[Expression, Expression]:
+        """Where the point is: x, y [m]."""
+        ahead = moment.nuisances.get("lever_arm.x", self.lever_arm.x)
+        left = moment.nuisances.get("lever_arm.y", self.lever_arm.y)
+        x, y, heading = moment.pose[0], moment.pose[1], moment.pose[2]
+        cosine, sine = ca.cos(heading), ca.sin(heading)
+        return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
+
+
 @dataclass(frozen=True)
 class Readings:
     """One sensor's readings of a drive, as expressions.
