@@ -14,8 +14,8 @@ from oed.problem import Problem
 from oed.solution import Solution
 from oed.solvers import Ipopt, solve
 
-settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=60)
-settings.register_profile("quick", settings.get_profile("seeded"), max_examples=20)
+settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=35)
+settings.register_profile("quick", settings.get_profile("seeded"), max_examples=18)
 
 
 def pytest_configure(config: pytest.Config) -> None:
