@@ -53,8 +53,7 @@ def _brief(sensor: Sensor, samples: int) -> str:
         return noun if names == "heading" else f"{noun} ({names})"
     if sensor["kind"] == "ranges":
         return f"the distances to {count(len(sensor['beacons']), 'beacon')} at {count(times, 'time')}"
-    noun = {"yaw_rate": "yaw rate"}.get(sensor["kind"], f"reading of {words(sensor['kind'])}")
-    return count(times, noun)
+    return count(times, words(sensor["kind"]))
 
 
 def _pose_noun(sensor: Sensor) -> str:
