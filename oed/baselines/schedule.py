@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from oed.baselines.kinematics import Kinematics, kinematics
 from oed.baselines.patterns import Move
-from oed.limits.workspace import Workspace
+from oed.limits.workspace import workspace_of
 from oed.problem import Problem
 from oed.trajectory import Trajectory
 
@@ -27,8 +27,8 @@ def starts(problem: Problem) -> Array:
     """Start states (runs, states): where the study says, or in the middle of the room."""
     if problem.fixed_starts is not None:
         return problem.fixed_starts
-    rooms = [limit for limit in problem.limits if isinstance(limit, Workspace)]
-    x, y = rooms[0].middle if rooms else (0.0, 0.0)
+    room = workspace_of(problem.limits)
+    x, y = (0.0, 0.0) if room is None else room.middle
     return problem.start_states([(x, y, 0.0)] * problem.design.runs)
 
 

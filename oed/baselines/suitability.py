@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -12,16 +11,19 @@ from oed.baselines.kinematics import kinematics
 from oed.baselines.patterns import NAMES, PATTERNS, RANDOM, Move
 from oed.baselines.schedule import least_samples
 from oed.errors import Flaw
-from oed.limits.workspace import Workspace
+from oed.limits.workspace import workspace_of
 from oed.problem import Problem
 
 
 def largest_size(problem: Problem) -> float:
     """A size [m] beyond which no pattern fits the room or the duration."""
-    extents = [limit.extent for limit in problem.limits if isinstance(limit, Workspace)]
-    room = max(extents[0][1] - extents[0][0], extents[0][3] - extents[0][2]) if extents else math.inf
     speeds = problem.input_bounds[kinematics(problem.model).drives]
-    return min(room, float(np.abs(speeds).max()) * problem.design.duration)
+    reach = float(np.abs(speeds).max()) * problem.design.duration
+    room = workspace_of(problem.limits)
+    if room is None:
+        return reach
+    x_min, x_max, y_min, y_max = room.extent
+    return min(max(x_max - x_min, y_max - y_min), reach)
 
 
 @lru_cache(maxsize=16)

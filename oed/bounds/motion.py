@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.limits.path_length import PathLength
-from oed.limits.workspace import Workspace
+from oed.limits.workspace import workspace_of
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.skid_steer import SkidSteer
 from oed.problem import Problem
@@ -80,10 +80,10 @@ def top_speeds(problem: Problem) -> Array | None:
 
 def room(problem: Problem) -> tuple[float, float, float, float] | None:
     """A rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without a workspace."""
-    found = [limit for limit in problem.limits if isinstance(limit, Workspace)]
-    if not found:
+    found = workspace_of(problem.limits)
+    if found is None:
         return None
-    x_min, x_max, y_min, y_max = found[0].extent
+    x_min, x_max, y_min, y_max = found.extent
     own = problem.model.body_radius
     return x_min + own, x_max - own, y_min + own, y_max - own
 

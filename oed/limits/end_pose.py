@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import radians
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
@@ -55,7 +56,7 @@ class EndHeading(Limit):
 
     name: ClassVar[str] = "end_heading"
     at: Angle | Literal["start"]
-    tolerance: Annotated[Angle, Field(gt=0)] = 0.0175
+    tolerance: Annotated[Angle, Field(gt=0)] = radians(1.0)
 
     @model_validator(mode="before")
     @classmethod

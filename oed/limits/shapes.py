@@ -191,13 +191,15 @@ def middle_of(points: Sequence[Point]) -> Point:
 
 
 def _corners(shape: object) -> Array:
-    # Counter-clockwise, the first one not repeated, and left out as well where it is on a straight line.
+    # Counter-clockwise, the first one not repeated. Simplifying leaves a ring's first corner, and four of a
+    # triangle's, on a straight line between their neighbours.
     import shapely
 
     corners = np.asarray(shapely.get_coordinates(shapely.orient_polygons(_simple(shape)))[:-1])
-    before, after = corners[-1] - corners[0], corners[1] - corners[0]
-    across = abs(before[0] * after[1] - before[1] * after[0]) / np.hypot(*(after - before))
-    return corners[1:] if across <= SLIVER * shapely.length(shape) else corners
+    before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+    twice_the_area = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+    across = twice_the_area / np.hypot(*(after - before).T)
+    return np.asarray(corners[across > SLIVER * shapely.length(shape)])
 
 
 def _simple(shape: object) -> object:

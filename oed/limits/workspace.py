@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -110,6 +111,11 @@ class Workspace(Area):
             f"{where} lies outside the workspace {shape}x [{x_min:g}, {x_max:g}] m, "
             f"y [{y_min:g}, {y_max:g}] m{_keeping(radius)}; move the start or widen the workspace"
         )
+
+
+def workspace_of(limits: Iterable[Limit]) -> Workspace | None:
+    """The room among some limits; None without one."""
+    return next((limit for limit in limits if isinstance(limit, Workspace)), None)
 
 
 class Rectangle(Workspace):

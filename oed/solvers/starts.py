@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from oed.limits.workspace import Workspace
+from oed.limits.workspace import workspace_of
 from oed.solvers.program import DesignExpressions
 
 Array = npt.NDArray[np.float64]
@@ -37,8 +37,8 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
 
 def start_bounds(design: DesignExpressions) -> Array:
     """Bounds (3 * runs, 2) of free start poses: the workspace's bounding box, all headings."""
-    extents = [limit.extent for limit in design.problem.limits if isinstance(limit, Workspace)]
-    x_min, x_max, y_min, y_max = extents[0] if extents else (-1e-3, 1e-3, -1e-3, 1e-3)
+    room = workspace_of(design.problem.limits)
+    x_min, x_max, y_min, y_max = (-1e-3, 1e-3, -1e-3, 1e-3) if room is None else room.extent
     pose = np.array([[x_min, x_max], [y_min, y_max], [-np.pi, np.pi]])
     return np.tile(pose, (design.problem.design.runs, 1))
 

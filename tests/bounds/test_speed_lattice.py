@@ -145,13 +145,13 @@ TINY = [
 @pytest.mark.parametrize("weights", [np.array([1.0, 1.0]), np.array([1.0, 0.4])])
 def test_bounds_hold_what_enumeration_finds(allowed: SpeedLimits, weights: Array) -> None:
     everything = corners_of_all(allowed)
-    found = lattice_bound(allowed, weights, NOTHING, time_limit=0.2)
+    found = lattice_bound(allowed, weights, NOTHING, time_limit=5.0)
     assert_honest(found, allowed, weights)
     best = smallest(everything, weights).max()
     assert best <= found.upper * (1 + 1e-9)
     assert found.lower <= best * (1 + 1e-9) or not found.complete
     # A duality gap stays where there are too few samples to mix drives.
-    assert found.upper <= 1.5 * best or not found.complete
+    assert found.upper <= 1.5 * best
 
 
 @pytest.mark.parametrize("allowed", TINY, ids=range(len(TINY)))

@@ -150,9 +150,9 @@ def test_forms_of_an_end_position(given_value, at, tolerance: float):
 @pytest.mark.parametrize(
     ("given_value", "at", "tolerance"),
     [
-        ("start", "start", 0.0175),
-        ("90 deg", np.pi / 2, 0.0175),
-        (-1, -1.0, 0.0175),
+        ("start", "start", np.radians(1)),
+        ("90 deg", np.pi / 2, np.radians(1)),
+        (-1, -1.0, np.radians(1)),
         ({"at": "180 deg", "tolerance": "5 deg"}, np.pi, np.pi / 36),
         ({"at": "start", "tolerance": 0.2}, "start", 0.2),
     ],
