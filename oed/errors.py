@@ -79,3 +79,7 @@ class PathFileError(FileError):
 
 class RecordError(FileError):
     """A saved record that cannot be read."""
+
+
+class LogError(FileError):
+    """A robot's log that cannot be read or used."""

@@ -14,8 +14,9 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "oed"
 
 FLOORS: tuple[set[str], ...] = (
-    {"spline", "quantities", "component", "expression", "errors", "files"},
+    {"spline", "quantities", "component", "expression", "errors", "files", "extras"},
     {"models"},
+    {"logs"},
     {"trajectory", "rollout", "matrices"},
     {"measurements"},
     {"limits", "information", "prior", "regressors", "readings"},
@@ -27,6 +28,7 @@ FLOORS: tuple[set[str], ...] = (
     {"estimators"},
     {"validation"},
     {"study", "presets", "starter", "study_errors", "yaml_source", "record", "path_file", "runner"},
+    {"export"},
     {"report"},
     {"cli", "console", "__init__", "__main__"},
 )

@@ -1,0 +1,1 @@
+"""A drive for a real robot, in the forms that robots take."""

@@ -1,0 +1,82 @@
+"""What a robot logged: its wheels' motion and reference poses, each on a clock of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing about a log that the reader of its estimates should know.
+
+    Attributes:
+        name: short and fixed, e.g. "gap", "stationary_start", "clock_offset".
+        message: a sentence with the place and the size.
+        doubtful: whether it casts doubt on the estimates (else it is only noted).
+    """
+
+    name: str
+    message: str
+    doubtful: bool = False
+
+
+@dataclass(frozen=True)
+class Log:
+    """One drive as it was logged. Times rise, numbers are finite, all SI.
+
+    Attributes:
+        name: of the drive, shown in tables.
+        file: it was read from.
+        input_times: (n,) [s], on the clock of the inputs.
+        integrals: time integral of each of the robot's inputs since the first of these times, (n, inputs):
+            of a wheel's speed the angle it has turned [rad], of a steering angle [rad s].
+        pose_times: (m,) [s], on the clock of the poses.
+        poses: (m, quantities).
+        quantities: which of the robot's states they are, "x", "y", "heading", ...; headings run on.
+        findings: what was found while reading.
+    """
+
+    name: str
+    file: str
+    input_times: Array
+    integrals: Array
+    pose_times: Array
+    poses: Array
+    quantities: tuple[str, ...] = ("x", "y", "heading")
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """From the first pose to the last [s]."""
+        return float(self.pose_times[-1] - self.pose_times[0])
+
+    def quantity(self, name: str) -> Array:
+        """One measured state at the pose times, (m,)."""
+        return np.asarray(self.poses[:, self.quantities.index(name)])
+
+    def inputs_between(self, edges: Array, offset: float = 0.0) -> Array:
+        """Mean inputs (len(edges) - 1, inputs) between successive times on the poses' clock.
+
+        Wheel motion is integrated, not sampled: the means times the periods add up to the angles turned.
+
+        Args:
+            edges: rising times [s].
+            offset: what the inputs' clock shows when the poses' clock shows 0 [s].
+        """
+        turned = self.integrals_at(edges, offset)
+        return np.asarray(np.diff(turned, axis=0) / np.diff(edges)[:, None])
+
+    def integrals_at(self, times: Array, offset: float = 0.0) -> Array:
+        """The integrals at times on the poses' clock, (len(times), inputs); held outside of the log."""
+        moments = np.asarray(times) + offset
+        columns = [np.interp(moments, self.input_times, column) for column in self.integrals.T]
+        return np.column_stack(columns)
+
+    def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
+        """The same log with one finding more."""
+        return replace(self, findings=(*self.findings, Finding(name, message, doubtful)))
