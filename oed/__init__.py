@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from oed.evaluation import Evaluation as Evaluation
     from oed.evaluation import Margin as Margin
     from oed.evaluation import evaluate as evaluate
+    from oed.exporters import diff_drive_parameters as diff_drive_parameters
+    from oed.exporters import export as export
     from oed.identifiability import ambiguities as ambiguities
     from oed.limits import BodySpeed as BodySpeed
     from oed.limits import Circle as Circle
@@ -138,6 +140,10 @@ _HOMES = {
         "Evaluation",
         "Margin",
         "evaluate",
+    ),
+    "oed.exporters": (
+        "diff_drive_parameters",
+        "export",
     ),
     "oed.identifiability": ("ambiguities",),
     "oed.limits": (

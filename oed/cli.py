@@ -121,6 +121,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--workers", type=_positive, help="processes (default: one per processor)")
     command.add_argument("--seed", type=_whole, help="seed of the noise (default: the record's)")
     command.add_argument("--quiet", action="store_true", help="show no progress")
+    command = add("export", _export, "write a result's drive for a robot, or the robot's parameters")
+    command.add_argument("folder", metavar="DIR")
+    command.add_argument("--to", required=True, metavar="FORMAT", help="csv, json, rosbag2 or ros2_yaml")
+    command.add_argument("--result", help="name of the result (default: the best)")
+    command.add_argument("--rate", type=float, help="of the commands [Hz] (default: the design's own)")
+    command.add_argument("--out", metavar="PATH", help="what to write (default: in DIR)")
+    command.add_argument("--storage", default="sqlite3", help="of a bag: sqlite3 (default) or mcap")
+    command.add_argument("--force", action="store_true", help="replace a bag that exists")
     add("schema", _schema, "print the JSON schema of study files, for editors")
     return parser
 
@@ -334,6 +342,26 @@ def _validate(options: argparse.Namespace) -> int:
         for entry in record.data["validation"]["results"]:
             print(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}")
         print(f"report: {page}")
+    return DONE
+
+
+def _export(options: argparse.Namespace) -> int:
+    from oed.console import print_json
+    from oed.exporters import export
+
+    path = export(
+        options.folder,
+        options.to,
+        result=options.result,
+        rate=options.rate,
+        out=options.out,
+        storage=options.storage,
+        force=options.force,
+    )
+    if options.json:
+        print_json({"export": str(path)})
+    else:
+        print(path)
     return DONE
 
 

@@ -414,3 +414,17 @@ class TestValidate:
     def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2
         assert "replicates" in capsys.readouterr().err
+
+
+class TestExport:
+    def test_writes_the_drive(self, folder, capsys):
+        call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
+        code, data, _ = call_json(capsys, "export", "made", "--to", "csv")
+        assert code == 0
+        assert Path(data["export"]).read_text().startswith("t,wheel_speed_right,wheel_speed_left,v,omega")
+
+    def test_names_the_formats_there_are(self, folder, capsys):
+        call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
+        code, _, err = call(capsys, "export", "made", "--to", "dxf")
+        assert code == 2
+        assert "csv, json, rosbag2, ros2_yaml" in err

@@ -1,1 +1,0 @@
-"""A drive for a real robot, in the forms that robots take."""

@@ -1,0 +1,77 @@
+"""A drive for a real robot, in the forms that robots take. A new form is an entry in `EXPORTERS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from oed.errors import UserMistake
+from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
+from oed.exporters.diff_drive import write_parameters
+from oed.exporters.request import Request, require_rate
+from oed.exporters.rosbag2 import STORAGES as STORAGES
+from oed.exporters.rosbag2 import write_bag
+from oed.exporters.tables import write_csv, write_json
+from oed.record import load_record
+
+EXPORTERS: dict[str, Callable[[Request], Path]] = {
+    "csv": write_csv,
+    "json": write_json,
+    "rosbag2": write_bag,
+    "ros2_yaml": write_parameters,
+}
+"""The formats: each writes what is asked for and returns the file or folder."""
+
+
+def export(
+    record_folder: str | Path,
+    to: str,
+    *,
+    result: str | None = None,
+    rate: float | None = None,
+    out: str | Path | None = None,
+    storage: str = "sqlite3",
+    force: bool = False,
+) -> Path:
+    """Write a result's drive, or the robot's parameters, for use outside of the package.
+
+    At a rate other than the design's own the commands are resampled so that every wheel turns by the same
+    angles, see `oed.exporters.commands.resampled`; the poses are those that the commands written lead to. The
+    last command of every run stops the robot.
+
+    Args:
+        record_folder: folder of a saved record.
+        to: one of `EXPORTERS`: `csv` and `json` (commands, twists and poses), `rosbag2` (a ROS 2 bag),
+            `ros2_yaml` (parameters of ros2_control's diff_drive_controller: of the robot, not of a drive;
+            with estimated values where `estimate.json` lies in the folder).
+        result: name of the result; the record's best by default.
+        rate: of the commands [Hz]; the design's own by default, one command per period.
+        out: file (of a bag, folder) to write; by default in the record's folder, named after result and
+            format: `<result>_commands.csv`, `<result>_commands.json`, `<result>_bag`, and
+            `diff_drive_controller.yaml`.
+        storage: of a bag, one of `STORAGES`.
+        force: replace a bag that exists; files are replaced in any case.
+
+    Returns:
+        What was written.
+
+    Raises:
+        RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
+            read.
+        UserMistake: an unknown format or storage, a rate that is not above 0, a bag that exists, a robot
+            that the format has no room for, a place that cannot be written to.
+    """
+    if to not in EXPORTERS:
+        raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
+    require_rate(rate)
+    record, place = load_record(record_folder), Path(record_folder)
+    request = Request(
+        folder=place if place.is_dir() else place.parent,
+        record=record,
+        result=result,
+        rate=rate,
+        out=None if out is None else Path(out),
+        storage=storage,
+        force=force,
+    )
+    return EXPORTERS[to](request)

@@ -1,0 +1,140 @@
+"""What a robot is told, command by command, and what it does then: the same for every format."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.models import Model
+from oed.problem import Problem
+from oed.rollout import roll_out
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Share of a period by which two clocks may differ and still count as the same."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """The commands of one run. Each holds from its time to the next; the last stops the robot.
+
+    Attributes:
+        rate: of the commands [Hz].
+        inputs: (K + 1, inputs), SI. In the last row speeds are 0; angles keep their last value.
+        moving: of each input whether it is a speed (else an angle, or what else only shapes the motion).
+        twists: forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s] that the robot's
+            nominal parameters give, (K + 1, 3); 0 in the last row.
+        poses: the states that these commands lead to from the run's start, (K + 1, states).
+    """
+
+    rate: float
+    inputs: Array
+    moving: npt.NDArray[np.bool_]
+    twists: Array
+    poses: Array
+
+    @property
+    def times(self) -> Array:
+        """When each command begins, (K + 1,) [s], from 0."""
+        return np.asarray(np.arange(len(self.inputs)) / self.rate)
+
+    @property
+    def turned(self) -> Array:
+        """Time integral of the inputs from the run's start, (K + 1, inputs): of a wheel's speed the angle
+        turned [rad].
+        """
+        sums = np.cumsum(self.inputs[:-1], axis=0) / self.rate
+        return np.vstack([np.zeros((1, self.inputs.shape[1])), sums])
+
+    @property
+    def positions(self) -> Array:
+        """Positions of the joints that the inputs drive, (K + 1, inputs): of wheels the angle turned, of
+        steered axes the angle commanded [rad].
+        """
+        return np.where(self.moving, self.turned, self.inputs)
+
+    @property
+    def velocities(self) -> Array:
+        """Velocities of these joints, (K + 1, inputs), [rad/s]: held for a period they lead from each
+        position to the next.
+        """
+        nothing = np.zeros((1, self.inputs.shape[1]))
+        rates = np.vstack([np.diff(self.positions, axis=0) * self.rate, nothing])
+        return np.where(self.moving, self.inputs, rates)
+
+
+def commands(problem: Problem, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
+    """The commands of every run of a drive.
+
+    Args:
+        problem: whose robot and integration rule tell what the commands do.
+        trajectory: the drive.
+        rate: of the commands [Hz], above 0; by default the drive's own, one command per period.
+    """
+    chosen = 1 / trajectory.period if rate is None else rate
+    return tuple(_of_run(problem, run, chosen) for run in trajectory.each)
+
+
+def _of_run(problem: Problem, run: Trajectory, rate: float) -> Commands:
+    model = problem.model
+    moving = np.array([entry.drives for entry in model.inputs])
+    held = resampled(run.inputs, run.period, rate, moving)
+    # With numbers in place of symbols a roll-out is a simulation.
+    drive = roll_out(
+        model,
+        problem.design.integration,
+        inputs=held,
+        start=run.start,
+        parameters=np.array(model.nominal),
+        period=np.array(1 / rate),
+    )
+    return Commands(
+        rate=rate,
+        inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
+        moving=moving,
+        twists=np.vstack([np.array(drive.twist), np.zeros((1, 3))]),
+        poses=np.array(drive.poses),
+    )
+
+
+def resampled(inputs: Array, period: float, rate: float, moving: npt.NDArray[np.bool_]) -> Array:
+    """Inputs held for `period` [s] each, (N, inputs), as inputs to be held for 1 / rate each, (K, inputs).
+
+    Where the new clock divides the old one, every input is repeated and nothing changes. Else each new
+    input is the mean of the old ones over its time, so that wheels turn by the same angle in each new
+    period. A last period that ends after the drive is filled with standing still.
+
+    Args:
+        inputs: SI.
+        period: [s].
+        rate: [Hz].
+        moving: of each input whether it is a speed; what is none is averaged over the drive's time alone.
+    """
+    finer = period * rate
+    whole = max(1, round(finer))
+    if abs(finer - whole) <= ROUNDING * whole:
+        return np.repeat(inputs, whole, axis=0)
+    duration = len(inputs) * period
+    count = max(1, math.ceil(duration * rate - ROUNDING))
+    edges = np.arange(count + 1) / rate
+    edges[-1] = max(edges[-1], duration)
+    known = np.arange(len(inputs) + 1) * period
+    sums = np.vstack([np.zeros((1, inputs.shape[1])), np.cumsum(inputs, axis=0) * period])
+    changes = np.diff(np.column_stack([np.interp(edges, known, column) for column in sums.T]), axis=0)
+    inside = np.diff(np.minimum(edges, duration))[:, None]
+    return np.asarray(np.where(moving, changes * rate, changes / inside))
+
+
+def joint_name(model: Model, name: str) -> str:
+    """Name of the joint that an input drives: of `wheel_speed_right` it is `wheel_right_joint`, of
+    `steering_angle` it is `steering_joint`.
+    """
+    quantity = next(entry.quantity for entry in model.inputs if entry.name == name)
+    part, _, what = quantity.rpartition("_")
+    stem = name.replace(quantity, part) if part and what in ("speed", "angle") else name
+    return f"{stem}_joint"

@@ -1,0 +1,120 @@
+"""What is to be exported: a result of a saved record, at a rate, to a place."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from oed.errors import FileFlaw, RecordError, UserMistake
+from oed.exporters.commands import Commands, commands
+from oed.models import moves_sideways
+from oed.record import FILE, Record, drive_of
+from oed.study import Study, file_stem, parse_study
+from oed.trajectory import Trajectory
+
+MOST = 1_000_000
+"""Commands of one run; more are a mistyped rate."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One export.
+
+    Attributes:
+        folder: where the record lies.
+        record: the record.
+        result: name of the result, None for the best.
+        rate: of the commands [Hz], None for the design's own.
+        out: where to write, None for a name of the format's own in `folder`.
+        storage: of a bag.
+        force: whether a bag that exists is replaced.
+    """
+
+    folder: Path
+    record: Record
+    result: str | None
+    rate: float | None
+    out: Path | None
+    storage: str
+    force: bool
+
+    @cached_property
+    def study(self) -> Study:
+        """The record's study."""
+        return parse_study(json.dumps(self.record.data["study"]), "the record's study")
+
+    @cached_property
+    def entry(self) -> Mapping[str, Any]:
+        """The result's entry in the record.
+
+        Raises:
+            RecordError: no such result; the names of those there are, are listed.
+        """
+        found = self.record.result(self.result)
+        if found is None:
+            asked = "no feasible result" if self.result is None else f"no result {self.result!r}"
+            names = ", ".join(str(one["name"]) for one in self.record.results) or "none"
+            raise self._flaw(f"{asked}; the record has {names}")
+        return found
+
+    @property
+    def name(self) -> str:
+        """The result's name."""
+        return str(self.entry["name"])
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The result's drive.
+
+        Raises:
+            RecordError: no such result, or one that is no drive.
+        """
+        drive = drive_of(self.entry)
+        if drive is None:
+            names = ", ".join(str(one["name"]) for one in self.record.results if one["drive"] is not None)
+            raise self._flaw(f"the result {self.name} holds no drive; those that do: {names or 'none'}")
+        return drive
+
+    @cached_property
+    def runs(self) -> tuple[Commands, ...]:
+        """The commands of every run.
+
+        Raises:
+            RecordError: no such result, or one that is no drive.
+            UserMistake: a rate that makes too many commands.
+        """
+        drive = self.trajectory
+        if self.rate is not None and self.rate * drive.duration / drive.runs > MOST:
+            text = f"{self.rate:g} Hz would be more than {MOST} commands in {drive.duration / drive.runs:g} s"
+            raise UserMistake(f"rate: {text}")
+        return commands(self.study.problem, drive, self.rate)
+
+    def path(self, ending: str) -> Path:
+        """Where to write: `out`, or the folder's file named after the result and `ending`."""
+        return self.out if self.out is not None else self.folder / f"{file_stem(self.name)}_{ending}"
+
+    def _flaw(self, text: str) -> RecordError:
+        return RecordError([FileFlaw(str(self.folder / FILE), 0, 0, "", text)])
+
+    @property
+    def twist_columns(self) -> dict[str, int]:
+        """Columns of the twists that the robot can have, by name: v, omega, and v_lateral of a robot that
+        moves sideways.
+        """
+        columns = {"v": 0, "omega": 2}
+        return {**columns, "v_lateral": 1} if moves_sideways(self.study.problem.model) else columns
+
+
+def require_rate(rate: float | None) -> None:
+    """Refuse a rate that is none.
+
+    Raises:
+        UserMistake: it is not above 0, or not finite.
+    """
+    if rate is not None and not (math.isfinite(rate) and rate > 0):
+        raise UserMistake(f"rate: expected more than 0 Hz, got {rate:g}")

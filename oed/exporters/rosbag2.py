@@ -1,0 +1,171 @@
+"""A drive as a ROS 2 bag: commands, joints and the path they lead along."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oed.errors import UserMistake
+from oed.exporters.commands import Commands, joint_name
+from oed.exporters.request import Request
+from oed.extras import extra
+
+STORAGES = ("sqlite3", "mcap")
+PURPOSE = "writing ROS 2 bags"
+VERSION = 8
+"""Of the bag's metadata: the newest that Humble reads too; later releases read all earlier ones."""
+PLAN, COMMAND, JOINTS = "/plan", "/cmd_vel", "/joint_states"
+TOPICS = {
+    PLAN: "nav_msgs/msg/Path",
+    COMMAND: "geometry_msgs/msg/TwistStamped",
+    JOINTS: "sensor_msgs/msg/JointState",
+}
+WORLD, BODY = "odom", "base_link"
+"""Frames of the poses and of the commands: the study's own frame goes by the name `odom`."""
+
+
+def write_bag(request: Request) -> Path:
+    """Write a bag; of several runs a folder of bags `run1`, `run2`, ..., each on its own clock.
+
+    Stamps start at 0, in the messages' headers too: a controller that compares these with its own clock
+    has to run on the bag's (`ros2 bag play --clock`, `use_sim_time`). `/cmd_vel` is the body's motion by the
+    nominal parameters, of which a controller with others makes other wheel speeds; `/joint_states` has the
+    wheel speeds of the design. The folder appears when it is complete.
+
+    Raises:
+        UserMistake: an unknown storage, the bag exists, it cannot be written, rosbags is not installed.
+    """
+    if request.storage not in STORAGES:
+        raise UserMistake(f"storage: expected one of {', '.join(STORAGES)}, got {request.storage!r}")
+    path, runs = request.path("bag"), request.runs
+    messages = _Messages()
+    _require_free(path, request.force)
+    with _written_whole(path) as fresh:
+        for number, run in enumerate(runs, start=1):
+            bag = fresh / f"run{number}" if len(runs) > 1 else fresh
+            _write_run(bag, request, run, messages)
+    return path
+
+
+class _Messages:
+    """Makes messages of the types that every release of ROS 2 has alike."""
+
+    def __init__(self) -> None:
+        stores = extra("rosbags.typesys", "ros", PURPOSE)
+        self.types = stores.get_typestore(stores.Stores.ROS2_HUMBLE)
+
+    def make(self, kind: str, *values: Any) -> Any:
+        """A message with its fields in the definition's order."""
+        return self.types.types[kind](*values)
+
+    def header(self, stamp: int, frame: str) -> Any:
+        """A header; `stamp` in nanoseconds."""
+        time = self.make("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
+        return self.make("std_msgs/msg/Header", time, frame)
+
+    def vector(self, x: float, y: float, z: float) -> Any:
+        """A vector."""
+        return self.make("geometry_msgs/msg/Vector3", x, y, z)
+
+    def command(self, stamp: int, twist: list[float]) -> Any:
+        """A command; `twist`: forward, lateral, yaw rate."""
+        forward, lateral, yaw_rate = twist
+        body = self.make(
+            "geometry_msgs/msg/Twist", self.vector(forward, lateral, 0.0), self.vector(0.0, 0.0, yaw_rate)
+        )
+        return self.make(TOPICS[COMMAND], self.header(stamp, BODY), body)
+
+    def joints(self, stamp: int, names: list[str], positions: Any, velocities: Any) -> Any:
+        """The joints' states, without efforts."""
+        return self.make(TOPICS[JOINTS], self.header(stamp, ""), names, positions, velocities, np.zeros(0))
+
+    def pose(self, stamp: int, state: list[float]) -> Any:
+        """A pose; `state`: x, y, heading, ..."""
+        x, y, heading = state[:3]
+        turn = (0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+        pose = self.make(
+            "geometry_msgs/msg/Pose",
+            self.make("geometry_msgs/msg/Point", x, y, 0.0),
+            self.make("geometry_msgs/msg/Quaternion", *turn),
+        )
+        return self.make("geometry_msgs/msg/PoseStamped", self.header(stamp, WORLD), pose)
+
+    def plan(self, stamps: list[int], poses: Any) -> Any:
+        """All poses at once."""
+        stamped = [self.pose(*pair) for pair in zip(stamps, poses.tolist(), strict=True)]
+        return self.make(TOPICS[PLAN], self.header(0, WORLD), stamped)
+
+
+def _write_run(bag: Path, request: Request, run: Commands, messages: _Messages) -> None:
+    library, store = extra("rosbags.rosbag2", "ros", PURPOSE), messages.types
+    plugin = library.StoragePlugin[request.storage.upper()]
+    with library.Writer(bag, version=VERSION, storage_plugin=plugin) as writer:
+        topics = {
+            topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in TOPICS.items()
+        }
+        for stamp, topic, message in _timeline(request, run, messages):
+            writer.write(topics[topic], stamp, store.serialize_cdr(message, TOPICS[topic]))
+
+
+def _timeline(request: Request, run: Commands, messages: _Messages) -> Iterator[tuple[int, str, Any]]:
+    # Stamp [ns], topic and message, in the order of time.
+    model = request.study.problem.model
+    names = [joint_name(model, name) for name in model.input_names]
+    stamps = [round(time * 1e9) for time in run.times.tolist()]
+    yield 0, PLAN, messages.plan(stamps, run.poses)
+    each = zip(stamps, run.twists.tolist(), run.positions, run.velocities, strict=True)
+    for stamp, twist, positions, velocities in each:
+        yield stamp, COMMAND, messages.command(stamp, twist)
+        yield stamp, JOINTS, messages.joints(stamp, names, positions, velocities)
+
+
+def _require_free(path: Path, force: bool) -> None:
+    if not path.exists():
+        return
+    if not force:
+        raise UserMistake(f"{path} exists; give another place, or force to replace the bag")
+    # What is no bag is not deleted, whatever was asked for.
+    if not any((path / part / "metadata.yaml").is_file() for part in ("", "run1")):
+        raise UserMistake(f"{path} exists and is no bag; it is left as it is")
+
+
+@contextmanager
+def _written_whole(path: Path) -> Iterator[Path]:
+    """A new folder beside `path` to write into, which takes its name at the end, or is removed.
+
+    Its last part is the final one already: a bag's files are named after their folder.
+    """
+    place = path.resolve()
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}."))
+    except OSError as error:
+        raise UserMistake(f"{place.parent}: cannot write there: {error.strerror}") from None
+    try:
+        fresh = scratch / "new" / place.name
+        yield fresh
+        _replace(place, fresh, scratch / "old")
+    except OSError as error:
+        raise UserMistake(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _replace(place: Path, fresh: Path, old: Path) -> None:
+    # A folder cannot be renamed onto one that is not empty.
+    if place.exists():
+        os.replace(place, old)
+    try:
+        os.replace(fresh, place)
+    except OSError:
+        if old.exists():
+            os.replace(old, place)
+        raise

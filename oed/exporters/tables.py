@@ -1,0 +1,90 @@
+"""Commands as a table, CSV, and as JSON: for any program."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oed.exporters.commands import Commands
+from oed.exporters.request import Request
+from oed.files import write_text
+
+FORMAT = 1
+"""Of the JSON file."""
+
+
+def write_csv(request: Request) -> Path:
+    """Write a row per command: t, the inputs, v, omega (v_lateral), and the state when it begins; SI.
+
+    Several runs follow each other, told apart by a first column `run`, each on its own clock. The last row
+    of a run is the command to stop. `oed.path_file.read_trajectory` takes it for a period like the others:
+    what it reads ends with one period at rest.
+    """
+    path = request.path("commands.csv")
+    write_text(path, _csv(request))
+    return path
+
+
+def _csv(request: Request) -> str:
+    model, runs = request.study.problem.model, request.runs
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    names = ["t", *model.input_names, *request.twist_columns, *model.states]
+    several = len(runs) > 1
+    writer.writerow([*(["run"] if several else []), *names])
+    for number, run in enumerate(runs, start=1):
+        for row in _rows(run, list(request.twist_columns.values())):
+            writer.writerow([*([str(number)] if several else []), *row])
+    return buffer.getvalue()
+
+
+def _rows(run: Commands, twists: list[int]) -> list[list[str]]:
+    table = np.column_stack([np.round(run.times, 9), run.inputs, run.twists[:, twists], run.poses])
+    return [[repr(value) for value in row] for row in table.tolist()]
+
+
+def write_json(request: Request) -> Path:
+    """Write the same as JSON, with the robot and the units; numbers SI, lists of one length in each run."""
+    path = request.path("commands.json")
+    write_text(path, json.dumps(_json(request), allow_nan=False) + "\n")
+    return path
+
+
+def _json(request: Request) -> dict[str, Any]:
+    model = request.study.problem.model
+    return {
+        "format": FORMAT,
+        "study": request.study.name,
+        "result": request.name,
+        "robot": request.record.data["study"]["robot"],
+        "rate": request.runs[0].rate,
+        "inputs": list(model.input_names),
+        "units": _units(request),
+        "runs": [_json_run(request, run) for run in request.runs],
+    }
+
+
+def _units(request: Request) -> dict[str, str]:
+    model = request.study.problem.model
+    twist = {"v": "m/s", "omega": "rad/s", "v_lateral": "m/s"}
+    return {
+        "t": "s",
+        **{entry.name: entry.unit for entry in model.inputs},
+        **{name: twist[name] for name in request.twist_columns},
+        **dict(zip(model.states, model.state_units, strict=True)),
+    }
+
+
+def _json_run(request: Request, run: Commands) -> dict[str, Any]:
+    model = request.study.problem.model
+    return {
+        "t": np.round(run.times, 9).tolist(),
+        "inputs": dict(zip(model.input_names, run.inputs.T.tolist(), strict=True)),
+        "twist": {name: run.twists[:, column].tolist() for name, column in request.twist_columns.items()},
+        "poses": dict(zip(model.states, run.poses.T.tolist(), strict=True)),
+    }

@@ -1,0 +1,147 @@
+"""Commands as CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_of, winding
+
+from oed.exporters import export
+from oed.path_file import read_trajectory
+from oed.runner import record, score
+from oed.study import Study
+
+
+def table(file: Path) -> tuple[list[str], np.ndarray]:
+    with file.open(newline="") as handle:
+        header, *rows = csv.reader(handle)
+    return header, np.array(rows, dtype=float)
+
+
+def exported(folder: Path, study: Study, to: str = "csv", **options) -> Path:
+    return export(saved(folder, study), to, **options)
+
+
+class TestCsv:
+    def test_columns(self, tmp_path: Path):
+        header, rows = table(exported(tmp_path, study_of()))
+        expected = "t,wheel_speed_right,wheel_speed_left,v,omega,x,y,heading"
+        assert ",".join(header) == expected
+        assert rows.shape == (9, 8)
+
+    def test_values(self, tmp_path: Path):
+        study = study_of()
+        drive = winding(study)
+        _, rows = table(exported(tmp_path, study))
+        assert rows[:, 0] == pytest.approx(np.arange(9) * 0.25)
+        assert np.array_equal(rows[:-1, 1:3], drive.inputs)
+        assert rows[-1, 1:5].tolist() == [0.0, 0.0, 0.0, 0.0]
+        assert rows[:, 3] == pytest.approx(rows[:, 1:3] @ [0.0255, 0.0245])
+        assert rows[:, 4] == pytest.approx(rows[:, 1:3] @ [0.255, -0.245])
+        assert rows[:, 5:] == pytest.approx(simulated(study.problem.model, drive))
+
+    def test_a_robot_that_moves_sideways(self, tmp_path: Path):
+        header, rows = table(exported(tmp_path, study_of(MECANUM)))
+        assert header[5:] == ["v", "omega", "v_lateral", "x", "y", "heading"]
+        # Rollers at 45 degrees: front left and rear right wheels pull to the right.
+        front_left, front_right, rear_left, rear_right = rows[:, 1:5].T
+        lateral = 0.05 / 4 * (-front_left + front_right + rear_left - rear_right)
+        assert rows[:, 7] == pytest.approx(lateral)
+
+    def test_it_is_read_again(self, tmp_path: Path):
+        study = study_of()
+        drive = winding(study)
+        read = read_trajectory(exported(tmp_path, study), study.problem)
+        assert read.period == pytest.approx(drive.period)
+        assert read.inputs[:-1] == pytest.approx(drive.inputs, abs=1e-12)
+        # The command to stop counts as a period.
+        assert read.inputs[-1].tolist() == [0.0, 0.0]
+        assert read.start == pytest.approx(drive.start)
+
+    def test_several_runs_are_read_again(self, tmp_path: Path):
+        study = study_of(runs=2)
+        drive, file = winding(study), exported(tmp_path, study)
+        header, rows = table(file)
+        assert header[:2] == ["run", "t"]
+        assert rows[:, 0].tolist() == [1.0] * 9 + [2.0] * 9
+        assert rows[9, 1] == 0.0
+        read = read_trajectory(file, study.problem)
+        assert read.starts == pytest.approx(drive.starts)
+        for own, expected in zip(read.each, drive.each, strict=True):
+            assert own.inputs[:-1] == pytest.approx(expected.inputs, abs=1e-12)
+
+    def test_another_rate(self, tmp_path: Path):
+        study = study_of()
+        _, rows = table(exported(tmp_path, study, rate=5.0))
+        assert rows[:, 0] == pytest.approx(np.arange(11) / 5)
+        turned = winding(study).inputs.sum(axis=0) * 0.25
+        assert rows[:, 1:3].sum(axis=0) / 5 == pytest.approx(turned)
+
+    def test_where_it_is_written(self, tmp_path: Path):
+        folder = saved(tmp_path / "record", study_of())
+        assert export(folder, "csv") == folder / "my_drive_commands.csv"
+        # The record's file stands for its folder.
+        assert export(folder / "record.json", "json") == folder / "my_drive_commands.json"
+        assert export(folder, "csv", out=tmp_path / "new" / "a.csv") == tmp_path / "new" / "a.csv"
+        assert (tmp_path / "new" / "a.csv").read_text() == (folder / "my_drive_commands.csv").read_text()
+
+    def test_from_a_record_that_was_made_by_the_package(self, tmp_path: Path):
+        study = study_of()
+        record(study, [score(study, winding(study), "mine")], 0, tmp_path)
+        _, rows = table(export(tmp_path, "csv", result="mine"))
+        _, own = table_without_last_inputs(tmp_path / "mine.csv")
+        assert rows[:-1, :3] == pytest.approx(own[:, :3], abs=1e-9)
+        assert rows[:-1, 5:] == pytest.approx(own[:, 3:], abs=1e-9)
+
+
+def table_without_last_inputs(file: Path) -> tuple[list[str], np.ndarray]:
+    # The last row of a trajectory's own file has no inputs.
+    header, *rows = csv.reader(file.read_text().splitlines())
+    return header, np.array(rows[:-1], dtype=float)
+
+
+class TestJson:
+    def test_what_it_says(self, tmp_path: Path):
+        study = study_of()
+        data = json.loads(exported(tmp_path, study, "json").read_text())
+        (run,) = data.pop("runs")
+        assert data == {
+            "format": 1,
+            "study": "Out to the robot",
+            "result": "my drive",
+            "robot": study.echo()["robot"],
+            "rate": 4.0,
+            "inputs": ["wheel_speed_right", "wheel_speed_left"],
+            "units": {
+                "t": "s",
+                "wheel_speed_right": "rad/s",
+                "wheel_speed_left": "rad/s",
+                "v": "m/s",
+                "omega": "rad/s",
+                "x": "m",
+                "y": "m",
+                "heading": "rad",
+            },
+        }
+        assert data["robot"]["kind"] == "differential_drive"
+        assert {key: list(value) for key, value in run.items() if key != "t"} == {
+            "inputs": data["inputs"],
+            "twist": ["v", "omega"],
+            "poses": ["x", "y", "heading"],
+        }
+
+    @pytest.mark.parametrize(("robot", "limits"), [(TRICYCLE, STEERED), (MECANUM, "")])
+    def test_it_holds_the_numbers_of_the_table(self, tmp_path: Path, robot: str, limits: str):
+        study = study_of(robot, limits, runs=2)
+        header, rows = table(exported(tmp_path, study))
+        data = json.loads(exported(tmp_path, study, "json").read_text())
+        for number, run in enumerate(data["runs"]):
+            columns = {"t": run["t"], **run["inputs"], **run["twist"], **run["poses"]}
+            assert ["run", *columns] == header
+            assert set(columns) == set(data["units"])
+            own = rows[9 * number : 9 * (number + 1), 1:]
+            assert np.array_equal(np.column_stack(list(columns.values())), own)
