@@ -1,1 +1,38 @@
-"""Logs of real drives: read from files, checked, and brought onto one clock."""
+"""Logs of real drives: read from files, checked, and brought onto one clock.
+
+A new kind of log is a `LogForm` of its own and a name in `LOG_FORMS`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+from oed.component import OneOf
+from oed.logs.bag_form import BagForm
+from oed.logs.csv_form import CsvForm
+from oed.logs.form import LogForm
+from oed.logs.log import Finding, Log
+from oed.logs.reading import read_logs
+
+LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
+
+
+def _with_kind(value: Any) -> Any:
+    return {"kind": "csv", **value} if isinstance(value, dict) else value
+
+
+AnyLogForm = Annotated[LogForm, OneOf(LOG_FORMS), BeforeValidator(_with_kind)]
+"""A study's key `log`: of kind csv where it does not say."""
+
+__all__ = [
+    "LOG_FORMS",
+    "AnyLogForm",
+    "BagForm",
+    "CsvForm",
+    "Finding",
+    "Log",
+    "LogForm",
+    "read_logs",
+]

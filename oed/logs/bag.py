@@ -1,0 +1,215 @@
+"""What is in a ROS bag: joints and poses as numbers on their clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from oed.errors import FileFlaw, LogError
+from oed.extras import extra
+from oed.logs.form import is_bag
+from oed.logs.series import Series
+from oed.logs.tum import heading_of
+
+Clock = Literal["header", "received"]
+
+JOINTS = "sensor_msgs/msg/JointState"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+POSES = (
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    TRANSFORM,
+    TRANSFORMS,
+)
+NEEDED_FOR = "reading ROS bags"
+
+
+@dataclass(frozen=True)
+class Bag:
+    """An open bag.
+
+    Attributes:
+        file: its name.
+        reader: of the ROS library.
+        types: message type of each topic.
+    """
+
+    file: str
+    reader: Any
+    types: dict[str, str]
+
+    def flaw(self, key: str, message: str) -> LogError:
+        """An error about the bag as a whole."""
+        return LogError([FileFlaw(self.file, 0, 0, key, message)])
+
+    def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
+        """The topic given, or the only one of one of the types.
+
+        Raises:
+            LogError: there is none, or there are several.
+        """
+        fitting = sorted(topic for topic, of_type in self.types.items() if of_type in types)
+        words = " or ".join(name.rpartition("/")[2] for name in types)
+        told = f"of type {words} it has {', '.join(fitting) or 'none'}"
+        if given is not None and given not in self.types:
+            raise self.flaw(key, f"the bag has no topic {given}; {told}")
+        if given is not None and given not in fitting:
+            raise self.flaw(key, f"{given} is of type {self.types[given]}; {told}")
+        if given is None and len(fitting) != 1:
+            raise self.flaw(key, f"expected one topic to choose from; {told}")
+        return given or fitting[0]
+
+    def messages(self, topic: str, clock: Clock) -> Iterator[tuple[float, Any]]:
+        """Time [s] and content of each message of a topic, in the order of recording."""
+        wanted = [one for one in self.reader.connections if one.topic == topic]
+        for connection, received, data in self.reader.messages(connections=wanted):
+            message = self.reader.deserialize(data, connection.msgtype)
+            parts = getattr(message, "transforms", [message])
+            for part in parts:
+                yield (received * 1e-9 if clock == "received" else _stamp(part)), part
+
+
+def _stamp(message: Any) -> float:
+    stamp = message.header.stamp
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+@contextmanager
+def open_bag(file: Path) -> Iterator[Bag]:
+    """Open a ROS 1 or ROS 2 bag.
+
+    Raises:
+        LogError: no such file, no bag, or one that is broken.
+        UserMistake: the library that reads bags is not installed.
+    """
+    if not file.exists():
+        raise LogError([FileFlaw(str(file), 0, 0, "", "no such file")])
+    if not is_bag(file):
+        text = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
+        raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+    highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
+    typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
+    # Bags before ROS 2 Iron do not say what their messages look like.
+    known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    try:
+        with highlevel.AnyReader([file], default_typestore=known) as reader:
+            types = {one.topic: one.msgtype for one in reader.connections}
+            yield Bag(str(file), reader, types)
+    except LogError:
+        raise
+    except Exception as error:
+        # Broken files come to light as errors of the database, the compression or the library.
+        reason = f"cannot be read as a ROS bag: {error}"
+        raise LogError([FileFlaw(str(file), 0, 0, "", reason)]) from None
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Joint readings of a bag.
+
+    Attributes:
+        positions: (n, joints) [rad] on their clock; None where not all messages have them.
+        speeds: (n, joints) [rad/s], likewise.
+    """
+
+    names: tuple[str, ...]
+    positions: dict[str, Series]
+    speeds: dict[str, Series]
+
+
+def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
+    """Every joint of a topic on the clock of the messages that have it.
+
+    Raises:
+        LogError: no messages, or stamps that are all zero.
+    """
+    rows: dict[str, dict[str, list[tuple[float, float, int]]]] = {"position": {}, "velocity": {}}
+    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+        for quantity, found in rows.items():
+            values = getattr(message, quantity)
+            # A joint state may leave out all of its positions, or all of its speeds.
+            for name, value in zip(message.name, values, strict=False):
+                found.setdefault(name, []).append((time, float(value), number))
+    positions, speeds = (
+        {name: _series(bag, topic, found) for name, found in rows[quantity].items()}
+        for quantity in ("position", "velocity")
+    )
+    names = tuple(dict.fromkeys([*positions, *speeds]))
+    return Joints(names, positions, speeds)
+
+
+def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
+    table = np.array(rows, dtype=float)
+    lines = table[:, -1].astype(np.intp)
+    series = Series(bag.file, topic, table[:, 0], table[:, 1:-1], lines, counted="message")
+    if not series.times.any():
+        raise bag.flaw(topic, "the stamps of the messages are all zero; say `clock: received`")
+    flaws = [
+        series.flaw(row, topic, "expected finite numbers")
+        for row in np.flatnonzero(~np.isfinite(series.values).all(axis=1)).tolist()
+    ]
+    if flaws:
+        raise LogError(flaws)
+    return series.without_repeats()
+
+
+def read_poses(
+    bag: Bag, topic: str, clock: Clock, frame: str | None = None, child: str | None = None
+) -> Series:
+    """Poses x, y [m], heading [rad] of a topic.
+
+    Args:
+        bag: open.
+        topic: of odometry, poses or transforms.
+        clock: that of the messages' headers, or of their recording.
+        frame: which transforms: from this frame ...
+        child: ... to this one.
+
+    Raises:
+        LogError: no messages, quaternions that are none, transforms of several frames.
+    """
+    rows, pairs = [], set[tuple[str, str]]()
+    of_transforms = bag.types[topic] in (TRANSFORM, TRANSFORMS)
+    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+        if of_transforms:
+            pair = (message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/"))
+            pairs.add(pair)
+            if frame not in (None, pair[0]) or child not in (None, pair[1]):
+                continue
+        rows.append((time, *_pose(message), number))
+    chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
+    told = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
+    if len(chosen) > 1:
+        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {told}")
+    if not rows:
+        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {told}" if pairs else ""))
+    series = _series(bag, topic, rows)
+    return _planar(series)
+
+
+def _pose(message: Any) -> tuple[float, ...]:
+    if hasattr(message, "transform"):
+        place, turned = message.transform.translation, message.transform.rotation
+    else:
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        place, turned = pose.position, pose.orientation
+    return (place.x, place.y, turned.x, turned.y, turned.z, turned.w)
+
+
+def _planar(series: Series) -> Series:
+    turned = series.values[:, 2:]
+    sizes = np.linalg.norm(turned, axis=1)
+    flaws = [
+        series.flaw(row, series.clock, "expected a unit quaternion")
+        for row in np.flatnonzero(np.abs(sizes - 1) > 0.05).tolist()
+    ]
+    if flaws:
+        raise LogError(flaws)
+    return series.with_values(np.column_stack([series.values[:, :2], heading_of(turned)]))

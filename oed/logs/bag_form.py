@@ -1,0 +1,168 @@
+"""Logs in ROS bags: the study's key `log` of kind rosbag."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from oed.component import Component
+from oed.errors import FileFlaw, Flaw, LogError
+from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
+from oed.logs.columns import Short
+from oed.logs.drive import Drive, to_logs
+from oed.logs.form import LogForm
+from oed.logs.log import Finding, Log
+from oed.logs.motion import Held, Turned, counted, held_integral, on_one_clock
+from oed.logs.series import Gathered, Series
+from oed.models import Input, Model
+
+QUANTITIES = ("x", "y", "heading")
+
+
+class JointInput(Component):
+    """The joint that is one of the robot's inputs.
+
+    Attributes:
+        joint: its name in the joint states; by default the only joint that has the words of the input's
+            name ("right", "left", "steering", ...).
+        form: from its "angle" (a wheel's, running on) or its "speed"; the angle where it is logged. A
+            steering angle is read as it is.
+        sign: -1 where the joint turns the other way round.
+        wrap: full range where the angle begins anew [rad].
+        held: how speeds hold; "between" for straight lines between messages.
+    """
+
+    joint: str | None = None
+    form: Literal["angle", "speed"] | None = None
+    sign: Literal[1, -1] = 1
+    wrap: Annotated[float, Field(gt=0)] | None = None
+    held: Held = "between"
+
+
+class PoseTopic(Component):
+    """The topic of the reference poses.
+
+    Attributes:
+        topic: of odometry, poses or transforms; the only one of such a type by default.
+        frame, child: which transforms, where the topic has several.
+        held: "drop" poses that repeat the one before while the wheels turn, or "keep" them.
+    """
+
+    topic: str | None = None
+    frame: str | None = None
+    child: str | None = None
+    held: Literal["keep", "drop"] = "drop"
+
+
+class BagForm(LogForm):
+    """Joint states and poses in a ROS 1 or ROS 2 bag.
+
+    Attributes:
+        joint_states: topic of the wheels' joints; the only one of its type by default.
+        inputs: joints of the robot's inputs by their names.
+        poses: topic of the reference.
+        clock: stamps of the messages' "header", or times at which they were "received".
+    """
+
+    kind: Literal["rosbag"] = "rosbag"
+    joint_states: str | None = None
+    inputs: dict[str, Annotated[JointInput, Short("joint")]] = {}  # noqa: RUF012
+    poses: Annotated[PoseTopic, Short("topic")] = PoseTopic()
+    clock: Clock = "header"
+
+    def flaws(self, model: Model) -> list[Flaw]:
+        """Inputs the robot does not have."""
+        return [
+            Flaw(("log", "inputs", name), f"the robot has no input {name}; it has {_listed(model)}")
+            for name in self.inputs
+            if name not in model.input_names
+        ]
+
+    def read(self, file: Path, model: Model) -> list[Log]:
+        """The drive in a bag.
+
+        Raises:
+            LogError: every mistake in the bag.
+            UserMistake: the library that reads bags is not installed.
+        """
+        gathered = Gathered()
+        with open_bag(file) as bag:
+            inputs = gathered.take(lambda: self._inputs(bag, model))
+            poses = gathered.take(lambda: self._poses(bag))
+        gathered.raise_any()
+        assert inputs is not None
+        assert poses is not None
+        drive = self._drive(file, model, inputs, poses)
+        return to_logs([drive], self.handling(self.poses.held))
+
+    def _poses(self, bag: Bag) -> Series:
+        topic = bag.topic(self.poses.topic, POSES, "poses")
+        return read_poses(bag, topic, self.clock, self.poses.frame, self.poses.child)
+
+    def _inputs(self, bag: Bag, model: Model) -> list[tuple[Series, Turned]]:
+        topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
+        joints, gathered = read_joints(bag, topic, self.clock), Gathered()
+        if not joints.names:
+            raise bag.flaw(topic, "no joint states")
+        read = [gathered.take(lambda e=entry: self._input(bag, joints, e)) for entry in model.inputs]  # type: ignore[misc]
+        gathered.raise_any()
+        return [one for one in read if one is not None]
+
+    def _input(self, bag: Bag, joints: Joints, entry: Input) -> tuple[Series, Turned]:
+        given = self.inputs.get(entry.name) or JointInput()
+        name = given.joint or _named_like(entry.name, joints.names)
+        if name not in joints.names:
+            missing = f"no joint {name}" if name else "it is not clear which joint this is"
+            raise bag.flaw(entry.name, f"{missing}; the bag has {', '.join(joints.names)}")
+        by_angle = given.form != "speed" if name in joints.positions else False
+        series = (joints.positions if by_angle or not entry.drives else joints.speeds).get(name)
+        if series is None or (given.form == "angle" and not by_angle):
+            wanted = "speeds" if entry.drives and given.form != "angle" else "positions"
+            raise bag.flaw(entry.name, f"the joint {name} has no {wanted} in the bag")
+        turned = _turned(series, given, entry, by_angle)
+        flaws = [*series.clock_flaws(), *turned.flaws]
+        if flaws:
+            raise LogError(flaws)
+        return series, turned
+
+    def _drive(self, file: Path, model: Model, inputs: list[tuple[Series, Turned]], poses: Series) -> Drive:
+        times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
+        if not len(times):
+            text = "the joints of the inputs were logged one after the other, not at the same time"
+            raise LogError([FileFlaw(str(file), 0, 0, "inputs", text)])
+        first = inputs[0][0]
+        lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
+        wraps = sum(turned.wraps for _, turned in inputs)
+        text = f"joint angles began anew {wraps} times; made to run on"
+        return Drive(
+            name=file.stem,
+            inputs=Series(str(file), first.clock, times, values, lines, "message"),
+            poses=poses,
+            quantities=QUANTITIES,
+            driving=np.array([entry.drives for entry in model.inputs]),
+            bridged=np.array([turned.bridges for _, turned in inputs]),
+            one_clock=False,
+            found=(Finding("counter_wrapped", text),) if wraps else (),
+        )
+
+
+def _listed(model: Model) -> str:
+    return ", ".join(model.input_names)
+
+
+def _named_like(name: str, joints: tuple[str, ...]) -> str:
+    # The words that tell the robot's inputs apart are in the names of its joints.
+    words = set(name.split("_")) - {"wheel", "speed", "angle"}
+    fitting = [joint for joint in joints if words <= set(re.split(r"[\W_]+", joint.lower()))]
+    return fitting[0] if len(fitting) == 1 else ""
+
+
+def _turned(series: Series, given: JointInput, entry: Input, by_angle: bool) -> Turned:
+    if entry.drives and by_angle:
+        found = counted(series, 0, str(given.joint or entry.name), given.wrap)
+        return Turned(given.sign * found.integral, True, found.wraps, found.flaws)
+    return Turned(given.sign * held_integral(series.times, series.values[:, 0], given.held))

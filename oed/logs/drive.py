@@ -1,0 +1,221 @@
+"""From what a file says of one drive to a `Log`: checked, headings run on, held poses left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.errors import FileFlaw, LogError
+from oed.logs import findings
+from oed.logs.log import Finding, Log
+from oed.logs.series import Array, Gathered, Series
+
+FEWEST = 3
+"""Rows that a drive needs at least, of inputs and of poses."""
+
+MARGIN = 1.0
+"""What stays of a standing start and end where they are cut off, for the clocks' offset to be found [s]."""
+
+STILL = 1e-3
+"""Wheel motion below which a repeated pose is that of a standing robot [rad]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One drive as it is in a file, in SI.
+
+    Attributes:
+        name: of the drive.
+        inputs: integrals (n, inputs) of the robot's inputs on their clock.
+        poses: (m, quantities) on theirs; headings may jump by full turns.
+        quantities: the states that the poses are.
+        driving: which inputs move the robot.
+        bridged: which integrals are right across missing rows.
+        one_clock: whether both are columns of the same rows.
+        found: while reading.
+    """
+
+    name: str
+    inputs: Series
+    poses: Series
+    quantities: tuple[str, ...]
+    driving: npt.NDArray[np.bool_]
+    bridged: npt.NDArray[np.bool_]
+    one_clock: bool
+    found: tuple[Finding, ...] = ()
+
+    @property
+    def driven(self) -> Array:
+        """Integrals of the inputs that move the robot, (n, driving inputs)."""
+        return self.inputs.values[:, self.driving]
+
+    def place(self, quantity: str) -> int | None:
+        """Index of a quantity in the poses."""
+        return self.quantities.index(quantity) if quantity in self.quantities else None
+
+    def with_found(self, *found: Finding | None) -> Drive:
+        """The same drive with more findings."""
+        return replace(self, found=(*self.found, *(one for one in found if one is not None)))
+
+
+@dataclass(frozen=True)
+class Handling:
+    """What is to be done with drives.
+
+    Attributes:
+        gap: longer steps in time are gaps [s]; five median steps if None.
+        drop_held: whether repeated poses are left out while the wheels turn.
+        skip_stationary: whether standing before and after is cut off.
+    """
+
+    gap: float | None = None
+    drop_held: bool = True
+    skip_stationary: bool = False
+
+
+def to_log(drive: Drive, handling: Handling) -> Log:
+    """Check a drive and make it a log.
+
+    Raises:
+        LogError: too few rows, a clock that does not rise, clocks without overlap, poses that never change.
+    """
+    flaws = [*_clock_flaws(drive)]
+    if flaws:
+        raise LogError(flaws)
+    drive = drive.with_found(
+        findings.uneven_clock(drive.inputs, "rows" if drive.one_clock else "inputs"),
+        None if drive.one_clock else findings.uneven_clock(drive.poses, "poses"),
+        findings.stationary(drive.inputs, drive.driven, at_end=False),
+        findings.stationary(drive.inputs, drive.driven, at_end=True),
+    )
+    if handling.drop_held:
+        drive = _without_held(drive)
+    if handling.skip_stationary:
+        drive = _without_standing(drive)
+    drive = _with_gaps_found(drive, handling.gap)
+    return _log(_with_poses_checked(_with_running_heading(drive)))
+
+
+def _clock_flaws(drive: Drive) -> Iterator[FileFlaw]:
+    yield from _too_few(drive)
+    yield from drive.inputs.clock_flaws()
+    if not drive.one_clock:
+        yield from drive.poses.clock_flaws()
+    if len(drive.inputs) and len(drive.poses):
+        yield from _no_overlap(drive.inputs, drive.poses)
+
+
+def _too_few(drive: Drive) -> Iterator[FileFlaw]:
+    for series, what in ((drive.inputs, "inputs"), (drive.poses, "poses")):
+        if len(series) < FEWEST:
+            line = int(series.lines[0]) if len(series) and series.counted == "line" else 0
+            text = f"{drive.name} has {len(series)} row(s) of {what}; at least {FEWEST} are needed"
+            yield FileFlaw(series.file, line, 0, "", text)
+
+
+def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
+    if inputs.times.max() < poses.times.min() or poses.times.max() < inputs.times.min():
+        text = (
+            f"the clocks do not overlap: inputs from {inputs.times[0]:.10g} to {inputs.times[-1]:.10g} s, "
+            f"poses from {poses.times[0]:.10g} to {poses.times[-1]:.10g} s; are the units of time alike, "
+            "and do both clocks begin at the same moment?"
+        )
+        yield poses.flaw(0, poses.clock, text)
+
+
+def _without_held(drive: Drive) -> Drive:
+    poses = drive.poses
+    changed = np.concatenate([[True], np.any(np.diff(poses.values, axis=0) != 0, axis=1)])
+    # What the wheels have turned since the pose last changed.
+    since = np.flatnonzero(changed)[np.cumsum(changed) - 1]
+    at_poses = np.column_stack(
+        [np.interp(poses.times, drive.inputs.times, column) for column in drive.driven.T]
+    )
+    stale = ~changed & np.any(np.abs(at_poses - at_poses[since]) > STILL, axis=1)
+    if np.all(np.abs(drive.driven[1] - drive.driven[0]) <= STILL):
+        # A drive from rest: the wheels' clock may be ahead of the poses' at the start.
+        stale &= since > 0
+    if not stale.any():
+        return drive
+    kept = poses.rows(~stale)
+    if len(kept) < FEWEST:
+        text = "the pose hardly ever changes while the wheels turn; did the reference run?"
+        raise LogError([poses.flaw(0, "", f"{drive.name}: {text}")])
+    return replace(drive, poses=kept).with_found(findings.held(kept, int(stale.sum()), len(poses)))
+
+
+def _without_standing(drive: Drive) -> Drive:
+    first, last = findings.moving_span(drive.inputs, drive.driven)
+    times = drive.inputs.times
+    start, end = times[first] - MARGIN, times[last] + MARGIN
+    inputs, poses = (
+        series.rows((series.times >= start) & (series.times <= end)) for series in (drive.inputs, drive.poses)
+    )
+    if min(len(inputs), len(poses)) < FEWEST:
+        return drive
+    from_start = inputs.with_values(inputs.values - inputs.values[:1])
+    return replace(drive, inputs=from_start, poses=poses)
+
+
+def _with_gaps_found(drive: Drive, gap: float | None) -> Drive:
+    bridged = bool(drive.bridged.all())
+    same = np.array_equal(drive.inputs.times, drive.poses.times)
+    inputs = findings.gap(drive.inputs, gap, "rows" if same else "inputs", doubtful=not bridged)
+    poses = None if same else findings.gap(drive.poses, gap, "poses", doubtful=False)
+    return drive.with_found(inputs, poses, findings.little_overlap(drive.inputs, drive.poses))
+
+
+def _with_running_heading(drive: Drive) -> Drive:
+    place = drive.place("heading")
+    if place is None:
+        return drive
+    raw = drive.poses.values[:, place]
+    values = drive.poses.values.copy()
+    values[:, place] = np.unwrap(raw)
+    suspect = findings.heading_in_degrees(drive.poses.times, raw)
+    found = suspect or findings.wrapped_heading(raw)
+    return replace(drive, poses=drive.poses.with_values(values)).with_found(found)
+
+
+def _with_poses_checked(drive: Drive) -> Drive:
+    x, y, heading = (drive.place(name) for name in ("x", "y", "heading"))
+    poses = drive.poses
+    positions = None if x is None or y is None else findings.pose_jump(poses, poses.values[:, [x, y]])
+    turns = None if heading is None else findings.heading_jump(poses, poses.values[:, heading])
+    return drive.with_found(positions, turns)
+
+
+def _log(drive: Drive) -> Log:
+    return Log(
+        name=drive.name,
+        file=drive.inputs.file,
+        input_times=drive.inputs.times,
+        integrals=drive.inputs.values,
+        pose_times=drive.poses.times,
+        poses=drive.poses.values,
+        quantities=drive.quantities,
+        findings=drive.found,
+    )
+
+
+def to_logs(drives: list[Drive], handling: Handling) -> list[Log]:
+    """The logs of a file's drives.
+
+    Raises:
+        LogError: no drive is long enough, or any has a mistake.
+    """
+    fits = [min(len(drive.inputs), len(drive.poses)) >= FEWEST for drive in drives]
+    fit = [drive for drive, long_enough in zip(drives, fits, strict=True) if long_enough]
+    gathered = Gathered()
+    logs = [gathered.take(partial(to_log, drive, handling)) for drive in fit or drives]
+    gathered.raise_any()
+    read = [log for log in logs if log is not None]
+    if len(fit) < len(drives):
+        short = [drive.name for drive, long_enough in zip(drives, fits, strict=True) if not long_enough]
+        text = f"{len(short)} run(s) of fewer than {FEWEST} rows are left out: {', '.join(short[:5])}"
+        read[0] = read[0].found("short_runs", text)
+    return read

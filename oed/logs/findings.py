@@ -1,0 +1,167 @@
+"""What a reader of estimates should know about a log: gaps, standing, lost track, uneven clocks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oed.logs.log import Finding
+from oed.logs.series import Array, Series
+
+GAP_STEPS = 5.0
+"""Median steps that make a gap."""
+
+JITTER = 0.2
+"""Standard deviation of the steps of an uneven clock, relative to their median."""
+
+STANDING = 0.5
+"""Shorter standing is not worth a word [s]."""
+
+STIRRED = 0.05
+"""What a standing robot's wheels turn at most, as seconds at their mean speed; encoders shake by a tick."""
+
+JUMP, SMALLEST_JUMP = 20.0, 0.05
+"""Medians of the moving speed, and m, beyond which a step of the position is lost track."""
+
+TURN_JUMP, SMALLEST_TURN = 5.0, np.radians(20)
+"""Times the fast turning of the drive, and rad, beyond which a step of the heading is."""
+
+DEGREES_PER_TURN = 360.0
+FAST_TURNING = 10.0
+"""Usual yaw rate beyond which a heading is rather in degrees [rad/s]."""
+
+
+def gap_limit(times: Array, gap: float | None) -> float:
+    """What step in time is a gap [s]."""
+    return float(GAP_STEPS * np.median(np.diff(times))) if gap is None else gap
+
+
+def gap(series: Series, limit: float | None, what: str, *, doubtful: bool) -> Finding | None:
+    """Steps in time that are too long."""
+    steps = np.diff(series.times)
+    longer = steps > gap_limit(series.times, limit) * (1 + 1e-9)
+    if not longer.any():
+        return None
+    longest = int(np.argmax(steps))
+    text = (
+        f"{_times(int(longer.sum()), 'gap')} in the {what}; the longest is {steps[longest]:.3g} s "
+        f"from {series.at(longest)}"
+    )
+    unknown = "; what the wheels did meanwhile was not logged" if doubtful else ""
+    return Finding("gap", text + unknown, doubtful)
+
+
+def uneven_clock(series: Series, what: str) -> Finding | None:
+    """Jitter of the period, gaps left out."""
+    steps = np.diff(series.times)
+    period = float(np.median(steps))
+    jitter = float(np.std(steps[steps <= GAP_STEPS * period])) / period
+    if jitter <= JITTER:
+        return None
+    text = f"the times of the {what} are uneven: steps of {period:.3g} s, +-{100 * jitter:.0f} %"
+    return Finding("uneven_clock", text)
+
+
+def moving_span(series: Series, driven: Array) -> tuple[int, int]:
+    """The last row before the wheels begin to turn, and the first after they have stopped."""
+    travel = np.abs(np.diff(driven, axis=0)).sum(axis=0).max()
+    limit = STIRRED * travel / (series.times[-1] - series.times[0])
+    begun = np.any(np.abs(driven - driven[0]) > limit, axis=1)
+    unfinished = np.any(np.abs(driven - driven[-1]) > limit, axis=1)
+    if not begun.any():
+        return 0, len(series) - 1
+    return max(int(np.argmax(begun)) - 1, 0), len(series) - int(np.argmax(unfinished[::-1]))
+
+
+def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None:
+    """How long the robot stands before or after its drive."""
+    first, last = moving_span(series, driven)
+    last = min(last, len(series) - 1)
+    times = series.times
+    if not np.any(driven != driven[0]):
+        return None if at_end else Finding("stationary", "the wheels stand all the time")
+    seconds = float(times[-1] - times[last] if at_end else times[first] - times[0])
+    if seconds < STANDING:
+        return None
+    name, word = ("stationary_end", "last") if at_end else ("stationary_start", "first")
+    return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, which tell nothing of its wheels")
+
+
+def held(kept: Series, stale: int, rows: int) -> Finding:
+    """Poses left out as held values of a slower sensor."""
+    period = float(np.median(np.diff(kept.times)))
+    text = (
+        f"{stale} of {rows} poses ({100 * stale / rows:.0f} %) repeat the one before while the wheels turn, "
+        f"as a slower sensor's do; left out, a new one comes every {period:.3g} s"
+    )
+    return Finding("held_poses", text)
+
+
+def little_overlap(inputs: Series, poses: Series) -> Finding | None:
+    """Poses of which most were taken when no inputs were logged."""
+    inside = np.mean((poses.times >= inputs.times[0]) & (poses.times <= inputs.times[-1]))
+    if inside >= 0.5:
+        return None
+    text = f"only {100 * inside:.0f} % of the poses lie within the time of the inputs"
+    return Finding("little_overlap", text, doubtful=True)
+
+
+def wrapped_heading(heading: Array) -> Finding | None:
+    """Full turns taken out of the heading."""
+    count = int(np.count_nonzero(np.abs(np.diff(heading)) > np.pi))
+    if not count:
+        return None
+    return Finding(
+        "wrapped_heading", f"the heading jumps by a full turn {_times(count, 'time')}; made to run on"
+    )
+
+
+def heading_in_degrees(times: Array, heading: Array) -> Finding | None:
+    """A heading in rad whose size or pace is rather that of degrees."""
+    steps = np.abs(np.diff(heading))
+    span = float(np.ptp(heading))
+    # Wrapped at a full turn of degrees, or turning faster than robots do.
+    wrapped = np.any(np.abs(steps - DEGREES_PER_TURN) < 40) and span <= 1.01 * DEGREES_PER_TURN
+    pace = float(np.percentile(steps / np.diff(times), 90))
+    if span < 6 * np.pi or not (wrapped or pace > FAST_TURNING):
+        return None
+    text = (
+        f"the heading spans {span:.3g} rad and turns by up to {pace:.3g} rad/s: "
+        "if it is in degrees, say `unit: deg`"
+    )
+    return Finding("heading_in_degrees", text, doubtful=True)
+
+
+def pose_jump(poses: Series, positions: Array) -> Finding | None:
+    """Steps of the position (m, 2) that no drive explains: the reference lost track."""
+    lengths = np.hypot(*np.diff(positions, axis=0).T)
+    speeds = lengths / np.diff(poses.times)
+    moving = speeds[speeds > 0]
+    if not len(moving):
+        return None
+    far = (speeds > JUMP * np.median(moving)) & (lengths > SMALLEST_JUMP)
+    return _jump(poses, lengths, far, "pose", "m")
+
+
+def heading_jump(poses: Series, heading: Array) -> Finding | None:
+    """Steps of the heading (m,) that no drive explains."""
+    turns = np.abs(np.diff(heading))
+    rates = turns / np.diff(poses.times)
+    far = (rates > TURN_JUMP * np.percentile(rates, 95)) & (turns > SMALLEST_TURN)
+    return _jump(poses, turns, far, "heading", "rad")
+
+
+def _jump(
+    poses: Series, sizes: Array, far: np.typing.NDArray[np.bool_], what: str, unit: str
+) -> Finding | None:
+    if not far.any():
+        return None
+    row = int(np.argmax(np.where(far, sizes, 0)))
+    text = (
+        f"the {what} jumps {_times(int(far.sum()), 'time')}, most by {sizes[row]:.3g} {unit} "
+        f"after {poses.at(row)}: the reference may have lost track"
+    )
+    return Finding("pose_jump", text, doubtful=True)
+
+
+def _times(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"

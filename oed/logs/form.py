@@ -1,0 +1,52 @@
+"""What every form of log has in common: the study's key `log`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from oed.component import Component
+from oed.errors import Flaw
+from oed.logs.drive import Handling
+from oed.logs.log import Log
+from oed.models import Model
+from oed.quantities import Duration
+
+BAG_ENDINGS = (".mcap", ".db3", ".bag")
+
+
+class LogForm(Component, ABC):
+    """How a robot's logs are read.
+
+    Attributes:
+        gap: longer steps in time are gaps [s]; five median steps by default.
+        skip_stationary: whether to cut off standing before and after the drive, but for a second.
+    """
+
+    kind: str
+    gap: Annotated[Duration, Field(gt=0)] | None = None
+    skip_stationary: bool = False
+
+    @abstractmethod
+    def read(self, file: Path, model: Model) -> list[Log]:
+        """The drives in a file.
+
+        Raises:
+            LogError: every mistake in the file, each with its line.
+        """
+
+    def handling(self, held: Literal["keep", "drop"] = "drop") -> Handling:
+        """What is done with the drives read."""
+        return Handling(self.gap, held == "drop", self.skip_stationary)
+
+    @abstractmethod
+    def flaws(self, model: Model) -> list[Flaw]:
+        """What in this form does not fit the robot."""
+
+
+def is_bag(file: Path) -> bool:
+    """Whether a path is a ROS bag's, by its ending or its metadata."""
+    return file.suffix.lower() in BAG_ENDINGS or (file / "metadata.yaml").is_file()

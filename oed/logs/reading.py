@@ -1,0 +1,72 @@
+"""Reading logs: every file, every flaw of each at once, and what only shows across all of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from oed.errors import FileFlaw, LogError, ProblemError
+from oed.logs.form import LogForm
+from oed.logs.log import Log
+from oed.logs.series import Gathered
+from oed.models import Model
+
+
+def read_logs(files: Sequence[str | Path], form: LogForm, model: Model) -> list[Log]:
+    """The drives in robots' logs, in the order of the files, one `Log` for each run.
+
+    Args:
+        files: to read.
+        form: what is where in them: the study's key `log`.
+        model: the robot, which says what its inputs and states are.
+
+    Raises:
+        ProblemError: the form does not fit the robot.
+        LogError: every mistake in any of the files, each with its line, or no files at all.
+    """
+    flaws = form.flaws(model)
+    if flaws:
+        raise ProblemError(flaws)
+    if not files:
+        raise LogError([FileFlaw("", 0, 0, "", "no logs were given")])
+    gathered = Gathered()
+    read = [gathered.take(partial(form.read, Path(file), model)) for file in files]
+    gathered.raise_any()
+    logs = [log for some in read for log in some or []]
+    return _told_apart(_with_wheels_checked(logs, model))
+
+
+def _with_wheels_checked(logs: Sequence[Log], model: Model) -> list[Log]:
+    # A robot may well drive on one wheel for once, but not in all of its drives.
+    driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
+    turning = np.array([np.any(log.integrals[:, driving] != 0, axis=0) for log in logs])
+    names = [model.inputs[place].name for place in driving]
+    ever = np.atleast_1d(turning.any(axis=0))
+    dead = [name for name, turns in zip(names, ever, strict=True) if not turns]
+    if dead:
+        text = f"{' and '.join(dead)} never turn(s) in any of the logs; is it the right column?"
+        files = dict.fromkeys(log.file for log in logs)
+        raise LogError([FileFlaw(file, 0, 0, "", text) for file in files])
+    checked = []
+    for log, turns in zip(logs, turning, strict=True):
+        still = [name for name, moves in zip(names, turns, strict=True) if not moves]
+        if still and turns.any():
+            log = log.found(
+                "wheel_still", f"{' and '.join(still)} never turn(s) in this drive", doubtful=True
+            )
+        checked.append(log)
+    return checked
+
+
+def _told_apart(logs: Sequence[Log]) -> list[Log]:
+    # Logs of one name from several folders also have the folder's.
+    counts = Counter(log.name for log in logs)
+    return [
+        replace(log, name=f"{Path(log.file).parent.name}/{log.name}") if counts[log.name] > 1 else log
+        for log in logs
+    ]

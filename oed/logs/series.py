@@ -1,0 +1,135 @@
+"""Numbers on one clock, each with the line it stands in, so that whatever is wrong can be pointed at."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.errors import FileFlaw, LogError
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+Result = TypeVar("Result")
+
+MOST_OF_A_KIND = 10
+"""Flaws of one kind that are told one by one; the rest is counted."""
+
+SHORTEST = 1e-9
+"""A step in time that is none [s]."""
+
+_VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
+
+
+@dataclass(frozen=True)
+class Series:
+    """Rows of a file on one clock.
+
+    Attributes:
+        file: it was read from.
+        clock: name of the column (or topic) of the times.
+        times: (n,) [s].
+        values: (n, columns).
+        lines: where each row stands, from 1.
+        counted: what `lines` counts, "line" in a text file, "message" in a bag.
+    """
+
+    file: str
+    clock: str
+    times: Array
+    values: Array
+    lines: Rows
+    counted: str = "line"
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.times)
+
+    def rows(self, chosen: Mask | Rows | slice) -> Series:
+        """The same series with some of its rows."""
+        return replace(self, times=self.times[chosen], values=self.values[chosen], lines=self.lines[chosen])
+
+    def with_values(self, values: Array) -> Series:
+        """Other values (n, columns) at the same times."""
+        return replace(self, values=values)
+
+    def at(self, row: int) -> str:
+        """A row's time and place, for messages."""
+        return f"t = {self.times[row]:.10g} s ({self.counted} {self.lines[row]})"
+
+    def flaw(self, row: int, key: str, message: str) -> FileFlaw:
+        """A flaw in a row."""
+        line = int(self.lines[row])
+        if self.counted == "line":
+            return FileFlaw(self.file, line, 0, key, message)
+        return FileFlaw(self.file, 0, 0, key, f"{self.counted} {line}: {message}")
+
+    def without_repeats(self) -> Series:
+        """Without rows that repeat the one before them, time and all."""
+        same = (np.diff(self.times) == 0) & np.all(np.diff(self.values, axis=0) == 0, axis=1)
+        return self.rows(np.concatenate([[True], ~same])) if len(self) else self
+
+    def clock_flaws(self) -> list[FileFlaw]:
+        """Every row whose time does not rise."""
+        flaws = []
+        for row in np.flatnonzero(np.diff(self.times) <= SHORTEST).tolist():
+            before, after = self.times[row], self.times[row + 1]
+            told = f"({self.counted} {self.lines[row]})"
+            if before <= after:
+                text = f"time stands still: {after:.10g} s, the same as in the row before {told}"
+            else:
+                text = f"time goes back: {after:.10g} s after {before:.10g} s {told}"
+            flaws.append(self.flaw(row + 1, self.clock, text))
+        return flaws
+
+
+def shortened(flaws: Iterable[FileFlaw]) -> list[FileFlaw]:
+    """Files in their order, lines in theirs; few flaws of each kind are told, the rest is counted."""
+    once = list(dict.fromkeys(flaws))
+    files = {name: number for number, name in enumerate(dict.fromkeys(flaw.file for flaw in once))}
+
+    def place(flaw: FileFlaw) -> tuple[int, int, int]:
+        return files[flaw.file], flaw.line, flaw.column
+
+    kinds: dict[tuple[str, str, str], list[FileFlaw]] = {}
+    for flaw in sorted(once, key=place):
+        kind = (flaw.file, flaw.key, _VARYING.sub("#", flaw.message))
+        kinds.setdefault(kind, []).append(flaw)
+    return sorted((flaw for alike in kinds.values() for flaw in _first(alike)), key=place)
+
+
+def _first(alike: Sequence[FileFlaw]) -> list[FileFlaw]:
+    told, more = list(alike[:MOST_OF_A_KIND]), len(alike) - MOST_OF_A_KIND
+    if more > 0:
+        told[-1] = replace(told[-1], message=f"{told[-1].message} (and {more} more like it)")
+    return told
+
+
+class Gathered:
+    """Flaws of several pieces of work, each of which may fail without stopping the others."""
+
+    def __init__(self) -> None:
+        """None so far."""
+        self.flaws: list[FileFlaw] = []
+
+    def take(self, work: Callable[[], Result]) -> Result | None:
+        """What the work gives; None where it raises a `LogError`, whose flaws are kept."""
+        try:
+            return work()
+        except LogError as error:
+            self.flaws += error.flaws
+            return None
+
+    def raise_any(self) -> None:
+        """Raise what was gathered.
+
+        Raises:
+            LogError: if there is any flaw.
+        """
+        if self.flaws:
+            raise LogError(shortened(self.flaws))

@@ -1,0 +1,212 @@
+"""What is found in a log that can be read: each put into a sound one, told with its place and size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
+
+from oed.logs import read_logs
+
+TABLE = drive()
+ANGLES = {name: {"column": name, "form": "angle"} for name in INPUTS}
+
+
+def resting(before: int = 0, after: int = 0) -> np.ndarray:
+    """The drive with rows of standing around it."""
+    table = np.vstack([np.repeat(TABLE[:1], before, axis=0), TABLE, np.repeat(TABLE[-1:], after, axis=0)])
+    table[:before, 1:3] = 0
+    table[len(table) - after - 1 :, 1:3] = 0
+    table[:, 0] = PERIOD * np.arange(len(table))
+    return table
+
+
+class TestGaps:
+    GAPPED = np.delete(TABLE, slice(60, 80), axis=0)
+
+    def test_speeds_are_not_known_across_one(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(self.GAPPED)))
+        assert found(log) == {
+            "gap": "1 gap in the rows; the longest is 1.05 s from t = 2.95 s (line 61); "
+            "what the wheels did meanwhile was not logged"
+        }
+        assert doubtful(log) == {"gap"}
+
+    def test_a_counter_runs_on(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[:, 1:3] = np.cumsum(TABLE[:, 1:3], axis=0)
+        gapped = np.delete(table, slice(60, 80), axis=0)
+        log = read_one(write(tmp_path / "a.csv", cells(gapped)), inputs=ANGLES)
+        assert not doubtful(log)
+        assert {one.name for one in log.findings} == {"gap"}
+        np.testing.assert_allclose(log.integrals, gapped[:, 1:3] - gapped[0, 1:3])
+
+    def test_how_long_one_is_can_be_said(self, tmp_path: Path):
+        file = write(tmp_path / "a.csv", cells(self.GAPPED))
+        assert read_one(file, gap="1.1 s").findings == ()
+        assert len(read_one(file, gap="1 s").findings) == 1
+
+    def test_gaps_can_be_asked_for(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(self.GAPPED)))
+        np.testing.assert_allclose(log.gaps(), [[2.95, 4.0]])
+        assert log.gaps(1.1).shape == (0, 2)
+
+
+class TestClocks:
+    def test_uneven(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[:, 0] += 0.02 * np.sin(97 * np.arange(len(table)))
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert set(found(log)) == {"uneven_clock"}
+        assert found(log)["uneven_clock"].startswith("the times of the rows are uneven: steps of 0.0")
+
+    def test_little_overlap(self, tmp_path: Path):
+        table = np.column_stack([TABLE, TABLE[:, 0] + 6])
+        file = write(tmp_path / "a.csv", cells(table), (*HEADER, "t_pose"))
+        log = read_one(file, poses={"time": "t_pose"})
+        assert doubtful(log) == {"little_overlap"}
+        assert found(log)["little_overlap"] == "only 40 % of the poses lie within the time of the inputs"
+        assert log.common_span() == (6.0, pytest.approx(9.95))
+        assert log.common_span(offset=-1.0) == (6.0, pytest.approx(10.95))
+
+    def test_rows_that_are_there_twice(self, tmp_path: Path):
+        rows = cells(TABLE)
+        log = read_one(write(tmp_path / "a.csv", [*rows[:9], rows[8], *rows[9:]]))
+        assert found(log) == {"duplicate_rows": "1 row(s) repeat the one before, time and all; left out"}
+        np.testing.assert_array_equal(log.input_times, TABLE[:, 0])
+
+
+class TestStanding:
+    def test_before_and_after(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(resting(30, 60))))
+        assert found(log) == {
+            "stationary_start": "the robot stands for the first 1.5 s, which tell nothing of its wheels",
+            "stationary_end": "the robot stands for the last 3 s, which tell nothing of its wheels",
+        }
+        assert len(log.poses) == len(TABLE) + 90
+
+    def test_it_can_be_cut_off(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(resting(30, 60))), skip_stationary=True)
+        assert log.input_times[0] == pytest.approx(0.5)
+        assert log.pose_times[-1] == pytest.approx(PERIOD * (30 + len(TABLE) - 1) + 1)
+        assert np.all(log.integrals[0] == 0)
+
+    def test_an_encoder_that_shakes(self, tmp_path: Path):
+        table = resting(40)
+        table[:40:4, 1] = 1e-2
+        table[2:40:4, 1] = -1e-2
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert found(log)["stationary_start"].startswith("the robot stands for the first 2 s")
+
+    def test_all_the_time(self, tmp_path: Path):
+        still = TABLE.copy()
+        still[:, 1:3] = 0
+        still[:, 3:] = 1
+        files = [write(tmp_path / "a.csv", cells(TABLE)), write(tmp_path / "b.csv", cells(still))]
+        _, log = read_logs(files, form(), ROBOT)
+        assert found(log) == {"stationary": "the wheels stand all the time"}
+
+    def test_one_wheel_in_one_of_several_drives(self, tmp_path: Path):
+        still = TABLE.copy()
+        still[:, 1] = 0
+        files = [write(tmp_path / "a.csv", cells(TABLE)), write(tmp_path / "b.csv", cells(still))]
+        first, second = read_logs(files, form(), ROBOT)
+        assert first.findings == ()
+        assert doubtful(second) == {"wheel_still"}
+        assert found(second)["wheel_still"] == "wheel_speed_right never turn(s) in this drive"
+
+
+class TestHeldPoses:
+    HELD = np.column_stack([TABLE[:, :3], TABLE[np.arange(len(TABLE)) // 4 * 4, 3:]])
+
+    def test_only_changes_are_kept(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(self.HELD)))
+        np.testing.assert_allclose(log.pose_times, TABLE[::4, 0])
+        np.testing.assert_allclose(log.poses, TABLE[::4, 3:])
+        assert found(log) == {
+            "held_poses": "150 of 200 poses (75 %) repeat the one before while the wheels turn, "
+            "as a slower sensor's do; left out, a new one comes every 0.2 s"
+        }
+
+    def test_unless_they_are_wanted(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(self.HELD)), poses={"held": "keep"})
+        assert len(log.poses) == 200
+        assert log.findings == ()
+
+    def test_a_standing_robot_s_pose_may_repeat(self, tmp_path: Path):
+        log = read_one(write(tmp_path / "a.csv", cells(resting(30, 60))))
+        assert "held_poses" not in found(log)
+
+    def test_a_start_from_rest_on_another_clock(self, tmp_path: Path):
+        # The wheels turn for 0.3 s before the poses begin to change: an offset, not a slow sensor.
+        table = resting(30, 0)
+        table[:-6, 1:3] = table[6:, 1:3]
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert len(log.poses) == len(table)
+
+    def test_a_reference_that_freezes(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[100:140, 3:] = table[100, 3:]
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert set(found(log)) == {"held_poses", "gap"}
+        assert found(log)["gap"].startswith("1 gap in the poses; the longest is 2 s from t = 5 s (line 102)")
+
+
+class TestHeadings:
+    @pytest.mark.parametrize("turn", [np.pi, 2 * np.pi])
+    def test_full_turns_are_taken_out(self, tmp_path: Path, turn: float):
+        table = TABLE.copy()
+        table[:, 5] = 0.9 * TABLE[:, 0]
+        running = table[:, 5].copy()
+        table[:, 5] = np.mod(running + 2 * np.pi - turn, 2 * np.pi) - (2 * np.pi - turn)
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        np.testing.assert_allclose(log.quantity("heading"), running, atol=1e-12)
+        count = int(np.sum(np.abs(np.diff(table[:, 5])) > 3))
+        words = "1 time" if count == 1 else f"{count} times"
+        assert found(log) == {"wrapped_heading": f"the heading jumps by a full turn {words}; made to run on"}
+
+    @pytest.mark.parametrize("wrapped", [True, False])
+    def test_degrees_taken_for_radians(self, tmp_path: Path, wrapped: bool):
+        table = TABLE.copy()
+        degrees = np.degrees(1.2 * TABLE[:, 0])
+        table[:, 5] = np.mod(degrees + 180, 360) - 180 if wrapped else degrees
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert "heading_in_degrees" in doubtful(log)
+        assert found(log)["heading_in_degrees"].endswith("if it is in degrees, say `unit: deg`")
+
+    def test_many_turns_in_radians_are_none(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[:, 5] = 5 * TABLE[:, 0]
+        assert read_one(write(tmp_path / "a.csv", cells(table))).findings == ()
+
+
+class TestLostTrack:
+    @pytest.mark.parametrize(("rows", "words"), [(slice(120, 121), "2 times"), (slice(120, None), "1 time")])
+    def test_a_jump_of_the_position(self, tmp_path: Path, rows: slice, words: str):
+        table = TABLE.copy()
+        table[rows, 4] += 0.8
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert doubtful(log) == {"pose_jump"}
+        message = found(log)["pose_jump"]
+        assert message.startswith(f"the pose jumps {words}, most by 0.8")
+        assert message.endswith("m after t = 5.95 s (line 121): the reference may have lost track")
+
+    def test_a_jump_of_the_heading(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[120, 5] += 1.5
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert doubtful(log) == {"pose_jump"}
+        assert found(log)["pose_jump"].startswith("the heading jumps 2 times, most by 1.5")
+
+
+def test_a_counter_that_begins_anew_is_run_on(tmp_path: Path):
+    table = TABLE.copy()
+    degrees = np.degrees(np.cumsum(TABLE[:, 1:3], axis=0) * PERIOD)
+    table[:, 1:3] = np.mod(degrees, 360)
+    keys = {name: {"column": name, "form": "angle", "unit": "deg", "wrap": 360} for name in INPUTS}
+    log = read_one(write(tmp_path / "a.csv", cells(table)), inputs=keys)
+    np.testing.assert_allclose(log.integrals, np.radians(degrees - degrees[0]), atol=1e-9)
+    count = int(np.sum(np.abs(np.diff(table[:, 1:3], axis=0)) > 180))
+    assert found(log) == {"counter_wrapped": f"counters began anew {count} times; made to run on"}

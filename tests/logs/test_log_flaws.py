@@ -1,0 +1,360 @@
+"""Every fault of a log, each broken into a sound one: named with its file, line and column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logged import HEADER, INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, write
+from pydantic import ValidationError
+
+from oed.errors import ProblemError
+from oed.logs import read_logs
+from oed.models import Tricycle
+
+TABLE = drive()
+TICKS = {
+    name: {"column": name, "form": "ticks", "ticks_per_turn": 1000, "cumulative": True} for name in INPUTS
+}
+
+
+@pytest.fixture
+def rows() -> list[list[str]]:
+    return cells(TABLE)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "a.csv"
+
+
+class TestFiles:
+    def test_missing(self, file: Path):
+        assert flaw_of(file).message == "no such file"
+
+    def test_a_folder(self, file: Path):
+        file.mkdir()
+        assert flaw_of(file).message == "expected a file, got a folder"
+
+    @pytest.mark.parametrize("text", ["", "\n\n", "# nothing\n"])
+    def test_empty(self, file: Path, text: str):
+        file.write_text(text)
+        assert flaw_of(file).message == "the file has no rows"
+
+    def test_not_text(self, file: Path):
+        file.write_bytes(b"\xff\xfe\x00\x81" * 10)
+        assert flaw_of(file).message == "is not a text file"
+
+    def test_not_a_table(self, file: Path):
+        file.write_text('t,x\n"' + "a" * 200_000 + '",1\n')
+        assert flaw_of(file).message.startswith("is not a table: field larger")
+
+    def test_no_files(self):
+        with pytest.raises(Exception, match="no logs were given"):
+            read_logs([], form(), ROBOT)
+
+    @pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag", "folder"])
+    def test_a_bag(self, tmp_path: Path, name: str):
+        if name == "folder":
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "metadata.yaml").write_text("")
+        message = "is a ROS bag, not a CSV; say `kind: rosbag` under `log`"
+        assert flaw_of(tmp_path / name).message == message
+
+    def test_all_flaws_of_all_files_at_once(self, tmp_path: Path, rows: list[list[str]]):
+        rows[3][1] = "?"
+        rows[4][0] = rows[3][0]
+        rows[9][4] = "inf"
+        first = write(tmp_path / "p.csv", rows)
+        second = write(tmp_path / "q.csv", cells(TABLE), (*HEADER[:5], "theta"))
+        flaws = flaws_of(first, second, tmp_path / "r.csv")
+        assert [(Path(flaw.file).name, flaw.line) for flaw in flaws] == [
+            ("p.csv", 5),
+            ("p.csv", 6),
+            ("p.csv", 11),
+            ("q.csv", 1),
+            ("r.csv", 0),
+        ]
+
+    def test_few_of_a_kind_are_told(self, file: Path, rows: list[list[str]]):
+        for row in rows[20:60]:
+            row[1] = "nan"
+        flaws = flaws_of(write(file, rows))
+        assert [flaw.line for flaw in flaws] == list(range(22, 32))
+        assert flaws[-1].message == "expected a finite number, got 'nan' (and 30 more like it)"
+
+
+class TestColumns:
+    def test_missing_in_the_header(self, file: Path, rows: list[list[str]]):
+        write(file, rows, ("time", "right", "wheel_speed_left", "x", "y", "theta"))
+        known = "; it has time, right, wheel_speed_left, x, y, theta"
+        assert [(flaw.line, flaw.key, flaw.message) for flaw in flaws_of(file)] == [
+            (1, "time", f"the header lacks 't'{known}"),
+            (1, "wheel_speed_right", f"the header lacks 'wheel_speed_right'{known}"),
+            (1, "heading", f"the header lacks 'heading'{known}"),
+        ]
+
+    def test_names_without_a_header(self, file: Path, rows: list[list[str]]):
+        flaws = flaws_of(write(file, rows, None))
+        assert len(flaws) == 6
+        assert flaws[0].message == (
+            "the file has no header, so 't' is not known; give the column's index, from 0"
+        )
+
+    def test_beyond_the_last(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, rows), time=6)
+        assert flaw.message == "there is no column 6; the last one is 5, from 0"
+
+    def test_twice_in_the_header(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, [[*row, "0"] for row in rows], (*HEADER, "x")))
+        assert flaw.message == "the header has 'x' 2 times; give the column's index, from 0"
+
+    def test_of_runs_and_of_what_to_keep(self, file: Path, rows: list[list[str]]):
+        flaws = flaws_of(write(file, rows), runs="window", keep={"steady": 1})
+        assert sorted(flaw.key for flaw in flaws) == ["keep", "runs"]
+
+    def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
+        assert flaw.message == "no row has x = (100.0, 200.0)"
+
+
+class TestCells:
+    @pytest.mark.parametrize("cell", ["nan", "inf", "abc", "1e300", "-"])
+    @pytest.mark.parametrize("column", range(6))
+    def test_no_finite_number(self, file: Path, rows: list[list[str]], cell: str, column: int):
+        rows[7][column] = cell
+        flaw = flaw_of(write(file, rows))
+        assert (flaw.line, flaw.column, flaw.key) == (9, column + 1, HEADER[column])
+        assert flaw.message == f"expected a finite number, got {cell!r}"
+
+    @pytest.mark.parametrize("column", range(6))
+    def test_empty(self, file: Path, rows: list[list[str]], column: int):
+        rows[7][column] = ""
+        flaw = flaw_of(write(file, rows))
+        assert (flaw.line, flaw.key) == (9, HEADER[column])
+        assert flaw.message == "expected a finite number, the cell is empty"
+
+    def test_a_decimal_comma(self, file: Path, rows: list[list[str]]):
+        rows[0][1] = "0,5"
+        assert flaw_of(write(file, rows, mark=";")).message.endswith("got '0,5' (decimals need a point)")
+
+    def test_a_short_row(self, file: Path, rows: list[list[str]]):
+        rows[7] = rows[7][:5]
+        flaw = flaw_of(write(file, rows))
+        assert (flaw.line, flaw.key) == (9, "heading")
+
+    def test_no_inputs_at_all(self, file: Path, rows: list[list[str]]):
+        empty = [[row[0], "", "", *row[3:]] for row in rows]
+        assert flaw_of(write(file, empty)).message == "a has 0 row(s) of inputs; at least 3 are needed"
+
+    def test_no_poses_at_all(self, file: Path, rows: list[list[str]]):
+        empty = [[*row[:3], "", "", ""] for row in rows]
+        assert flaw_of(write(file, empty)).message == "a has 0 row(s) of poses; at least 3 are needed"
+
+
+class TestClocks:
+    def test_time_goes_back(self, file: Path, rows: list[list[str]]):
+        rows[7][0] = "0.12"
+        flaw = flaw_of(write(file, rows))
+        assert (flaw.line, flaw.key) == (9, "t")
+        assert flaw.message == "time goes back: 0.12 s after 0.3 s (line 8)"
+
+    def test_time_stands_still(self, file: Path, rows: list[list[str]]):
+        rows[7][0] = rows[6][0]
+        flaw = flaw_of(write(file, rows))
+        assert (flaw.line, flaw.key) == (9, "t")
+        assert flaw.message == "time stands still: 0.3 s, the same as in the row before (line 8)"
+
+    def test_of_poses(self, file: Path, rows: list[list[str]]):
+        own = [[*row, row[0]] for row in rows]
+        own[7][-1] = "0.1"
+        flaw = flaw_of(write(file, own, (*HEADER, "t_pose")), poses={"time": "t_pose"})
+        assert (flaw.line, flaw.key) == (9, "t_pose")
+
+    def test_several_runs_without_a_column_for_them(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, [*rows, *rows]))
+        assert (flaw.line, flaw.message) == (202, "time goes back: 0 s after 9.95 s (line 201)")
+
+    @pytest.mark.parametrize("shift", [-1000.0, 1000.0])
+    def test_no_overlap(self, file: Path, shift: float):
+        table = np.column_stack([TABLE, TABLE[:, 0] + shift])
+        flaw = flaw_of(write(file, cells(table), (*HEADER, "t_pose")), poses={"time": "t_pose"})
+        assert flaw.message == (
+            f"the clocks do not overlap: inputs from 0 to 9.95 s, "
+            f"poses from {shift:g} to {shift + 9.95:.10g} s; "
+            "are the units of time alike, and do both clocks begin at the same moment?"
+        )
+
+    def test_too_few_rows(self, file: Path, rows: list[list[str]]):
+        messages = [flaw.message for flaw in flaws_of(write(file, rows[:2]))]
+        assert messages == [
+            "a has 2 row(s) of inputs; at least 3 are needed",
+            "a has 2 row(s) of poses; at least 3 are needed",
+        ]
+
+
+class TestWheels:
+    def test_one_that_never_turns(self, file: Path):
+        table = TABLE.copy()
+        table[:, 2] = 0
+        flaw = flaw_of(write(file, cells(table)))
+        assert flaw.message == "wheel_speed_left never turn(s) in any of the logs; is it the right column?"
+
+    def test_a_counter_that_begins_anew(self, file: Path):
+        table = TABLE.copy()
+        counts = np.round(np.cumsum(TABLE[:, 1:3], axis=0) * 100)
+        table[:, 1:3] = np.mod(counts + 30_000, 65_536)
+        flaws = flaws_of(write(file, cells(table)), inputs=TICKS)
+        assert {flaw.key for flaw in flaws} <= set(INPUTS)
+        assert "the counter jumps from" in flaws[0].message
+        assert (
+            "if it begins anew, say `wrap: 65536`, and if it was reset, cut the log here" in flaws[0].message
+        )
+
+    def test_a_counter_that_is_reset(self, file: Path):
+        table = TABLE.copy()
+        table[:, 1:3] = np.round(np.cumsum(TABLE[:, 1:3], axis=0) * 10)
+        table[100:, 1] -= table[100, 1]
+        flaw = flaw_of(write(file, cells(table)), inputs=TICKS)
+        assert flaw.line == 102
+        assert "say after how much with `wrap:`, and if it was reset, cut the log here" in flaw.message
+
+    def test_a_counter_that_leaves_its_range(self, file: Path):
+        table = TABLE.copy()
+        table[:, 1:3] = np.round(np.cumsum(TABLE[:, 1:3], axis=0) * 10)
+        wrapped = {name: {**keys, "wrap": 256} for name, keys in TICKS.items()}
+        flaws = flaws_of(write(file, cells(table)), inputs=wrapped)
+        assert all("more than `wrap: 256` allows" in flaw.message for flaw in flaws)
+
+    def test_a_counter_that_jumps_by_half_its_range(self, file: Path):
+        table = TABLE.copy()
+        table[:, 1:3] = np.mod(np.round(np.cumsum(TABLE[:, 1:3], axis=0)), 256)
+        table[50, 1] = np.mod(table[49, 1] + 128, 256)
+        wrapped = {name: {**keys, "wrap": 256} for name, keys in TICKS.items()}
+        flaws = flaws_of(write(file, cells(table)), inputs=wrapped)
+        assert flaws[0].line == 52
+        assert flaws[0].message.startswith("the counter jumps by about half of its range 256, from ")
+
+    def test_a_pose_that_never_changes(self, file: Path):
+        table = TABLE.copy()
+        table[:, 3:] = 1.0
+        message = "a: the pose hardly ever changes while the wheels turn; did the reference run?"
+        assert flaw_of(write(file, cells(table))).message == message
+
+
+class TestTum:
+    def write(self, tmp_path: Path, line: str) -> Path:
+        sound = [f"{time} 0 0 0 0 0 0 1" for time in (0.0, 1.0, 2.0, 3.0)]
+        (tmp_path / "a.tum").write_text("\n".join([*sound[:2], line, *sound[2:]]))
+        return write(tmp_path / "a.csv", cells(TABLE[:, :3]), HEADER[:3])
+
+    @pytest.mark.parametrize(
+        ("line", "message"),
+        [
+            ("1.5 0 0 0 0 0 0 2", "expected a unit quaternion in qx qy qz qw"),
+            ("1.5 0 0 0 0 0 0 w", "expected a finite number, got 'w'"),
+            ("1.5 0 0 0 0 0 0", "expected a finite number, the cell is empty"),
+            ("0.5 0 0 0 0 0 0 1", "time goes back: 0.5 s after 1 s (line 2)"),
+        ],
+    )
+    def test_a_line(self, tmp_path: Path, line: str, message: str):
+        (flaw,) = flaws_of(self.write(tmp_path, line), poses={"file": "{stem}.tum"})
+        assert (flaw.file, flaw.line, flaw.message) == (str(tmp_path / "a.tum"), 3, message)
+
+    def test_other_columns(self, tmp_path: Path):
+        file = self.write(tmp_path, "1.5 0 0 0 0 0 0 1")
+        (tmp_path / "a.tum").write_text("0 0 0 0\n1 0 0 0\n")
+        (flaw,) = flaws_of(file, poses={"file": "{stem}.tum"})
+        assert flaw.message == "expected 8 columns (timestamp tx ty tz qx qy qz qw), got 4"
+
+    def test_missing(self, tmp_path: Path):
+        (flaw,) = flaws_of(self.write(tmp_path, ""), poses={"file": "b.tum"})
+        assert (flaw.file, flaw.message) == (str(tmp_path / "b.tum"), "no such file")
+
+    def test_a_state_it_cannot_have(self, tmp_path: Path):
+        file = self.write(tmp_path, "1.5 0 0 0 0 0 0 1")
+        with pytest.raises(ProblemError, match="the robot has no state bend; it has x, y, heading"):
+            read_logs([file], form(poses={"file": "{stem}.tum", "bend": 3}), ROBOT)
+
+
+class TestForms:
+    """What a study says of its logs: against the robot, and against itself."""
+
+    @pytest.mark.parametrize(
+        ("inputs", "message"),
+        [
+            ({"wheel": 1}, "the robot has no input wheel; it has wheel_speed, steering_angle"),
+            ({"wheel_speed": {"column": 1, "form": "value"}}, "its form is speed, got 'value'"),
+            ({"wheel_speed": {"column": 1, "unit": "m/s"}}, "whose unit is of another kind"),
+            ({"wheel_speed": {"column": 1, "form": "angle", "unit": "deg/s"}}, "of another kind"),
+            ({"steering_angle": {"column": 1, "form": "speed"}}, "its form is value, got 'speed'"),
+            ({"steering_angle": {"column": 1, "form": "angle"}}, "its form is value, got 'angle'"),
+            (
+                {"steering_angle": {"column": 1, "form": "ticks", "ticks_per_turn": 8}},
+                "its form is value, got 'ticks'",
+            ),
+            (
+                {"wheel_speed": {"column": 1, "form": "ticks", "ticks_per_turn": 8, "wrap": 9}},
+                "add `cumulative: true`",
+            ),
+        ],
+    )
+    def test_inputs_that_do_not_fit_the_robot(self, inputs: dict, message: str):
+        (flaw,) = form(inputs=inputs).flaws(Tricycle(wheel_radius=0.03, wheelbase=0.15))
+        assert flaw.key[:2] == ("log", "inputs")
+        assert message in flaw.message
+
+    @pytest.mark.parametrize(
+        ("poses", "key", "message"),
+        [
+            ({"trailer_angle": 4}, "trailer_angle", "the robot has no state trailer_angle"),
+            ({"x": {"column": 1, "unit": "deg"}}, "unit", "whose unit is of another kind"),
+            ({"x": "none", "y": "none", "heading": "none"}, "poses", "nothing of the robot's pose"),
+            ({"form": "tum"}, "form", "is that of a file of its own"),
+        ],
+    )
+    def test_poses_that_do_not_fit_the_robot(self, poses: dict, key: str, message: str):
+        (flaw,) = form(poses=poses).flaws(ROBOT)
+        assert flaw.key[-1] == key
+        assert message in flaw.message
+
+    def test_they_are_told_before_anything_is_read(self):
+        with pytest.raises(ProblemError, match=r"log\.inputs\.wheel"):
+            read_logs(["nowhere.csv"], form(inputs={"wheel": 1}), ROBOT)
+
+    @pytest.mark.parametrize(
+        "keys",
+        [
+            {"kind": "text"},
+            {"nonsense": 1},
+            {"delimiter": "::"},
+            {"time": -1},
+            {"time": True},
+            {"time": {"column": 1, "unit": "h"}},
+            {"gap": 0},
+            {"inputs": {"wheel": {"column": 1, "form": "ticks"}}},
+            {"inputs": {"wheel": {"column": 1, "sign": 2}}},
+            {"inputs": {"wheel": {"column": 1, "ticks_per_turn": 2}}},
+            {"poses": {"x": {"column": 1, "nonsense": 2}}},
+            {"poses": {"held": "maybe"}},
+            {"kind": "rosbag", "time": 0},
+            {"kind": "rosbag", "clock": "wall"},
+        ],
+    )
+    def test_what_is_no_form_of_a_log(self, keys: dict):
+        with pytest.raises(ValidationError):
+            form(**keys)
+
+    @pytest.mark.parametrize(
+        "keys",
+        [
+            {},
+            {"kind": "rosbag", "poses": "/odom", "inputs": {INPUTS[0]: "right"}},
+            {"runs": "window", "keep": {"steady": 1, "mode": "auto", "speed": [0, 2]}, "gap": "0.5 s"},
+            {"inputs": TICKS, "poses": {"x": 1, "heading": "none", "bend": {"column": 3, "unit": "deg"}}},
+        ],
+    )
+    def test_a_form_can_be_written_and_read_again(self, keys: dict):
+        plain = form(**keys).model_dump(mode="json", exclude_none=True)
+        assert form(**plain) == form(**keys)
