@@ -99,6 +99,20 @@ def _parser() -> argparse.ArgumentParser:
     command = add("evaluate", _evaluate, "score any path (CSV) with a study's problem")
     command.add_argument("study", metavar="STUDY")
     command.add_argument("path", metavar="PATH.csv")
+    command = add("estimate", _estimate, "estimate a robot's parameters from logs of its drives")
+    command.add_argument("study", metavar="STUDY")
+    command.add_argument("logs", metavar="LOG", nargs="+", help="as the study's key `log` says")
+    command.add_argument(
+        "--apart",
+        metavar="LOG",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="logs that are kept apart: dead reckoning is tried on them",
+    )
+    command.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+    command.add_argument("--seed", type=_whole, help="seed of the bootstrap, instead of the study's")
+    command.add_argument("--quiet", action="store_true", help="show no progress")
     command = add("report", _report, "make the report again from a saved record; several are compared")
     command.add_argument("folders", metavar="DIR", nargs="+")
     command.add_argument(
@@ -299,6 +313,27 @@ def _evaluate(options: argparse.Namespace) -> int:
         print_json(entry)
     else:
         print_results([entry])
+    return DONE
+
+
+def _estimate(options: argparse.Namespace) -> int:
+    from oed.console import print_estimate, print_json, progress
+    from oed.estimation import estimate
+    from oed.report import write_estimate
+    from oed.study import load_study
+
+    out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
+    study = load_study(options.study)
+    with progress(options.quiet) as listener:
+        record = estimate(
+            study, options.logs, apart=options.apart, out=out, seed=options.seed, progress=listener
+        )
+    page = write_estimate(record.data, out)
+    if options.json:
+        print_json({**record.data, "directory": str(out)})
+    else:
+        print_estimate(record.data)
+        print(f"report: {page}")
     return DONE
 
 

@@ -11,12 +11,14 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
 from oed.baselines import BaselineName, baseline_flaws
 from oed.bounds import LATTICE
+from oed.calibration import CalibrationOptions
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
 from oed.errors import Flaw, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
+from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
 from oed.presets import preset_names, with_preset
@@ -110,6 +112,8 @@ class StudyFile(Component):
     baselines: tuple[BaselineName | PathFile, ...] = ()
     bound: bool = False
     validation: ValidationOptions | None = None
+    log: AnyLogForm | None = None
+    calibration: CalibrationOptions | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
 
@@ -143,6 +147,16 @@ class Study:
     def folder(self) -> Path:
         """Where the study's own files are looked for."""
         return Path(self.source).parent
+
+    @property
+    def log(self) -> LogForm:
+        """How the robot's logs are read."""
+        return CsvForm() if self.file.log is None else self.file.log
+
+    @property
+    def calibration(self) -> CalibrationOptions:
+        """How parameters are estimated from logs."""
+        return self.file.calibration or CalibrationOptions()
 
     @property
     def seed(self) -> int:
@@ -195,6 +209,7 @@ def _study(source: YamlSource) -> Study:
     except ValidationError as error:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    flaws += file.log.flaws(file.robot) if file.log is not None else []
     try:
         file = _with_prior(file, Path(source.file).parent)
         problem = _problem(file)

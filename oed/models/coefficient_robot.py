@@ -6,10 +6,13 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 from pydantic import model_validator
 
 from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
+
+Array = npt.NDArray[np.float64]
 
 
 class CoefficientRobot(Model):
@@ -74,3 +77,18 @@ class CoefficientRobot(Model):
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed, 0, yaw rate [Choi, eq. 5]."""
         return coefficient_twist(self, inputs, parameters)
+
+
+def coefficient_values(model: Model, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
+    """Names (q,), values (q,) and derivatives (q, p) of a robot's coefficients at parameter values (p,), SI.
+
+    Nothing for a robot whose twist is not linear in coefficients.
+    """
+    names = tuple(name for row in model.coefficient_names for name in row)
+    if not names:
+        return (), np.zeros(0), np.zeros((0, len(parameters)))
+    symbols = ca.SX.sym("p", len(parameters))
+    entries = ca.vec(model.coefficients(symbols).T)
+    function = ca.Function("coefficients", [symbols], [entries, ca.densify(ca.jacobian(entries, symbols))])
+    values, slopes = function(parameters)
+    return names, np.array(values).ravel(), np.array(slopes)

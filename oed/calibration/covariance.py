@@ -1,0 +1,120 @@
+"""How sure an estimate is: by the noise model, or by how much the parts of the logs disagree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import t as student
+
+from oed.calibration.joint import Fit, inverse_of_told
+from oed.calibration.options import CovarianceName
+
+Array = npt.NDArray[np.float64]
+
+LEVEL = 0.95
+"""Of intervals."""
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Of all unknowns, with what its intervals rest on.
+
+    Attributes:
+        matrix: (q, q), SI.
+        freedom: degrees of freedom of the intervals' t distribution.
+        name: of the way it was found.
+    """
+
+    matrix: Array
+    freedom: float
+    name: CovarianceName
+
+    @property
+    def deviations(self) -> Array:
+        """Standard errors (q,)."""
+        return np.asarray(np.sqrt(np.clip(np.diag(self.matrix), 0.0, None)))
+
+    @property
+    def half_width(self) -> float:
+        """Of a 95 % interval, in standard errors."""
+        return float(student.ppf((1 + LEVEL) / 2, max(self.freedom, 1.0)))
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Successive segments of a log that belong together; each (first, last) a range of segments.
+
+    Attributes:
+        ranges: all blocks there are, overlapping, (blocks, 2).
+        length: usual number of segments in one.
+        independent: how many do not overlap.
+    """
+
+    ranges: npt.NDArray[np.int64]
+    length: int
+    independent: int
+
+
+def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
+    """The blocks of a fit's segments, about `seconds` long; by default a fifth of each log."""
+    owner, layout = fit.layout.owner, fit.layout
+    lengths = layout.times[:, -1] - layout.times[:, 0]
+    ranges, sizes, independent = [], [], 0
+    for log in np.unique(owner):
+        own = np.flatnonzero(owner == log)
+        share = len(own) / 5 if seconds is None else seconds / max(float(np.median(lengths[own])), 1e-9)
+        size = int(np.clip(round(share), 1, max(1, len(own) // 2)))
+        ranges += [(own[0] + first, own[0] + first + size) for first in range(len(own) - size + 1)]
+        sizes.append(size)
+        independent += len(own) // size
+    return Blocks(np.array(ranges), int(np.median(sizes)), independent)
+
+
+def information(fit: Fit) -> Covariance:
+    """F^-1: right where the noise is as modelled, white and without drift."""
+    readings = float(fit.freedom.sum())
+    return Covariance(fit.inverse, readings, "information")
+
+
+def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
+    """F^-1 M F^-1 with the scores' own covariance M, correlated over a block's length.
+
+    Weights of correlations fall linearly with the lag [Newey, West: A simple, positive semi-definite,
+    heteroskedasticity and autocorrelation consistent covariance matrix, 1987].
+    """
+    scores, owner = fit.scores, fit.layout.owner
+    middle = scores.T @ scores
+    for lag in range(1, blocks.length):
+        same = owner[lag:] == owner[:-lag]
+        product = scores[lag:][same].T @ scores[:-lag][same]
+        middle += (1 - lag / blocks.length) * (product + product.T)
+    few = blocks.independent / max(blocks.independent - 1, 1)
+    inverse = fit.inverse
+    return Covariance(few * inverse @ middle @ inverse, blocks.independent - 1, "sandwich")
+
+
+def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generator) -> Covariance:
+    """Covariance of estimates from logs put together of blocks drawn at random.
+
+    [Kunsch, The jackknife and the bootstrap for general stationary observations, 1989]. Each replicate is
+    the Gauss-Newton step to the solution of its own normal equations.
+    """
+    sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
+    information = _sums(fit.information, blocks.ranges)
+    scores = _sums(fit.scores, blocks.ranges)
+    draws = round(len(fit.scores) / float(sizes.mean()))
+    found = np.empty((replicates, fit.scores.shape[1]))
+    for index in range(replicates):
+        chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
+        matrix = information[chosen].sum(axis=0) + fit.knowledge
+        found[index] = inverse_of_told(matrix) @ scores[chosen].sum(axis=0)
+    few = blocks.independent / max(blocks.independent - 1, 1)
+    return Covariance(few * np.atleast_2d(np.cov(found.T)), blocks.independent - 1, "bootstrap")
+
+
+def _sums(values: Array, ranges: npt.NDArray[np.int64]) -> Array:
+    # Of every range, by differences of running sums.
+    running = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray(running[ranges[:, 1]] - running[ranges[:, 0]])

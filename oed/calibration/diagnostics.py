@@ -1,0 +1,136 @@
+"""Does the fit hold? Tests of what it leaves, each with a sentence that says what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2, norm
+
+from oed.calibration.joint import Fit
+from oed.calibration.noise import Noise, group_of, groups
+
+Array = npt.NDArray[np.float64]
+
+ALPHA = 0.01
+"""Level of the tests."""
+LAGS = 10
+"""Correlations between successive residuals that whiteness is judged by."""
+RANK = 1e-10
+"""Share of its information below which a log is taken to tell nothing of a combination."""
+FAR = 4.0
+"""Residuals beyond that many standard deviations are outliers."""
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One test.
+
+    Attributes:
+        name: "whiteness", "outliers", "stated_noise", "logs_agree".
+        about: which readings.
+        statistic: in its own unit.
+        p_value: None where there is no distribution to compare with.
+        passed: whether nothing speaks against the fit.
+        message: in words.
+    """
+
+    name: str
+    about: str
+    statistic: float
+    p_value: float | None
+    passed: bool
+    message: str
+
+
+def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]:
+    """All tests of a fit.
+
+    Args:
+        fit: of all logs.
+        stated: noise that the study states, by the readings' kind; {} where it states none.
+    """
+    found = []
+    for group in groups(fit.layout.quantities):
+        places = [place for place, name in enumerate(fit.layout.quantities) if group_of(name) == group]
+        found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
+        if group in stated:
+            found.append(_stated(fit, group, stated[group]))
+    if len(fit.layout.logs) > 1:
+        found.append(_agreement(fit))
+    return tuple(found)
+
+
+def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, int]:
+    """Correlations (lags,) of residuals in units of the noise with those so many readings later, and how
+    many pairs of the first lag there are.
+    """
+    z, valid = fit.white[..., places], fit.layout.valid
+    scale = float((z[valid] ** 2).mean())
+    found, pairs = np.zeros(lags), 0
+    for lag in range(1, min(lags, z.shape[1] - 1) + 1):
+        both = valid[:, lag:] & valid[:, :-lag]
+        if not both.any():
+            break
+        found[lag - 1] = float((z[:, lag:][both] * z[:, :-lag][both]).mean()) / scale
+        pairs = pairs or int(both.sum()) * len(places)
+    return found, pairs
+
+
+def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
+    # Box and Pierce's statistic, pairs of all segments together.
+    values, pairs = correlations(fit, places)
+    statistic = pairs * float((values**2).sum())
+    p_value = float(chi2.sf(statistic, len(values)))
+    if p_value > ALPHA:
+        text = f"{group} residuals are white: nothing is left that the model could explain"
+    else:
+        text = (
+            f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next): "
+            "F^-1 promises too much; trust the bootstrap or the sandwich"
+        )
+    return Diagnostic("whiteness", group, statistic, p_value, p_value > ALPHA, text)
+
+
+def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
+    z = fit.white[..., places][fit.layout.valid]
+    count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * norm.sf(FAR)
+    passed = bool(count <= max(5 * expected, 3))
+    share = count / z.size
+    text = f"{share:.2g} of the {group} residuals lie beyond {FAR:g} standard deviations"
+    text += "" if passed else ": outliers; a robust loss (loss: huber) bounds what they do"
+    return Diagnostic("outliers", group, share, None, passed, text)
+
+
+def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
+    # Chi-square of the residuals against the noise stated, at the speeds driven.
+    places = [place for place, name in enumerate(fit.layout.quantities) if group_of(name) == group]
+    valid = fit.layout.valid
+    size = stated.deviation(fit.speeds)[..., None]
+    squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
+    freedom = float(fit.freedom[..., places][valid].sum())
+    ratio = float(np.sqrt(squares / freedom))
+    p_value = float(2 * min(chi2.cdf(squares, freedom), chi2.sf(squares, freedom)))
+    passed = p_value > ALPHA
+    text = f"{group} residuals are {ratio:.2f} times the noise that the study states"
+    text += ", as they should be" if passed else ": state what was found for the next design"
+    return Diagnostic("stated_noise", group, ratio, p_value, passed, text)
+
+
+def _agreement(fit: Fit) -> Diagnostic:
+    # Do the logs' own scores differ more than noise would make them?
+    owner, scale, statistic, freedom = fit.layout.owner, fit.unknowns.scale, 0.0, 0
+    for log in np.unique(owner):
+        own = owner == log
+        score = fit.scores[own].sum(axis=0) * scale
+        matrix = fit.information[own].sum(axis=0) * np.outer(scale, scale)
+        statistic += float(score @ np.linalg.pinv(matrix, rcond=RANK, hermitian=True) @ score)
+        freedom += int((np.linalg.eigvalsh(matrix) > RANK * max(np.trace(matrix), 1e-300)).sum())
+    freedom = max(freedom - fit.unknowns.size, 1)
+    p_value, ratio = float(chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
+    passed = p_value > ALPHA
+    text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
+    text += "" if passed else ": F^-1 promises too much; trust the bootstrap, and look at the logs left out"
+    return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text)

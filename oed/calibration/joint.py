@@ -1,0 +1,339 @@
+"""Joint nonlinear least squares over segments of logs: parameters, sensor's place, clocks, every start.
+
+Each segment's start is eliminated by projection, so that a step costs no more for many segments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration.layout import Layout
+from oed.calibration.noise import Noise, deviations, estimated, group_of, groups
+from oed.calibration.starts import first_starts
+from oed.calibration.unknowns import Unknowns
+from oed.estimators import Loss
+from oed.estimators.nonlinear import robust_loss
+from oed.evaluation import told_directions
+from oed.models.model import Integration
+from oed.segments import SegmentReadings
+
+Array = npt.NDArray[np.float64]
+
+STEPS = 40
+"""Gauss-Newton steps at most."""
+CLOSE = 1e-6
+"""Change of the unknowns, in units of their size, at which the search has arrived."""
+HALVINGS = 8
+"""How often a step that makes the misfit worse is halved."""
+CLOCK_STEP = 1e-3
+"""Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
+RANK = 1e-12
+"""Share of the largest eigenvalue below which a start's direction is not told by its segment."""
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the unknowns beforehand: information (q, q) about `centre` (q,), SI."""
+
+    information: Array
+    centre: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A least-squares solution over segments.
+
+    Attributes:
+        unknowns: what was estimated.
+        values: (q,), SI; clock offsets are corrections of `offsets`.
+        offsets: of the clocks, as the search began, (clocks,) [s].
+        starts: of the segments, (S, states).
+        layout: the segments.
+        residuals: measured less predicted, SI, (S, n + 1, quantities); of no meaning beyond a segment's end.
+        white: the same in units of the noise.
+        weights: of a robust loss, (S, n + 1, quantities).
+        freedom: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
+        noises: of the readings.
+        speeds: at the readings, (S, n + 1) [m/s].
+        information: F of every segment with its start eliminated, SI, (S, q, q).
+        scores: J' r of every segment alike, in units of the noise, (S, q).
+        knowledge: from before, information (q, q).
+        converged: whether the last step was small.
+    """
+
+    unknowns: Unknowns
+    values: Array
+    offsets: Array
+    starts: Array
+    layout: Layout
+    residuals: Array
+    white: Array
+    weights: Array
+    freedom: Array
+    noises: Mapping[str, Noise]
+    speeds: Array
+    information: Array
+    scores: Array
+    knowledge: Array
+    converged: bool
+
+    @property
+    def predicted(self) -> Array:
+        """The readings as predicted, SI, (S, n + 1, quantities)."""
+        return np.asarray(self.layout.readings - self.residuals)
+
+    @property
+    def total(self) -> Array:
+        """F of all segments and of what was known before, SI, (q, q)."""
+        return np.asarray(self.information.sum(axis=0) + self.knowledge)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """F^-1 (q, q) on the directions that are told; 0 on the others."""
+        return inverse_of_told(self.total)
+
+    @property
+    def clock_offsets(self) -> Array:
+        """What the inputs' clocks show when the poses' show 0, (clocks,) [s]."""
+        own = self.values[len(self.values) - self.unknowns.clocks :]
+        return self.offsets + own if self.unknowns.clocks else self.offsets
+
+
+@dataclass(frozen=True)
+class _State:
+    """A fit on the way, with derivatives of the readings by the unknowns and by the segments' own starts."""
+
+    fit: Fit
+    slopes: Array
+    own: Array
+
+
+def inverse_of_told(matrix: Array) -> Array:
+    """The inverse of an information matrix on what it tells; 0 in directions that it does not."""
+    told, eigenvalues, vectors, scale = told_directions(matrix, np.diag(matrix))
+    inverse = np.where(told, 1 / np.where(told, eigenvalues, 1.0), 0.0)
+    return np.asarray((vectors * inverse) @ vectors.T / np.outer(scale, scale))
+
+
+@dataclass(frozen=True)
+class JointSearch:
+    """The search for the least squares.
+
+    Attributes:
+        layout: the segments.
+        unknowns: what to estimate.
+        integration: rule by which poses follow from twists.
+        offsets: of the clocks, as far as known, (clocks,) [s].
+        loss: of a residual in units of the noise.
+        grows: whether noise may grow with speed.
+        known: of the unknowns from before.
+        stated: noise that is not to be estimated.
+    """
+
+    layout: Layout
+    unknowns: Unknowns
+    integration: Integration
+    offsets: Array
+    loss: Loss = "linear"
+    grows: bool = True
+    known: Knowledge | None = None
+    stated: Mapping[str, Noise] | None = None
+
+    def fit(self, values: Array | None = None) -> Fit:
+        """The solution, from the nominal values or those given."""
+        begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
+        state = self._state(begin, self._first_starts(begin), self._first_noises())
+        converged = False
+        # Noise and weights follow the residuals, so they settle along with the unknowns.
+        for step in range(STEPS):
+            state = self._weighed(state, self._noises(state.fit))
+            following = self._advanced(state)
+            change = np.abs((following.fit.values - state.fit.values) / self.unknowns.scale).max(initial=0.0)
+            state = following
+            if change < CLOSE and step > 1:
+                converged = True
+                break
+        return replace(self._weighed(state, self._noises(state.fit)).fit, converged=converged)
+
+    @cached_property
+    def _readings(self) -> SegmentReadings:
+        layout = self.layout
+        return SegmentReadings(
+            self.unknowns.robot, self.integration, layout.quantities, layout.count, layout.periods
+        )
+
+    def _first_starts(self, values: Array) -> Array:
+        parameters, place, clocks = self.unknowns.parts(values)
+        inputs = self.layout.inputs(self._offsets(clocks))
+
+        def paths(starts: Array) -> Array:
+            return self._readings(starts, inputs, self.layout.steps, parameters, place)
+
+        return first_starts(self.unknowns.robot, self.layout, paths)
+
+    def _offsets(self, clocks: Array) -> Array:
+        return self.offsets + clocks if len(clocks) else self.offsets
+
+    def _first_noises(self) -> dict[str, Noise]:
+        # Only the ratio of position to angle noise matters at first.
+        own = {"position": Noise(0.01)}
+        return {name: own.get(name, Noise(0.01)) for name in groups(self.layout.quantities)}
+
+    def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
+        residuals, slopes, own, speeds = self._linearised(values, starts)
+        fit = self._fit(values, starts, noises, residuals, slopes, own, speeds)
+        return _State(fit, slopes, own)
+
+    def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
+        # The same with another noise: the drive is as it was.
+        fit = state.fit
+        residuals = self.layout.readings - fit.predicted
+        found = self._fit(fit.values, fit.starts, noises, residuals, state.slopes, state.own, fit.speeds)
+        return replace(state, fit=found)
+
+    def _fit(
+        self,
+        values: Array,
+        starts: Array,
+        noises: Mapping[str, Noise],
+        residuals: Array,
+        slopes: Array,
+        own: Array,
+        speeds: Array,
+    ) -> Fit:
+        present = self.layout.valid[..., None]
+        size = deviations(noises, self.layout.quantities, speeds)
+        white = np.where(present, residuals / size, 0.0)
+        weights = robust_loss(self.loss, (white**2).ravel())[1].reshape(white.shape)
+        root = np.where(present, np.sqrt(weights), 0.0) / size
+        rows, beside, misfit = (
+            _flat(slopes * root[..., None]),
+            _flat(own * root[..., None]),
+            (residuals * root).reshape(len(residuals), -1),
+        )
+        projected, taken = _projected(rows, beside)
+        information = np.einsum("sia,sib->sab", projected, projected)
+        scores = np.einsum("sia,si->sa", projected, misfit)
+        known = np.zeros((self.unknowns.size,) * 2) if self.known is None else self.known.information
+        inverse = inverse_of_told(information.sum(axis=0) + known)
+        leverage = taken + np.einsum("sia,ab,sib->si", projected, inverse, projected)
+        return Fit(
+            unknowns=self.unknowns,
+            values=values,
+            offsets=self.offsets,
+            starts=starts,
+            layout=self.layout,
+            residuals=residuals,
+            white=white,
+            weights=np.where(present, weights, 0.0),
+            freedom=np.where(present, 1 - leverage.reshape(white.shape), 0.0),
+            noises=dict(noises),
+            speeds=speeds,
+            information=information,
+            scores=scores,
+            knowledge=known,
+            converged=False,
+        )
+
+    def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, Array]:
+        # Residuals, derivatives of the readings by the unknowns and by the own start, and the speeds.
+        parameters, place, clocks = self.unknowns.parts(values)
+        offsets, steps = self._offsets(clocks), self.layout.steps
+        inputs = self.layout.inputs(offsets)
+        found, slopes = self._readings.derivatives(starts, inputs, steps, parameters, place)
+        size, states = len(parameters), starts.shape[1]
+        columns = [slopes[..., self.unknowns.columns]]
+        if len(clocks):
+            columns.append(self._clock_slopes(starts, parameters, place, offsets))
+        own = slopes[..., size : size + states]
+        residuals = self.layout.readings - found
+        return residuals, np.concatenate(columns, axis=-1), own, self._speeds(found)
+
+    def _clock_slopes(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
+        ends = [
+            self._readings(starts, self.layout.inputs(moved), self.layout.steps, parameters, place)
+            for moved in (offsets + CLOCK_STEP, offsets - CLOCK_STEP)
+        ]
+        slope = (ends[0] - ends[1]) / (2 * CLOCK_STEP)
+        own = self.layout.clock[:, None] == np.arange(self.unknowns.clocks)
+        return np.asarray(slope[..., None] * own[:, None, None, :])
+
+    def _speeds(self, found: Array) -> Array:
+        # Of the predicted readings, by the steps before and after each; 0 where positions are not read.
+        steps, quantities = self.layout.steps, self.layout.quantities
+        speeds = np.zeros(found.shape[:2])
+        if "x" not in quantities or "y" not in quantities:
+            return speeds
+        places = [quantities.index("x"), quantities.index("y")]
+        moves = np.linalg.norm(np.diff(found[..., places], axis=1), axis=-1)
+        around, times = np.zeros(speeds.shape), np.zeros(speeds.shape)
+        around[:, :-1] += moves
+        around[:, 1:] += moves
+        times[:, :-1] += steps
+        times[:, 1:] += steps
+        return np.divide(around, times, out=speeds, where=times > 0)
+
+    def _noises(self, state: Fit) -> Mapping[str, Noise]:
+        if self.stated is not None:
+            return self.stated
+        valid, quantities, found = self.layout.valid, self.layout.quantities, {}
+        for group in groups(quantities):
+            own = [place for place, name in enumerate(quantities) if group_of(name) == group]
+            speeds = np.repeat(state.speeds[valid][:, None], len(own), axis=1)
+            found[group] = estimated(
+                state.residuals[valid][:, own].ravel(),
+                state.freedom[valid][:, own].ravel(),
+                speeds.ravel(),
+                robust=self.loss != "linear",
+                grows=self.grows,
+            )
+        return found
+
+    def _advanced(self, state: _State) -> _State:
+        step, starts = self._step(state)
+        fit, before = state.fit, self._misfit(state.fit)
+        for halving in range(HALVINGS):
+            share = 0.5**halving
+            tried = self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
+            if self._misfit(tried.fit) <= before * (1 + 1e-12):
+                return tried
+        return state
+
+    def _step(self, state: _State) -> tuple[Array, Array]:
+        # Of the unknowns, and of the starts that go along with it.
+        fit = state.fit
+        gradient = fit.scores.sum(axis=0)
+        if self.known is not None:
+            gradient = gradient + self.known.information @ (self.known.centre - fit.values)
+        step = fit.inverse @ gradient
+        size = deviations(fit.noises, self.layout.quantities, fit.speeds)
+        root = (np.sqrt(fit.weights) / size)[..., None]
+        rest = (fit.residuals - state.slopes @ step)[..., None]
+        beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]
+        normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+        return step, np.einsum("sab,sib,si->sa", normal, beside, misfit)
+
+    def _misfit(self, state: Fit) -> float:
+        value = float(robust_loss(self.loss, (state.white**2).ravel())[0].sum())
+        if self.known is not None:
+            off = self.known.centre - state.values
+            value += float(off @ self.known.information @ off)
+        return value
+
+
+def _flat(rows: Array) -> Array:
+    # Times and quantities of a segment below each other.
+    return rows.reshape(len(rows), -1, rows.shape[-1])
+
+
+def _projected(rows: Array, beside: Array) -> tuple[Array, Array]:
+    # Rows with what their segment's start explains taken out, and how much of each that is.
+    normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+    across = beside @ normal
+    explained = across @ (beside.transpose(0, 2, 1) @ rows)
+    return rows - explained, np.einsum("sia,sia->si", across, beside)

@@ -1,0 +1,121 @@
+"""Short moves of a log, measured and predicted: what clocks, swapped wheels and wrong signs show in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration.layout import Layout, cut
+from oed.logs.log import Log
+from oed.models.model import Integration, Model
+from oed.segments import PLACE, SegmentReadings
+
+Array = npt.NDArray[np.float64]
+
+MOVE = 0.5
+"""Length of a move [s]: longer than the jitter of clocks, shorter than turns."""
+GAINS = (1 / 3, 3.0)
+"""How far a true motion may be from that of the nominal parameters, as a factor."""
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Moves of logs, one after the other.
+
+    Attributes:
+        robot: at its nominal parameters.
+        integration: its rule.
+        layout: every move a segment.
+    """
+
+    robot: Model
+    integration: Integration
+    layout: Layout
+
+    @classmethod
+    def of(cls, robot: Model, integration: Integration, logs: Sequence[Log]) -> Moves:
+        """The moves of logs; positions and headings alone matter."""
+        step = max(float(np.median(np.diff(log.pose_times))) for log in logs)
+        return cls(robot, integration, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
+
+    def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
+        """Each move as the wheels tell it: forward and to the left [m], turn [rad].
+
+        Args:
+            offsets: of the clocks, (clocks,) [s].
+            inputs: instead of the logged ones, (S, n, inputs).
+        """
+        layout = self.layout
+        chosen = layout.inputs(offsets) if inputs is None else inputs
+        readings = SegmentReadings(
+            self.robot, self.integration, ("x", "y", "heading"), layout.count, layout.periods
+        )
+        starts = np.zeros((layout.count, len(self.robot.states)))
+        nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
+        ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
+        return self._told(dict(zip(("forward", "left", "turn"), ends.T, strict=True)))
+
+    def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:
+        """Each move as the poses tell it, with headings read with another `sign` or in another `unit`."""
+        quantities, last = self.layout.quantities, self.layout.valid.sum(axis=1) - 1
+        first = dict(zip(quantities, self.layout.readings[:, 0].T, strict=True))
+        rows = np.arange(self.layout.count)
+        end = dict(zip(quantities, self.layout.readings[rows, last].T, strict=True))
+        found = {}
+        if "heading" in quantities:
+            found["turn"] = sign * unit * (end["heading"] - first["heading"])
+        if "x" in quantities and "y" in quantities:
+            move = (end["x"] - first["x"]) + 1j * (end["y"] - first["y"])
+            if "heading" in quantities:
+                move = move * np.exp(-1j * sign * unit * first["heading"])
+                found |= {"forward": move.real, "left": move.imag}
+            else:
+                found["distance"] = np.abs(move)
+        return found
+
+    def reversed(self, inputs: Array, place: int) -> Array:
+        """Inputs with one of them negated."""
+        signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
+        return inputs * signs
+
+    def _told(self, moves: dict[str, Array]) -> dict[str, Array]:
+        # What the poses can be compared with.
+        quantities = self.layout.quantities
+        if "heading" in quantities:
+            return moves if "x" in quantities else {"turn": moves["turn"]}
+        return {"distance": np.hypot(moves["forward"], moves["left"])}
+
+    def within(self, rows: npt.NDArray[np.bool_]) -> Moves:
+        """Only some of the moves, (S,)."""
+        layout = self.layout
+        part = replace(
+            layout,
+            owner=layout.owner[rows],
+            times=layout.times[rows],
+            readings=layout.readings[rows],
+            valid=layout.valid[rows],
+        )
+        return replace(self, layout=part)
+
+
+def unexplained(measured: dict[str, Array], predicted: dict[str, Array]) -> dict[str, float]:
+    """Share of what is measured that a prediction times its best factor leaves, by kind of move.
+
+    The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves to the
+    left are small for most robots and count with those forward.
+    """
+    pairs = [("turn", ["turn"]), ("distance", ["distance"]), ("distance", ["forward", "left"])]
+    found = {}
+    for name, parts in pairs:
+        if not all(part in measured for part in parts):
+            continue
+        truth = np.concatenate([measured[part] for part in parts])
+        guess = np.concatenate([predicted[part] for part in parts])
+        size, own = float(truth @ truth), float(guess @ guess)
+        if size > 0:
+            factor = float(np.clip(truth @ guess / own, *GAINS)) if own > 0 else 0.0
+            found[name] = float(((truth - factor * guess) ** 2).sum()) / size
+    return found

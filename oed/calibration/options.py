@@ -1,0 +1,46 @@
+"""How parameters are estimated from logs: the study's key `calibration`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from oed.component import Component
+from oed.estimators import Loss
+from oed.quantities import Duration
+from oed.segments import PLACE
+
+Method = Literal["joint", "gls", "two_stage"]
+CovarianceName = Literal["information", "sandwich", "bootstrap"]
+PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
+
+
+class CalibrationOptions(Component):
+    """Estimation from logs; the defaults suit a first look at any log.
+
+    Attributes:
+        method: joint (nonlinear least squares on all poses of each segment, its start unknown), gls (motion
+            between the ends of windows, weighed by their correlated noise) or two_stage (the paper's: first
+            the headings, then the positions, unweighed).
+        segment: length of a segment or window [s]; auto takes the longest in which no drift shows.
+        covariance: information (F^-1), sandwich, or moving-block bootstrap; auto takes F^-1 where whole logs
+            are free of drift, the bootstrap else.
+        block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes a fifth of
+            a log.
+        replicates: of the bootstrap.
+        sensor_place: which coordinates of the pose sensor's place on the robot are estimated along.
+        clock_offset: whether the offset between the clocks of wheels and poses is estimated, for each file.
+        noise: estimated from the residuals, as sigma^2 = sigma0^2 + (k v)^2, or as the measurement states.
+        loss: of a residual in units of the noise; other than "linear" it bounds the influence of outliers.
+    """
+
+    method: Method = "joint"
+    segment: Annotated[Duration, Field(gt=0)] | Literal["auto", "log"] = "auto"
+    covariance: CovarianceName | Literal["auto"] = "auto"
+    block: Annotated[Duration, Field(gt=0)] | Literal["auto"] = "auto"
+    replicates: Annotated[int, Field(ge=100)] = 2000
+    sensor_place: tuple[PlaceName, ...] = PLACE  # type: ignore[assignment]
+    clock_offset: bool = True
+    noise: Literal["estimated", "stated"] = "estimated"
+    loss: Loss = "linear"

@@ -1,0 +1,72 @@
+"""Wheels exchanged, signs and units wrong: tried out where a log does not fit the robot as it is given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration.motion import Moves, unexplained
+from oed.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+BAD = 0.3
+"""Share of the motion that may be left unexplained before anything is suspected."""
+BETTER = 0.3
+"""A suspicion is raised where it leaves at most this share of what is left otherwise."""
+
+
+def suspicion(moves: Moves, offsets: Array) -> str | None:
+    """What is most likely wrong with how a log is read, in words; None where nothing is.
+
+    Args:
+        moves: of the log.
+        offsets: of its clocks, (clocks,) [s].
+    """
+    inputs = moves.layout.inputs(offsets)
+    as_given = _worst(moves, offsets, inputs)
+    if as_given < BAD:
+        return None
+    tried = [(_worst(moves, offsets, *what), text) for text, what in _possibilities(moves, inputs)]
+    left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
+    if left < BETTER * as_given:
+        return f"{text}: that leaves {left:.0%} of the motion unexplained instead of {as_given:.0%}"
+    return None
+
+
+def poorly_explained(moves: Moves, offsets: Array) -> float | None:
+    """Share of the motion that the wheels do not explain, where it is too large to be believed."""
+    left = _worst(moves, offsets, moves.layout.inputs(offsets))
+    return left if left >= BAD else None
+
+
+def _worst(moves: Moves, offsets: Array, inputs: Array, sign: float = 1.0, unit: float = 1.0) -> float:
+    predicted = moves.predicted(offsets, inputs)
+    return max(unexplained(moves.measured(sign, unit), predicted).values(), default=0.0)
+
+
+def _possibilities(moves: Moves, inputs: Array) -> Iterator[tuple[str, tuple[Array, float, float]]]:
+    robot = moves.robot
+    for first, second in _alike(robot):
+        order = np.arange(inputs.shape[-1])
+        order[[first, second]] = second, first
+        names = f"{robot.input_names[first]} and {robot.input_names[second]}"
+        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0)
+    for place, name in enumerate(robot.input_names):
+        yield f"{name} has the wrong sign; give it sign: -1", (moves.reversed(inputs, place), 1.0, 1.0)
+    if len(robot.inputs) > 1:
+        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0)
+    if "heading" in moves.layout.quantities:
+        yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0)
+        yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180)
+        yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi)
+
+
+def _alike(robot: Model) -> list[tuple[int, int]]:
+    # Pairs of inputs of the same quantity.
+    pairs = combinations(range(len(robot.inputs)), 2)
+    return [pair for pair in pairs if len({robot.inputs[place].quantity for place in pair}) == 1]

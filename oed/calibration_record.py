@@ -1,0 +1,289 @@
+"""What logs said of a robot, as plain data: saved as estimate.json, and its report's only input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration import Calibration, HeldOut, Reckoning, correlations
+from oed.calibration.noise import group_of, groups
+from oed.errors import FileFlaw, RecordError
+from oed.files import write_text
+from oed.record import Record, finite, finite_rows
+
+Array = npt.NDArray[np.float64]
+
+FORMAT = 1
+FILE = "estimate.json"
+PATHS, POINTS = 12, 400
+"""How many paths are kept for drawing, and how many points of each."""
+RESIDUALS = 3000
+"""How many residuals of a kind are kept for drawing."""
+NUMBERS = (
+    "length",
+    "rmse_position",
+    "rmse_aligned",
+    "rmse_heading",
+    "end_position",
+    "end_heading",
+    "drift_position",
+    "drift_heading",
+)
+
+
+@dataclass(frozen=True)
+class EstimateRecord:
+    """The outcome of a calibration. `data` is what estimate.json holds; SI, null where there is none."""
+
+    data: Mapping[str, Any]
+
+    @property
+    def parameters(self) -> list[Mapping[str, Any]]:
+        """One entry per parameter: name, unit, nominal, value, standard_error, interval, ..."""
+        return list(self.data["parameters"])
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, SI."""
+        return {entry["name"]: float(entry["value"]) for entry in self.parameters}
+
+
+def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
+    """Write estimate.json into `folder`; returns the file."""
+    path = Path(folder) / FILE
+    write_text(path, Record(record.data).to_json())
+    return path
+
+
+def load_estimate(folder: str | Path) -> EstimateRecord:
+    """Read the estimate in `folder` (or the file itself).
+
+    Raises:
+        RecordError: no estimate there, or not one of this format.
+    """
+    path = Path(folder)
+    path = path / FILE if path.is_dir() else path
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        text = "no estimate there; make one with `oed estimate`"
+        raise RecordError([FileFlaw(str(path), 0, 0, "", text)]) from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT or "parameters" not in data:
+        text = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
+        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
+    return EstimateRecord(data)
+
+
+def calibration_data(found: Calibration) -> dict[str, Any]:
+    """What a record holds of a calibration."""
+    return {
+        "parameters": _parameters(found),
+        "covariance": finite_rows(found.covariance),
+        "correlation": finite_rows(_correlation(found.covariance)),
+        "covariance_kind": found.covariances[0].name,
+        "half_width": finite(found.covariances[0].half_width),
+        "coefficients": _coefficients(found),
+        "nuisances": _nuisances(found),
+        "segments": _segments(found),
+        "noise": [
+            {
+                "about": name,
+                "unit": "m" if name == "position" else "rad",
+                "at_rest": noise.at_rest,
+                "per_speed": noise.per_speed,
+            }
+            for name, noise in found.fit.noises.items()
+        ],
+        "converged": found.fit.converged,
+        "untold": list(found.untold),
+        "notes": list(found.notes),
+        "diagnostics": [
+            {**vars(one), "statistic": finite(one.statistic), "p_value": finite(one.p_value)}
+            for one in found.diagnostics
+        ],
+        "logs": _logs(found),
+        "left_out": [_held_out(one) for one in found.left_out],
+        "held_out": None if found.held_out is None else _held_out(found.held_out),
+        "paths": _paths(found),
+        "residuals": _residuals(found),
+        "correlations": _correlations(found),
+    }
+
+
+def _parameters(found: Calibration) -> list[dict[str, Any]]:
+    table = {parameter.name: parameter for parameter in found.robot.parameters}
+    units = dict(zip(found.fit.unknowns.names, found.fit.unknowns.units, strict=True))
+    every = {one.name: one.deviations for one in found.covariances}
+    width = found.covariances[0].half_width
+    entries = []
+    for index, name in enumerate(found.parameters):
+        value, error = float(found.values[index]), float(found.covariances[0].deviations[index])
+        entries.append(
+            {
+                "name": name,
+                "unit": units[name],
+                "nominal": table[name].nominal,
+                "value": value,
+                "standard_error": error,
+                "interval": [value - width * error, value + width * error],
+                "standard_errors": {kind: float(sizes[index]) for kind, sizes in every.items()},
+            }
+        )
+    return entries
+
+
+def _correlation(covariance: Array) -> Array:
+    sizes = np.sqrt(np.diag(covariance))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    return np.asarray(covariance / np.outer(sizes, sizes))
+
+
+def _coefficients(found: Calibration) -> list[dict[str, Any]]:
+    names, values, errors = found.coefficients
+    rows = [row for row in found.robot.coefficient_names for _ in row]
+    units = dict(zip(found.robot.coefficient_names, ("", "m", "m"), strict=False))
+    return [
+        {"name": name, "unit": units[row], "value": float(value), "standard_error": float(error)}
+        for name, row, value, error in zip(names, rows, values, errors, strict=True)
+    ]
+
+
+def _nuisances(found: Calibration) -> list[dict[str, Any]]:
+    unknowns, first = found.fit.unknowns, len(found.parameters)
+    errors = found.covariances[0].deviations
+    entries = []
+    for index in range(first, unknowns.size):
+        clock = index - (unknowns.size - unknowns.clocks)
+        value = found.fit.clock_offsets[clock] if clock >= 0 else found.fit.values[index]
+        entries.append(
+            {
+                "name": "clock_offset" if clock >= 0 else unknowns.names[index],
+                "unit": unknowns.units[index],
+                "value": float(value),
+                "standard_error": float(errors[index]),
+                "file": found.fit.layout.clocks[clock] if clock >= 0 else None,
+            }
+        )
+    return entries
+
+
+def _segments(found: Calibration) -> dict[str, Any]:
+    seconds, chosen = found.fit.layout.seconds, found.segmenting
+    tried = {} if chosen is None else chosen.tried
+    return {
+        "seconds": finite(seconds),
+        "count": found.fit.layout.count,
+        "chosen": chosen is not None,
+        "drifts": None if chosen is None else chosen.drifts,
+        "tried": [{"seconds": finite(length), **sizes} for length, sizes in tried.items()],
+    }
+
+
+def _logs(found: Calibration) -> list[dict[str, Any]]:
+    offsets = dict(zip(found.fit.layout.clocks, map(float, found.fit.clock_offsets), strict=True))
+    return [
+        {
+            "name": log.name,
+            "file": log.file,
+            "seconds": log.duration,
+            "poses": len(log.pose_times),
+            "quantities": list(log.quantities),
+            "clock_offset": offsets[log.file],
+            "findings": [vars(one) for one in log.findings],
+        }
+        for log in found.logs
+    ]
+
+
+def _held_out(one: HeldOut) -> dict[str, Any]:
+    return {
+        "logs": list(one.names),
+        "parameters": [float(value) for value in one.values],
+        "before": [_numbers(each) for each in one.before],
+        "after": [_numbers(each) for each in one.after],
+        "mean": {"before": mean_numbers(one.before), "after": mean_numbers(one.after)},
+    }
+
+
+def _numbers(one: Reckoning) -> dict[str, float | None]:
+    return {name: finite(getattr(one, name)) for name in NUMBERS}
+
+
+def mean_numbers(each: Sequence[Reckoning]) -> dict[str, float | None]:
+    """The mean of every number over logs, None where a log has none."""
+    found: dict[str, float | None] = {}
+    for name in NUMBERS:
+        values = [getattr(one, name) for one in each]
+        found[name] = None if any(value is None for value in values) else float(np.mean(values))
+    return found
+
+
+def _paths(found: Calibration) -> list[dict[str, Any]]:
+    # Of logs the estimate did not know, where there are any.
+    parts = [(one, "held out") for one in ([found.held_out] if found.held_out else [])]
+    parts += [(one, "left out") for one in found.left_out]
+    each = [
+        (name, role, before, after)
+        for one, role in parts
+        for name, before, after in zip(one.names, one.before, one.after, strict=True)
+    ]
+    return [_path(*one) for one in each[:PATHS]]
+
+
+def _path(name: str, role: str, before: Reckoning, after: Reckoning) -> dict[str, Any]:
+    every = max(1, -(-len(before.times) // POINTS))
+    rows = slice(None, None, every)
+    columns = {
+        "t": before.times,
+        "x": before.reference[:, 0],
+        "y": before.reference[:, 1],
+        "before_x": before.path[:, 0],
+        "before_y": before.path[:, 1],
+        "after_x": after.path[:, 0],
+        "after_y": after.path[:, 1],
+    }
+    return {"log": name, "role": role, **{key: _rounded(values[rows]) for key, values in columns.items()}}
+
+
+def _rounded(values: Array, digits: int = 5) -> list[float | None]:
+    return [finite(round(float(value), digits)) for value in values]
+
+
+def _residuals(found: Calibration) -> list[dict[str, Any]]:
+    fit, layout = found.fit, found.fit.layout
+    entries = []
+    every = max(1, -(-int(layout.valid.sum()) // RESIDUALS))
+    for number, log in enumerate(layout.logs):
+        own = layout.owner == number
+        valid = layout.valid[own]
+        for place, quantity in enumerate(layout.quantities):
+            entries.append(
+                {
+                    "log": log.name,
+                    "quantity": quantity,
+                    "unit": "m" if group_of(quantity) == "position" else "rad",
+                    "t": _rounded(layout.times[own][valid][::every] - log.pose_times[0], 4),
+                    "value": _rounded(fit.residuals[own][valid][:, place][::every], 7),
+                    "speed": _rounded(fit.speeds[own][valid][::every], 4),
+                }
+            )
+    return entries
+
+
+def _correlations(found: Calibration) -> list[dict[str, Any]]:
+    quantities = found.fit.layout.quantities
+    entries = []
+    for group in groups(quantities):
+        places = [place for place, name in enumerate(quantities) if group_of(name) == group]
+        values, pairs = correlations(found.fit, places)
+        bound = 1.96 / np.sqrt(max(pairs, 1))
+        entries.append({"about": group, "values": _rounded(values), "bound": finite(bound)})
+    return entries

@@ -1,0 +1,88 @@
+"""`oed estimate`: a study and logs of its robot in, an estimate with everything that speaks for it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from oed.calibration import calibrate
+from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
+from oed.files import require_writable
+from oed.logs import read_logs
+from oed.solvers import Progress, Silent
+from oed.study import Study
+
+
+class _Stages:
+    """Stages of the work, each told as begun when the one before is done."""
+
+    def __init__(self, listener: Progress) -> None:
+        self._listener, self._begun = listener, False
+
+    def __call__(self, stage: str) -> None:
+        self.done()
+        self._listener.begin(stage, 1)
+        self._begun = True
+
+    def done(self) -> None:
+        if self._begun:
+            self._listener.advance()
+
+
+def estimate(
+    study: Study,
+    logs: Sequence[str | Path],
+    *,
+    apart: Sequence[str | Path] = (),
+    out: str | Path | None = None,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> EstimateRecord:
+    """Estimate the parameters of a study's robot from logs of its drives.
+
+    Args:
+        study: names the robot, what to estimate, and how logs are read (keys `log`, `calibration`).
+        logs: files to estimate from.
+        apart: files that only dead reckoning is tried on.
+        out: folder for estimate.json; nothing is written without it.
+        seed: of the bootstrap, instead of the study's.
+        progress: told how far the work is.
+
+    Raises:
+        LogError: logs that cannot be read, or do not fit the robot.
+    """
+    if out is not None:
+        require_writable(Path(out))
+    chosen = study.seed if seed is None else seed
+    told = _Stages(progress or Silent())
+    told("reading logs")
+    found = calibrate(
+        study.problem,
+        read_logs(logs, study.log, study.problem.model),
+        study.calibration,
+        apart=read_logs(apart, study.log, study.problem.model) if apart else (),
+        seed=chosen,
+        told=told,
+    )
+    told.done()
+    record = EstimateRecord(
+        {
+            "format": FORMAT,
+            "oed_version": _version(),
+            "study": study.echo(),
+            "seed": chosen,
+            "method": study.calibration.method,
+            **calibration_data(found),
+        }
+    )
+    if out is not None:
+        save_estimate(record, out)
+    return record
+
+
+def _version() -> str | None:
+    try:
+        return version("oed")
+    except PackageNotFoundError:
+        return None
