@@ -97,8 +97,8 @@ def calibration_data(found: Calibration) -> dict[str, Any]:
             {
                 "about": name,
                 "unit": "m" if name == "position" else "rad",
-                "at_rest": noise.at_rest,
-                "per_speed": noise.per_speed,
+                "at_rest": finite(noise.at_rest),
+                "per_speed": finite(noise.per_speed),
             }
             for name, noise in found.fit.noises.items()
         ],
@@ -110,8 +110,8 @@ def calibration_data(found: Calibration) -> dict[str, Any]:
             for one in found.diagnostics
         ],
         "logs": _logs(found),
-        "left_out": [_held_out(one) for one in found.left_out],
-        "held_out": None if found.held_out is None else _held_out(found.held_out),
+        "left_out": [_held_out(found, one) for one in found.left_out],
+        "held_out": None if found.held_out is None else _held_out(found, found.held_out),
         "paths": _paths(found),
         "residuals": _residuals(found),
         "correlations": _correlations(found),
@@ -131,10 +131,10 @@ def _parameters(found: Calibration) -> list[dict[str, Any]]:
                 "name": name,
                 "unit": units[name],
                 "nominal": table[name].nominal,
-                "value": value,
-                "standard_error": error,
-                "interval": [value - width * error, value + width * error],
-                "standard_errors": {kind: float(sizes[index]) for kind, sizes in every.items()},
+                "value": finite(value),
+                "standard_error": finite(error),
+                "interval": [finite(value - width * error), finite(value + width * error)],
+                "standard_errors": {kind: finite(sizes[index]) for kind, sizes in every.items()},
             }
         )
     return entries
@@ -151,7 +151,7 @@ def _coefficients(found: Calibration) -> list[dict[str, Any]]:
     rows = [row for row in found.robot.coefficient_names for _ in row]
     units = dict(zip(found.robot.coefficient_names, ("", "m", "m"), strict=False))
     return [
-        {"name": name, "unit": units[row], "value": float(value), "standard_error": float(error)}
+        {"name": name, "unit": units[row], "value": finite(value), "standard_error": finite(error)}
         for name, row, value, error in zip(names, rows, values, errors, strict=True)
     ]
 
@@ -167,8 +167,8 @@ def _nuisances(found: Calibration) -> list[dict[str, Any]]:
             {
                 "name": "clock_offset" if clock >= 0 else unknowns.names[index],
                 "unit": unknowns.units[index],
-                "value": float(value),
-                "standard_error": float(errors[index]),
+                "value": finite(value),
+                "standard_error": finite(errors[index]),
                 "file": found.fit.layout.clocks[clock] if clock >= 0 else None,
             }
         )
@@ -203,10 +203,11 @@ def _logs(found: Calibration) -> list[dict[str, Any]]:
     ]
 
 
-def _held_out(one: HeldOut) -> dict[str, Any]:
+def _held_out(found: Calibration, one: HeldOut) -> dict[str, Any]:
+    known = [parameter.name for parameter in found.robot.parameters]
     return {
         "logs": list(one.names),
-        "parameters": [float(value) for value in one.values],
+        "parameters": {name: finite(one.values[known.index(name)]) for name in found.parameters},
         "before": [_numbers(each) for each in one.before],
         "after": [_numbers(each) for each in one.after],
         "mean": {"before": mean_numbers(one.before), "after": mean_numbers(one.after)},

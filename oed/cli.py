@@ -96,9 +96,14 @@ def _parser() -> argparse.ArgumentParser:
     command = add("bound", _bound, "prove how good any drive could be at most; solve nothing")
     command.add_argument("study", metavar="STUDY")
     command.add_argument("--time-limit", type=_seconds, help="of the search for the bound [s] (default: 5)")
-    command = add("evaluate", _evaluate, "score any path (CSV) with a study's problem")
+    command = add("evaluate", _evaluate, "score a path (CSV) or the log of a drive with a study's problem")
     command.add_argument("study", metavar="STUDY")
-    command.add_argument("path", metavar="PATH.csv")
+    command.add_argument(
+        "path", metavar="PATH", help="a trajectory CSV, or a log as the study's key `log` says"
+    )
+    command.add_argument(
+        "--designs", metavar="DIR", help="a record to compare with (default: reports/<file stem>/, if there)"
+    )
     command = add("estimate", _estimate, "estimate a robot's parameters from logs of its drives")
     command.add_argument("study", metavar="STUDY")
     command.add_argument("logs", metavar="LOG", nargs="+", help="as the study's key `log` says")
@@ -113,6 +118,25 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
     command.add_argument("--seed", type=_whole, help="seed of the bootstrap, instead of the study's")
     command.add_argument("--quiet", action="store_true", help="show no progress")
+    command = add(
+        "next", _next, "estimate from logs of a saved design, and design the drive that adds most", working
+    )
+    command.add_argument("folder", metavar="DIR", help="the record of the design that was driven")
+    command.add_argument("logs", metavar="LOG", nargs="+", help="of the drives since, all together")
+    command.add_argument(
+        "--target",
+        metavar="PARAMETER=SIZE",
+        type=_pair,
+        action="append",
+        default=[],
+        help="standard error wanted, e.g. 'track=0.2 mm' or 'track=0.1 %%'; may be given again",
+    )
+    command.add_argument(
+        "--least-gain",
+        type=_share,
+        help="share of the worst standard error that another drive has to take away (default: 0.05)",
+    )
+    command.add_argument("--out", metavar="DIR", help="where to write (default: DIR/next/)")
     command = add("report", _report, "make the report again from a saved record; several are compared")
     command.add_argument("folders", metavar="DIR", nargs="+")
     command.add_argument(
@@ -176,6 +200,13 @@ def _seconds(text: str) -> float:
     value = float(text)
     if not value > 0:
         raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {value:g}")
+    return value
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {value:g}")
     return value
 
 
@@ -300,19 +331,18 @@ def _bound(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results
-    from oed.path_file import read_trajectory
-    from oed.record import result_data
-    from oed.runner import score
+    from oed.console import print_json, print_results, print_worth
+    from oed.driven import score_path
     from oed.study import load_study
 
     study = load_study(options.study)
-    trajectory = read_trajectory(options.path, study.problem)
-    entry = result_data(score(study, trajectory, Path(options.path).stem), options.path)
+    designs = options.designs or Path("reports") / Path(options.study).stem
+    found = score_path(study, options.path, designs)
     if options.json:
-        print_json(entry)
+        print_json(found.data)
     else:
-        print_results([entry])
+        print_results([one.entry for one in found.paths])
+        print_worth(found)
     return DONE
 
 
@@ -335,6 +365,35 @@ def _estimate(options: argparse.Namespace) -> int:
         print_estimate(record.data)
         print(f"report: {page}")
     return DONE
+
+
+def _next(options: argparse.Namespace) -> int:
+    from oed.console import print_json, print_next, progress
+    from oed.next_drive import LEAST_GAIN, next_drive
+    from oed.record import load_record
+    from oed.report import write_estimate, write_report
+
+    out = Path(options.out) if options.out else Path(options.folder) / "next"
+    with progress(options.quiet) as listener:
+        found = next_drive(
+            load_record(options.folder),
+            options.logs,
+            targets=dict(options.target),
+            least_gain=LEAST_GAIN if options.least_gain is None else options.least_gain,
+            out=out,
+            seed=options.seed,
+            workers=options.workers,
+            progress=listener,
+        )
+    write_estimate(found.estimate.data, out)
+    page = None if found.record is None else write_report(found.record, out)
+    if options.json:
+        print_json({**found.data, "directory": str(out)})
+    else:
+        print_next(found.data)
+        if page is not None:
+            print(f"report: {page}")
+    return DONE if found.record is None or found.record.best is not None else FAILED
 
 
 def _report(options: argparse.Namespace) -> int:

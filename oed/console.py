@@ -19,6 +19,7 @@ from oed.solvers import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
+    from oed.driven import DrivenPaths
     from oed.starter import Choice
 
 
@@ -92,6 +93,31 @@ def print_results(results: Sequence[Mapping[str, Any]]) -> None:
             console.print(f"  exceeds {limit} by {amount:.4g} (SI)", highlight=False)
 
 
+def print_worth(found: DrivenPaths) -> None:
+    """How much driven paths tell of what the best design tells, and of what no drive exceeds."""
+    for one in found.paths:
+        shares = []
+        if one.share_of_best is not None and found.best is not None:
+            shares.append(f"{gap(one.share_of_best)} of the best design known ({found.best[0]})")
+        if one.share_of_bound is not None:
+            shares.append(f"at least {gap(one.share_of_bound)} of what any drive of the study can give")
+        if shares:
+            print(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}")
+
+
+def print_next(found: Mapping[str, Any]) -> None:
+    """Standard errors now, wanted and after the next drive, and whether to drive it."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "estimate", "std. error", "wanted", "after the next drive"):
+        table.add_column(Text(heading), justify="left" if heading == "parameter" else "right")
+    for entry in found["precision"]:
+        unit = f" [{entry['unit']}]" if entry["unit"] else ""
+        sizes = (number(entry[key], 3) for key in ("now", "wanted", "next"))
+        table.add_row(Text(f"{entry['name']}{unit}"), number(entry["value"]), *sizes)
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    print(found["reason"])
+
+
 def print_certificate(certificate: Mapping[str, Any]) -> None:
     """An upper bound with its method and assumptions, and the others that were found."""
     console = Console(width=None if sys.stdout.isatty() else 120)
@@ -159,3 +185,19 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
         text = given.strip() or default
         if text and (not choices or text in choices):
             return text
+
+
+def print_estimate(data: Mapping[str, Any]) -> None:
+    """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
+    from oed.report.estimate.console import estimate_lines, estimate_rows
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]"):
+        left = heading in ("parameter", "unit")
+        table.add_column(Text(heading), justify="left" if left else "right", no_wrap=True)
+    for row in estimate_rows(data):
+        table.add_row(*(Text(cell) for cell in row))
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    for line in estimate_lines(data):
+        console.print(line, highlight=False, markup=False)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
 from oed.files import require_writable
 from oed.logs import read_logs
+from oed.runner import package_version, provenance
 from oed.solvers import Progress, Silent
 from oed.study import Study
 
@@ -69,8 +69,10 @@ def estimate(
     record = EstimateRecord(
         {
             "format": FORMAT,
-            "oed_version": _version(),
+            "oed_version": package_version("oed"),
             "study": study.echo(),
+            "study_text": study.text,
+            "provenance": provenance(),
             "seed": chosen,
             "method": study.calibration.method,
             **calibration_data(found),
@@ -79,10 +81,3 @@ def estimate(
     if out is not None:
         save_estimate(record, out)
     return record
-
-
-def _version() -> str | None:
-    try:
-        return version("oed")
-    except PackageNotFoundError:
-        return None

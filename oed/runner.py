@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 from collections.abc import Mapping, Sequence
@@ -33,7 +32,7 @@ from oed.record import (
 )
 from oed.solution import Solution, Status
 from oed.solvers import SOLVERS, Progress, Silent, default_workers, solve
-from oed.study import PathFile, Study, ValidationOptions, file_stem, parse_study
+from oed.study import PathFile, Study, ValidationOptions, file_stem, recorded_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
 
@@ -166,7 +165,7 @@ def record(
     made = Record(
         {
             "format": FORMAT,
-            "oed_version": _version("oed"),
+            "oed_version": package_version("oed"),
             "study": study.echo(),
             "study_text": study.text,
             "seed": seed,
@@ -342,7 +341,7 @@ def validated(
     Raises:
         ProblemError: the measurement gives no noise to simulate with.
     """
-    study = parse_study(json.dumps(saved.data["study"]), "the record's study")
+    study = recorded_study(saved)
     drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
     solutions = [score(study, drive, name) for name, drive in drives if drive is not None]
     chosen = saved.data["seed"] if seed is None else seed
@@ -387,7 +386,7 @@ def _simulated(
 def provenance() -> dict[str, Any]:
     """What made a record: versions of the packages that compute, of Python and the platform, and when."""
     return {
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": {name: package_version(name) for name in PACKAGES},
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -401,7 +400,8 @@ def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
     return notes + (["The run was interrupted; this is what had been done by then."] if interrupted else [])
 
 
-def _version(package: str) -> str:
+def package_version(package: str) -> str:
+    """The version of an installed package, for records."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,7 +25,7 @@ from oed.models import MODELS, Model
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
-from oed.record import load_record
+from oed.record import Record, load_record
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
@@ -197,6 +198,15 @@ def parse_study(text: str, source: str = "study") -> Study:
         StudyError: every mistake in the text, each with its line and key.
     """
     return _study(parse_yaml(text, source))
+
+
+def recorded_study(record: Record) -> Study:
+    """The study that a record was made of.
+
+    Raises:
+        StudyError: one that this version does not understand.
+    """
+    return parse_study(json.dumps(record.data["study"]), "the record's study")
 
 
 def _study(source: YamlSource) -> Study:

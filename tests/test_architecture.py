@@ -38,6 +38,8 @@ FLOORS: tuple[set[str], ...] = (
         "runner",
         "calibration_record",
         "estimation",
+        "driven",
+        "next_drive",
     },
     {"exporters"},
     {"report"},
@@ -47,7 +49,9 @@ FLOORS: tuple[set[str], ...] = (
 
 FLOOR = {part: level for level, parts in enumerate(FLOORS) for part in parts}
 CASADI_FLOORS = range(FLOOR["models"], FLOOR["solvers"] + 1)
-FIGURE_MODULES = {f"oed.report.{name}" for name in ("figures", "panels", "path_figures", "path_panels")}
+FIGURE_MODULES = {
+    f"oed.report.{name}" for name in ("figures", "panels", "path_figures", "path_panels", "estimate.figures")
+}
 
 
 def module_name(path: Path) -> str:

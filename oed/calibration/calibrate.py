@@ -23,6 +23,7 @@ from oed.calibration.segmenting import Segmenting, longest_without_drift
 from oed.calibration.suspicion import poorly_explained, suspicion
 from oed.calibration.unknowns import Unknowns
 from oed.calibration.untold import untold
+from oed.calibration.window_fit import window_fit
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.logs.log import Log
 from oed.measurements.measurement import Measurement
@@ -175,7 +176,7 @@ class _Work:
             untold=untold(fit, covariances[0].matrix),
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
             held_out=self._held_out(apart, fit),
-            notes=tuple(notes),
+            notes=(*notes, *fit.notes),
         )
 
     @property
@@ -231,6 +232,10 @@ class _Work:
             last.append(found.values)
             return found
 
+        if self.options.method != "joint":
+            known, stated = self._known(unknowns), self._stated(logs[0].quantities)
+            found = window_fit(self.options, layout, unknowns, self._integration, offsets, known, stated)
+            return None, found
         if self.options.segment == "auto":
             segmenting = longest_without_drift(layout, fit)
             return segmenting, segmenting.fit
@@ -238,21 +243,27 @@ class _Work:
         return None, fit(layout(seconds))
 
     def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
-        stated = stated_noise(self.problem.measurement)
-        if self.options.noise == "stated":
-            missing = [name for name in layout.quantities if group_of(name) not in stated]
-            if missing:
-                text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
-                raise ProblemError([Flaw(("calibration", "noise"), text)])
         return JointSearch(
             layout,
             unknowns,
             self._integration,
             offsets,
             self.options.loss,
+            grows=self.options.noise == "estimated",
             known=self._known(unknowns),
-            stated=stated if self.options.noise == "stated" else None,
+            stated=self._stated(layout.quantities),
         )
+
+    def _stated(self, quantities: Sequence[str]) -> dict[str, Noise] | None:
+        # The noise that is not to be estimated.
+        if self.options.noise != "stated":
+            return None
+        stated = stated_noise(self.problem.measurement)
+        missing = [name for name in quantities if group_of(name) not in stated]
+        if missing:
+            text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
+            raise ProblemError([Flaw(("calibration", "noise"), text)])
+        return stated
 
     def _known(self, unknowns: Unknowns) -> Knowledge:
         count = len(unknowns.parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.motion import Moves, unexplained
+from oed.calibration.motion import FEWEST, Moves, unexplained
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +28,8 @@ def clock_offsets(moves: Moves) -> Array:
 
 
 def _offset(moves: Moves) -> float:
+    if moves.layout.count < FEWEST:
+        return 0.0
     measured, clocks = moves.measured(), len(moves.layout.clocks)
 
     def left(offset: float) -> float:

@@ -92,7 +92,9 @@ def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
         middle += (1 - lag / blocks.length) * (product + product.T)
     few = blocks.independent / max(blocks.independent - 1, 1)
     inverse = fit.inverse
-    return Covariance(few * inverse @ middle @ inverse, blocks.independent - 1, "sandwich")
+    # What was known before is as uncertain as it says.
+    matrix = inverse @ (few * middle + fit.knowledge) @ inverse
+    return Covariance(matrix, blocks.independent - 1, "sandwich")
 
 
 def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generator) -> Covariance:
@@ -105,13 +107,17 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     information = _sums(fit.information, blocks.ranges)
     scores = _sums(fit.scores, blocks.ranges)
     draws = round(len(fit.scores) / float(sizes.mean()))
+    # At the solution what was known before pulls as hard as all scores together.
+    pull = -fit.scores.sum(axis=0)
     found = np.empty((replicates, fit.scores.shape[1]))
     for index in range(replicates):
         chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
         matrix = information[chosen].sum(axis=0) + fit.knowledge
-        found[index] = inverse_of_told(matrix) @ scores[chosen].sum(axis=0)
+        found[index] = inverse_of_told(matrix) @ (scores[chosen].sum(axis=0) + pull)
     few = blocks.independent / max(blocks.independent - 1, 1)
-    return Covariance(few * np.atleast_2d(np.cov(found.T)), blocks.independent - 1, "bootstrap")
+    # What was known before is as uncertain as it says; no drawing of blocks shows that.
+    before = fit.inverse @ fit.knowledge @ fit.inverse
+    return Covariance(few * np.atleast_2d(np.cov(found.T)) + before, blocks.independent - 1, "bootstrap")
 
 
 def _sums(values: Array, ranges: npt.NDArray[np.int64]) -> Array:

@@ -56,7 +56,7 @@ def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]
     for group in groups(fit.layout.quantities):
         places = [place for place, name in enumerate(fit.layout.quantities) if group_of(name) == group]
         found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
-        if group in stated:
+        if group in stated and not fit.motions:
             found.append(_stated(fit, group, stated[group]))
     if len(fit.layout.logs) > 1:
         found.append(_agreement(fit))
@@ -64,19 +64,37 @@ def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]
 
 
 def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, int]:
-    """Correlations (lags,) of residuals in units of the noise with those so many readings later, and how
-    many pairs of the first lag there are.
+    """Correlations of residuals in units of the noise with those 1, 2, ... readings later, at most `lags` and
+    a third of what there is in a row, and how many pairs of the first lag there are.
+
+    What a segment's start takes out of white readings correlates their residuals: that is made good.
     """
-    z, valid = fit.white[..., places], fit.layout.valid
+    z, valid = _in_turn(fit, places)
+    left = np.ones(z.shape) if fit.motions else np.clip(fit.freedom[..., places], 0.0, 1.0)
     scale = float((z[valid] ** 2).mean())
-    found, pairs = np.zeros(lags), 0
-    for lag in range(1, min(lags, z.shape[1] - 1) + 1):
+    share = float(left[valid].mean())
+    if scale == 0 or share == 0:
+        return np.zeros(1), 0
+    found, pairs = [], 0
+    for lag in range(1, max(1, min(lags, int(np.median(valid.sum(axis=1))) // 3)) + 1):
         both = valid[:, lag:] & valid[:, :-lag]
-        if not both.any():
-            break
-        found[lag - 1] = float((z[:, lag:][both] * z[:, :-lag][both]).mean()) / scale
+        # Starts take much the same from neighbours: what is taken of either stands for what both share.
+        shared = np.sqrt((1 - left[:, lag:]) * (1 - left[:, :-lag])) / share
+        alike = z[:, lag:] * z[:, :-lag] / scale
+        found.append(float((alike + shared)[both].mean()) if both.any() else 0.0)
         pairs = pairs or int(both.sum()) * len(places)
-    return found, pairs
+    return np.array(found), pairs
+
+
+def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, npt.NDArray[np.bool_]]:
+    # Residuals that follow each other, and which there are: those of a segment, or of all windows of a log.
+    z, valid, owner = fit.white[..., places], fit.layout.valid, fit.layout.owner
+    if not fit.motions:
+        return z, valid
+    each = [z[owner == log, -1] for log in np.unique(owner)]
+    longest = max(map(len, each))
+    padded = [np.pad(rows, ((0, longest - len(rows)), (0, 0))) for rows in each]
+    return np.stack(padded), np.array([np.arange(longest) < len(rows) for rows in each])
 
 
 def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:

@@ -64,6 +64,8 @@ class Fit:
         scores: J' r of every segment alike, in units of the noise, (S, q).
         knowledge: from before, information (q, q).
         converged: whether the last step was small.
+        motions: whether segments are windows, each of which shows but one motion, between its ends.
+        notes: what else was found, in words.
     """
 
     unknowns: Unknowns
@@ -81,6 +83,8 @@ class Fit:
     scores: Array
     knowledge: Array
     converged: bool
+    motions: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def predicted(self) -> Array:

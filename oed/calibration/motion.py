@@ -14,9 +14,12 @@ from oed.models.model import Integration, Model
 from oed.segments import PLACE, SegmentReadings
 
 Array = npt.NDArray[np.float64]
+Moved = Array | npt.NDArray[np.complex128]
 
 MOVE = 0.5
 """Length of a move [s]: longer than the jitter of clocks, shorter than turns."""
+FEWEST = 10
+"""Moves from which on their comparison is believed; anything suits a few."""
 GAINS = (1 / 3, 3.0)
 """How far a true motion may be from that of the nominal parameters, as a factor."""
 
@@ -104,18 +107,26 @@ class Moves:
 def unexplained(measured: dict[str, Array], predicted: dict[str, Array]) -> dict[str, float]:
     """Share of what is measured that a prediction times its best factor leaves, by kind of move.
 
-    The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves to the
-    left are small for most robots and count with those forward.
+    The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves ahead
+    and to the left are those of a sensor anywhere on the robot, turned by less than a right angle.
     """
-    pairs = [("turn", ["turn"]), ("distance", ["distance"]), ("distance", ["forward", "left"])]
-    found = {}
-    for name, parts in pairs:
-        if not all(part in measured for part in parts):
-            continue
-        truth = np.concatenate([measured[part] for part in parts])
-        guess = np.concatenate([predicted[part] for part in parts])
-        size, own = float(truth @ truth), float(guess @ guess)
-        if size > 0:
-            factor = float(np.clip(truth @ guess / own, *GAINS)) if own > 0 else 0.0
-            found[name] = float(((truth - factor * guess) ** 2).sum()) / size
+    found: dict[str, float] = {}
+    for name in ("turn", "distance"):
+        if name in measured and np.any(measured[name]):
+            found[name] = _left(measured[name], predicted[name])
+    if "forward" in measured and np.any(measured["forward"]) | np.any(measured["left"]):
+        moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
+        found["distance"] = _left(moved, rolled, np.exp(1j * measured["turn"]) - 1)
     return found
+
+
+def _left(truth: Moved, guess: Moved, swing: Moved | None = None) -> float:
+    # Least squares of truth by guess times a factor and, of a sensor off the origin, by its swing.
+    rest, own = truth, guess
+    if swing is not None and np.any(swing):
+        rest, own = (one - swing * (np.vdot(swing, one) / np.vdot(swing, swing)) for one in (truth, guess))
+    size = float(np.vdot(own, own).real)
+    factor = complex(np.vdot(own, rest)) / size if size > 0 else 0j
+    ahead = factor / abs(factor) if factor.real > 0 else 1.0
+    factor = ahead * float(np.clip(abs(factor) if factor.real > 0 else 0.0, *GAINS))
+    return float((np.abs(rest - factor * own) ** 2).sum() / (np.abs(truth) ** 2).sum())

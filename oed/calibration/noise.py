@@ -16,6 +16,8 @@ GROUPS = {"x": "position", "y": "position"}
 """Quantities that share their noise; any other has its own."""
 SURE = 0.99
 """Confidence with which noise has to grow with speed to be modelled so."""
+LEAST = 1e-6
+"""Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
 MEDIAN_DEVIATION = float(norm.ppf(0.75))
 """Median of |z| for standard normal z."""
 
@@ -64,11 +66,12 @@ def estimated(residuals: Array, freedom: Array, speeds: Array, *, robust: bool, 
     """
     if robust:
         spread = np.median(np.abs(residuals)) / MEDIAN_DEVIATION
-        return Noise(float(spread / np.sqrt(freedom.mean())))
+        return Noise(max(float(spread / np.sqrt(max(freedom.mean(), 1e-3))), LEAST))
     squares = residuals**2 / np.maximum(freedom, 1e-3)
-    constant = float(np.sqrt((residuals**2).sum() / freedom.sum()))
-    if not grows or constant == 0 or speeds.max() <= 0:
-        return Noise(constant)
+    # Less than one degree of freedom tells nothing of noise.
+    constant = float(np.sqrt((residuals**2).sum() / max(freedom.sum(), 1.0)))
+    if not grows or constant <= LEAST or speeds.max() <= 0:
+        return Noise(max(constant, LEAST))
     return _growing(squares, freedom, speeds, constant)
 
 

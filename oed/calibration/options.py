@@ -31,7 +31,8 @@ class CalibrationOptions(Component):
         replicates: of the bootstrap.
         sensor_place: which coordinates of the pose sensor's place on the robot are estimated along.
         clock_offset: whether the offset between the clocks of wheels and poses is estimated, for each file.
-        noise: estimated from the residuals, as sigma^2 = sigma0^2 + (k v)^2, or as the measurement states.
+        noise: estimated from the residuals as sigma^2 = sigma0^2 + (k v)^2, estimated as constant (where what
+            grows with speed is the model's error, not the sensor's), or as the measurement states.
         loss: of a residual in units of the noise; other than "linear" it bounds the influence of outliers.
     """
 
@@ -42,5 +43,5 @@ class CalibrationOptions(Component):
     replicates: Annotated[int, Field(ge=100)] = 2000
     sensor_place: tuple[PlaceName, ...] = PLACE  # type: ignore[assignment]
     clock_offset: bool = True
-    noise: Literal["estimated", "stated"] = "estimated"
+    noise: Literal["estimated", "constant", "stated"] = "estimated"
     loss: Loss = "linear"

@@ -33,7 +33,8 @@ class Reckoning:
         rmse_heading: root mean square of the heading's error, started alike [rad].
         end_position, end_heading: at the log's end [m, rad].
         drift_position, drift_heading: root mean square of the relative pose error over pieces of 1 m of
-            path, one after the other [m per m, rad per m]; of a shorter path its end's, per metre.
+            path, one after the other [m per m, rad per m]; where no stretch is that long, its end's, per
+            metre.
         times: of the poses [s].
         reference, path: x, y by the reference and by dead reckoning, (n, 2); NaN between stretches.
     """
@@ -60,6 +61,10 @@ class _Stretch:
     heading: Array
     turned: Array
 
+    @property
+    def length(self) -> float:
+        return float(np.abs(np.diff(self.truth)).sum())
+
 
 def reckoned(
     robot: Model, integration: Integration, log: Log, parameters: Array, place: Array, offset: float
@@ -78,10 +83,11 @@ def reckoned(
     with_heading = "heading" in log.quantities
     off = [np.abs(one.guess - one.truth) for one in stretches]
     turned = [one.turned - one.heading for one in stretches]
-    pieces = [_pieces(one) for one in stretches]
+    # A stretch of a few centimetres shows noise, not drift.
+    pieces = [_pieces(one) for one in stretches if one.length >= PIECE] or [_pieces(one) for one in stretches]
     gap = np.full((1, 2), np.nan)
     return Reckoning(
-        length=float(sum(np.abs(np.diff(one.truth)).sum() for one in stretches)),
+        length=sum(one.length for one in stretches),
         rmse_position=_rms(off),
         rmse_aligned=_rms([np.abs(_aligned(one.guess, one.truth) - one.truth) for one in stretches]),
         rmse_heading=_rms(turned) if with_heading else None,

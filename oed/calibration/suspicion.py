@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.motion import Moves, unexplained
+from oed.calibration.motion import FEWEST, Moves, unexplained
 from oed.models.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -18,6 +18,8 @@ BAD = 0.3
 """Share of the motion that may be left unexplained before anything is suspected."""
 BETTER = 0.3
 """A suspicion is raised where it leaves at most this share of what is left otherwise."""
+BARELY = {"turn": 0.02, "distance": 0.01}
+"""Root mean square of moves [rad, m] below which they are taken for noise, or for what is not driven."""
 
 
 def suspicion(moves: Moves, offsets: Array) -> str | None:
@@ -27,6 +29,8 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
         moves: of the log.
         offsets: of its clocks, (clocks,) [s].
     """
+    if moves.layout.count < FEWEST:
+        return None
     inputs = moves.layout.inputs(offsets)
     as_given = _worst(moves, offsets, inputs)
     if as_given < BAD:
@@ -40,8 +44,13 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
 
 def poorly_explained(moves: Moves, offsets: Array) -> float | None:
     """Share of the motion that the wheels do not explain, where it is too large to be believed."""
-    left = _worst(moves, offsets, moves.layout.inputs(offsets))
-    return left if left >= BAD else None
+    measured = moves.measured()
+    if "forward" in measured:
+        measured = {**measured, "distance": np.hypot(measured["forward"], measured["left"])}
+    left = unexplained(moves.measured(), moves.predicted(offsets))
+    sizes = {name: float(np.sqrt(np.mean(measured[name] ** 2))) for name in left}
+    worst = max((share for name, share in left.items() if sizes[name] > BARELY[name]), default=0.0)
+    return worst if worst >= BAD else None
 
 
 def _worst(moves: Moves, offsets: Array, inputs: Array, sign: float = 1.0, unit: float = 1.0) -> float:

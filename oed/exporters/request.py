@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.commands import Commands, commands
 from oed.models import moves_sideways
 from oed.record import FILE, Record, drive_of
-from oed.study import Study, file_stem, parse_study
+from oed.study import Study, file_stem, recorded_study
 from oed.trajectory import Trajectory
 
 MOST = 1_000_000
@@ -46,7 +45,7 @@ class Request:
     @cached_property
     def study(self) -> Study:
         """The record's study."""
-        return parse_study(json.dumps(self.record.data["study"]), "the record's study")
+        return recorded_study(self.record)
 
     @cached_property
     def entry(self) -> Mapping[str, Any]:

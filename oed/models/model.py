@@ -8,10 +8,11 @@ them over time.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
 from pydantic import Field
@@ -82,6 +83,8 @@ class Model(Component, ABC):
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
+    short_forms: ClassVar[tuple[str, ...]] = ()
+    """Keys that stand for several parameters at once."""
 
     @property
     @abstractmethod
@@ -116,6 +119,19 @@ class Model(Component, ABC):
     ) -> Expression:
         """Next values of the states after (x, y, heading), for a twist (3,) held during `period` [s]."""
         return ca.SX(0, 1)
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same robot with other nominal values of parameters, SI.
+
+        Raises:
+            ValueError: no such parameter, or a value that the robot cannot have.
+        """
+        nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
+        strangers = [name for name in values if name not in nominal]
+        if strangers:
+            raise ValueError(f"expected parameters ({', '.join(nominal)}), got {', '.join(strangers)}")
+        given = self.model_dump(exclude_none=True, exclude=set(self.short_forms))
+        return type(self).model_validate({**given, **nominal, **values})
 
     @property
     def nominal(self) -> list[float]:

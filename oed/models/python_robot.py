@@ -50,6 +50,11 @@ class PythonRobot(Model):
             raise ValueError(f"{self.object} cannot be made: {error}") from None
 
     @property
+    def short_forms(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The robot's own."""
+        return self.robot.short_forms
+
+    @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
         """The robot's inputs."""
         return self.robot.inputs

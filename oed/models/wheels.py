@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import casadi as ca
 from pydantic import Field, model_validator
@@ -28,6 +28,7 @@ class TwoSidedGeometry(Component):
     Either `wheel_radius` for both sides, or `wheel_radius_right` and `wheel_radius_left`.
     """
 
+    short_forms: ClassVar[tuple[str, ...]] = ("wheel_radius",)
     wheel_radius: PositiveLength | None = None
     wheel_radius_right: PositiveLength | None = None
     wheel_radius_left: PositiveLength | None = None

@@ -1,6 +1,7 @@
-"""Reports: a Record in, files out. Nothing here solves or integrates."""
+"""Reports: a record in, files out. Nothing here solves or integrates."""
 
 from oed.report.comparison import write_comparison
+from oed.report.estimate import write_estimate
 from oed.report.page import write_report
 
-__all__ = ["write_comparison", "write_report"]
+__all__ = ["write_comparison", "write_estimate", "write_report"]

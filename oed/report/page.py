@@ -17,10 +17,11 @@ from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
 
-HTML = "report.html"
-MARKDOWN = "report.md"
+NAME = "report"
+"""Of a report's files, without suffix."""
+HTML, MARKDOWN = "report.html.jinja", "report.md.jinja"
 FIGURES = "figures"
-UNITS = "%|m|cm|mm|µm|s|rad|deg|rad/s²?|rad²|deg/s|×10⁻³|×10⁻⁶"
+UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s|×10⁻³|×10⁻⁶"
 """Units that follow a number in a text."""
 WIDE = 9
 """Columns beyond which a table is set smaller."""
@@ -35,8 +36,14 @@ def write_report(record: Record, folder: str | Path) -> Path:
     return render(str(record.data["study"]["name"]), sections_of(record), Path(folder))
 
 
-def render(title: str, sections: list[Section], target: Path) -> Path:
-    """Write sections as report.html, report.md and figures/*.svg into `target`; returns report.html.
+def render(title: str, sections: list[Section], target: Path, name: str = NAME) -> Path:
+    """Write sections as an HTML page, as Markdown and as figures/*.svg into `target`; returns the page.
+
+    Args:
+        title: of the page.
+        sections: in order.
+        target: folder.
+        name: of the page's files, without suffix.
 
     Raises:
         UserMistake: the folder cannot be written to.
@@ -44,12 +51,12 @@ def render(title: str, sections: list[Section], target: Path) -> Path:
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = _environment()
-    pages = {name: templates.get_template(f"{name}.jinja").render(content) for name in (MARKDOWN, HTML)}
-    for name, text in drawings.items():
-        write_text(target / FIGURES / f"{name}.svg", text)
-    for name, text in pages.items():
-        write_text(target / name, text)
-    return target / HTML
+    html, markdown = (templates.get_template(template).render(content) for template in (HTML, MARKDOWN))
+    for figure, text in drawings.items():
+        write_text(target / FIGURES / f"{figure}.svg", text)
+    write_text(target / f"{name}.md", markdown)
+    write_text(target / f"{name}.html", html)
+    return target / f"{name}.html"
 
 
 def sections_of(record: Record) -> list[Section]:

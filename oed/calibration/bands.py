@@ -1,0 +1,84 @@
+"""Symmetric block-tridiagonal matrices of 3 x 3 blocks, kept as their lower band (6, 3 S).
+
+Entry (j + d, j) of the matrix is entry (d, j) of the band. What is beyond the matrix's end is 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
+
+Array = npt.NDArray[np.float64]
+
+SIDE = 3
+"""Of a block."""
+ROWS = 2 * SIDE
+"""Of a band."""
+
+
+def banded(own: Array, below: Array | None = None) -> Array:
+    """The band of a matrix.
+
+    Args:
+        own: blocks on its diagonal, (S, 3, 3).
+        below: those below them, (S - 1, 3, 3); 0 by default.
+    """
+    band = np.zeros((ROWS, SIDE * len(own)))
+    for row, column in np.ndindex(SIDE, SIDE):
+        if row >= column:
+            band[row - column, column::SIDE] = own[:, row, column]
+        if below is not None:
+            band[SIDE + row - column, column:-SIDE:SIDE] = below[:, row, column]
+    return band
+
+
+def factor(band: Array) -> Array:
+    """The band of the lower triangular L of a positive matrix L L'."""
+    return np.asarray(cholesky_banded(band, lower=True))
+
+
+def whitened(root: Array, rows: Array) -> Array:
+    """L^-1 times rows (3 S, k): as independent of each other as their noise L L' makes them."""
+    found, _ = dtbtrs(root, rows, uplo="L")
+    return np.asarray(found)
+
+
+def weighed(root: Array, white: Array) -> Array:
+    """L^-T times rows (3 S, k)."""
+    found, _ = dtbtrs(root, white, uplo="L", trans="T")
+    return np.asarray(found)
+
+
+def product(left: Array, right: Array) -> Array:
+    """The band of left @ right.T, both (3 S, k), where that is symmetric."""
+    band = np.zeros((ROWS, len(left)))
+    for off in range(ROWS):
+        band[off, : len(left) - off] = (left[off:] * right[: len(left) - off]).sum(axis=1)
+    return band
+
+
+def traces(bands: Array, band: Array) -> Array:
+    """Traces (k,) of the products of matrices (k, 6, 3 S) with another."""
+    twice = np.full((ROWS, 1), 2.0)
+    twice[0] = 1.0
+    return np.asarray(np.tensordot(bands, twice * band, axes=2))
+
+
+def inverse(root: Array) -> Array:
+    """The band of (L L')^-1, whose other entries are not 0 but are not needed.
+
+    [Takahashi, Fagan, Chen: Formation of a sparse bus impedance matrix, 1973]
+    """
+    count = root.shape[1] // SIDE
+    own, below = np.zeros((count, SIDE, SIDE)), np.zeros((count, SIDE, SIDE))
+    for row, column in np.ndindex(SIDE, SIDE):
+        below[:, row, column] = root[SIDE + row - column, column::SIDE]
+        if row >= column:
+            own[:, row, column] = root[row - column, column::SIDE]
+    across = np.linalg.inv(own)
+    found, carried = across.transpose(0, 2, 1) @ across, below @ across
+    for index in range(count - 2, -1, -1):
+        found[index] += carried[index].T @ found[index + 1] @ carried[index]
+    return banded(found, -found[1:] @ carried[:-1])

@@ -1,0 +1,72 @@
+"""Least squares by Gauss-Newton steps, halved where they make the misfit worse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration.joint import HALVINGS, STEPS, Knowledge, inverse_of_told
+from oed.calibration.unknowns import Unknowns
+
+Array = npt.NDArray[np.float64]
+
+CLOSE = 1e-7
+"""Change of the unknowns, in units of their size, at which the search has arrived."""
+WORSE = 1e-12
+"""By how much rounding may make a misfit worse, relative to it."""
+
+Rows = Callable[[Array], tuple[Array, Array]]
+"""Of unknowns (q,): residuals in units of their noise (rows,), measured less predicted, and the derivatives of
+what is predicted (rows, q)."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    values: Array
+    residuals: Array
+    slopes: Array
+    misfit: float
+
+
+def solved(rows: Rows, start: Array, scale: Array, known: Knowledge) -> tuple[Array, bool]:
+    """The unknowns (q,) of least squares, and whether the search has arrived.
+
+    Args:
+        rows: of unknowns.
+        start: where the search begins.
+        scale: sizes of the unknowns.
+        known: of them from before.
+    """
+    point = _point(rows, start, known)
+    for _ in range(STEPS):
+        following = _following(rows, point, known)
+        change = float((np.abs(following.values - point.values) / scale).max(initial=0.0))
+        point = following
+        if change < CLOSE:
+            return point.values, True
+    return point.values, False
+
+
+def no_knowledge(unknowns: Unknowns) -> Knowledge:
+    """Of nothing."""
+    return Knowledge(np.zeros((unknowns.size,) * 2), np.zeros(unknowns.size))
+
+
+def _point(rows: Rows, values: Array, known: Knowledge) -> _Point:
+    residuals, slopes = rows(values)
+    off = known.centre - values
+    return _Point(values, residuals, slopes, float(residuals @ residuals + off @ known.information @ off))
+
+
+def _following(rows: Rows, point: _Point, known: Knowledge) -> _Point:
+    normal = point.slopes.T @ point.slopes + known.information
+    gradient = point.slopes.T @ point.residuals + known.information @ (known.centre - point.values)
+    step = inverse_of_told(normal) @ gradient
+    for halving in range(HALVINGS):
+        tried = _point(rows, point.values + 0.5**halving * step, known)
+        if tried.misfit <= point.misfit * (1 + WORSE):
+            return tried
+    return point

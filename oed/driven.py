@@ -1,0 +1,226 @@
+"""How good was the path that was driven? Logs scored like designs, against the best one and the bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.bounds import bound
+from oed.errors import FileFlaw, LogError
+from oed.logs import Log, read_logs
+from oed.logs.form import is_bag
+from oed.path_file import read_trajectory
+from oed.record import FILE, Record, load_record, result_data
+from oed.runner import score
+from oed.study import Study
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+
+MOVING = 0.02
+"""Share of a log's fastest motion above which the robot is taken to move."""
+SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
+"""Keys of two studies that have to agree for their designs to be compared."""
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """A part of a log, as long as the study's drives, scored by the study's problem.
+
+    Attributes:
+        name: of the log and the part.
+        seconds: how much of it is motion; the rest of the study's duration the robot is taken to stand [s].
+        entry: the result, as records hold it.
+        share_of_best: its efficiency against the best design known, None where none is.
+        share_of_bound: the same against what is proved that no drive exceeds.
+    """
+
+    name: str
+    seconds: float
+    entry: Mapping[str, Any]
+    share_of_best: float | None
+    share_of_bound: float | None
+
+
+@dataclass(frozen=True)
+class DrivenPaths:
+    """What driven paths are worth.
+
+    Attributes:
+        paths: part by part, in order.
+        best: name and objective of the best design known, or None.
+        bound: what no drive's objective exceeds, or None.
+    """
+
+    paths: tuple[DrivenPath, ...]
+    best: tuple[str, float] | None
+    bound: float | None
+
+    @property
+    def first(self) -> DrivenPath:
+        """The most informative part."""
+        return max(
+            self.paths, key=lambda one: -np.inf if (found := one.entry["objective"]) is None else found
+        )
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain data: the most informative part's result, with what it and the others are worth."""
+        worth = [
+            {
+                "name": one.name,
+                "objective": one.entry["objective"],
+                "seconds": one.seconds,
+                "share_of_best": one.share_of_best,
+                "share_of_bound": one.share_of_bound,
+            }
+            for one in self.paths
+        ]
+        best = None if self.best is None else {"name": self.best[0], "objective": self.best[1]}
+        return {**self.first.entry, "worth": worth, "best_design": best, "upper_bound": self.bound}
+
+
+def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
+    """Score a path (trajectory CSV), or what logs say was driven; see `score_logs`.
+
+    A CSV with the columns `t` and the robot's inputs is a path; another file is a log where the study says
+    how logs are read, or it is a bag.
+
+    Raises:
+        PathFileError: a path that cannot be read.
+        LogError: a log that cannot be read, or in which the robot never moves.
+    """
+    if is_log(study, file):
+        return score_logs(study, [file], designs)
+    trajectory, record = read_trajectory(file, study.problem), _record_of(study, designs)
+    # A path with other samples is measured otherwise, and compares with no design of the study.
+    alike = trajectory.samples == study.problem.design.all_samples
+    best, limit = _known(record) if alike else (None, None)
+    return DrivenPaths(
+        (_scored(study, Path(file).stem, trajectory, trajectory.duration, best, limit),), best, limit
+    )
+
+
+def is_log(study: Study, file: str | Path) -> bool:
+    """Whether a file is to be read as a log rather than as a trajectory CSV."""
+    path = Path(file)
+    if is_bag(path):
+        return True
+    if study.file.log is None or not path.is_file():
+        return False
+    with open(path, encoding="utf-8-sig", errors="replace") as handle:
+        header = [cell.strip() for cell in handle.readline().split(",")]
+    return not {"t", *study.problem.model.input_names} <= set(header)
+
+
+def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | None = None) -> DrivenPaths:
+    """Score the paths that logs say were driven.
+
+    Logs are cut to the study's duration and sampled as its drives are, so that they compare with designs
+    and with the bound; they are taken to start where the study does.
+
+    Args:
+        study: the problem, and how logs are read.
+        files: the logs.
+        designs: folder of a record of the same problem, whose best design they are compared with.
+
+    Raises:
+        LogError: logs that cannot be read, or in which the robot never moves.
+    """
+    logs = read_logs(files, study.log, study.problem.model)
+    record = _record_of(study, designs)
+    known, limit = _known(record)
+    limit = _bound(study) if limit is None else limit
+    parts = [part for log in logs for part in _parts(study, log)]
+    scored = tuple(
+        _scored(study, name, trajectory, seconds, known, limit) for name, trajectory, seconds in parts
+    )
+    return DrivenPaths(scored, known, limit)
+
+
+def _known(record: Record | None) -> tuple[tuple[str, float] | None, float | None]:
+    # The best design of a record, and the bound it certifies.
+    if record is None:
+        return None, None
+    best, certificate = record.best, record.data["certificate"]
+    limit = float(certificate["upper_bound"]) if certificate else None
+    return None if best is None else (str(best["name"]), float(best["objective"])), limit
+
+
+def _bound(study: Study) -> float | None:
+    value = bound(study.problem).upper_bound
+    return float(value) if np.isfinite(value) else None
+
+
+def _record_of(study: Study, designs: str | Path | None) -> Record | None:
+    # A record of another problem says nothing of this one.
+    if designs is None or not (Path(designs) / FILE).is_file():
+        return None
+    record, own = load_record(designs), study.echo()
+    theirs = record.data["study"]
+    return record if all(theirs.get(key) == own.get(key) for key in SAME) else None
+
+
+def _scored(
+    study: Study,
+    name: str,
+    trajectory: Trajectory,
+    seconds: float,
+    best: tuple[str, float] | None,
+    limit: float | None,
+) -> DrivenPath:
+    entry = result_data(score(study, trajectory, name), None)
+    value = entry["objective"]
+
+    def share(of: float | None) -> float | None:
+        if of is None or value is None:
+            return None
+        return study.problem.criterion.efficiency(value, of, _judged(study))
+
+    return DrivenPath(name, seconds, entry, share(None if best is None else best[1]), share(limit))
+
+
+def _judged(study: Study) -> int:
+    return sum(len(one.judged) for one in study.problem.any_estimations)
+
+
+def _parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
+    # Whole drives of the study's shape, the last one ended by standing still.
+    space = study.problem.design
+    first, last = _moving(log)
+    whole = space.duration * space.runs
+    count = max(1, int((last - first) // whole))
+    found = []
+    for index in range(count):
+        begin = first + index * whole
+        edges = begin + space.period * np.arange(space.all_samples + 1, dtype=float)
+        inputs = log.inputs_between(edges)
+        inputs[edges[:-1] >= last] = 0.0
+        name = f"{log.name} part {index + 1}" if count > 1 else log.name
+        found.append((name, _trajectory(study, inputs), min(last - begin, whole)))
+    return found
+
+
+def _trajectory(study: Study, inputs: Array) -> Trajectory:
+    problem = study.problem
+    starts = problem.fixed_starts
+    if starts is None:
+        starts = problem.start_states(np.zeros((problem.design.runs, 3)))
+    return Trajectory.from_samples(
+        inputs, problem.design.whole_duration, starts, rest_to_rest=False, runs=problem.design.runs
+    )
+
+
+def _moving(log: Log) -> tuple[float, float]:
+    # From when to when the inputs change anything, on their own clock.
+    steps = np.diff(log.input_times)
+    speeds = np.abs(np.diff(log.integrals, axis=0) / steps[:, None]).max(axis=1)
+    rows = np.flatnonzero(speeds > MOVING * speeds.max())
+    if not len(rows):
+        raise LogError([FileFlaw(log.file, 0, 0, "", "the robot never moves")])
+    return float(log.input_times[rows[0]]), float(log.input_times[rows[-1] + 1])

@@ -1,0 +1,229 @@
+"""The next drive: what is known so far becomes prior and nominal values, and the study is designed anew."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from oed.calibration_record import EstimateRecord, save_estimate
+from oed.errors import UserMistake
+from oed.estimation import estimate
+from oed.files import require_writable, write_text
+from oed.quantities import parse_quantity
+from oed.record import Record
+from oed.runner import run
+from oed.solvers import Progress
+from oed.study import Study, parse_study, recorded_study
+
+Array = npt.NDArray[np.float64]
+
+LEAST_GAIN = 0.05
+"""Share of the standard error that another drive has to take away to be worth driving."""
+STUDY, SUMMARY = "next.yaml", "next.json"
+
+
+@dataclass(frozen=True)
+class NextDrive:
+    """What to do after the drives so far.
+
+    Attributes:
+        estimate: from the logs.
+        study: the study of the next drive, None where none is needed.
+        record: of its design.
+        precision: by parameter: name, unit, value, standard error now, the one wanted, the one predicted
+            after the next drive; SI, None where there is none.
+        gain: share by which the worst standard error falls, in units of what is wanted or of the value.
+        stop: whether to stop driving.
+        reason: why, or why not.
+    """
+
+    estimate: EstimateRecord
+    study: Study | None
+    record: Record | None
+    precision: tuple[Mapping[str, Any], ...]
+    gain: float | None
+    stop: bool
+    reason: str
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain data."""
+        best = None if self.record is None or self.record.best is None else self.record.best["name"]
+        return {
+            "stop": self.stop,
+            "reason": self.reason,
+            "gain": self.gain,
+            "precision": [dict(entry) for entry in self.precision],
+            "design": best,
+        }
+
+
+def next_drive(
+    saved: Record,
+    logs: Sequence[str | Path],
+    *,
+    targets: Mapping[str, str] | None = None,
+    least_gain: float = LEAST_GAIN,
+    out: str | Path | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> NextDrive:
+    """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
+
+    Args:
+        saved: record of the design that was driven. Where its study has a prior, that counts: logs that made
+            it must not be given again.
+        logs: of all drives since.
+        targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
+        least_gain: share of the worst standard error that another drive has to take away.
+        out: folder for the next study, its record and designs, and the estimate; nothing is written without.
+        seed: of every random draw, instead of the study's.
+        workers: processes; does not change the result.
+        progress: told how far the work is.
+
+    Raises:
+        UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
+        LogError: logs that cannot be read, or do not fit the robot.
+    """
+    study = recorded_study(saved)
+    _require_own_parameters(study)
+    if out is not None:
+        require_writable(Path(out))
+    aims = _aims(study, targets or {})
+    found = estimate(study, logs, seed=seed, progress=progress)
+    wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
+    if out is not None:
+        save_estimate(found, out)
+    if wanted and all(_error(found, name) <= size for name, size in wanted.items()):
+        precision = _precision(found, wanted, {})
+        reason = "every parameter is as precise as wanted: no further drive is needed"
+        return _written(NextDrive(found, None, None, precision, None, True, reason), out)
+    following = _following(study, found)
+    if out is not None:
+        write_text(Path(out) / STUDY, following.text)
+    record = run(following, out, seed=seed, workers=workers, progress=progress)
+    return _written(_decided(found, following, record, wanted, least_gain), out)
+
+
+def _decided(
+    found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
+) -> NextDrive:
+    predicted = _predicted(record)
+    precision = _precision(found, wanted, predicted)
+    if not predicted:
+        reason = "no feasible drive was found; the record says which limit is in the way"
+        return NextDrive(found, study, record, precision, None, False, reason)
+    now, then = _worst(precision, "now"), _worst(precision, "next")
+    gain = 1 - then / now
+    stop = gain < least_gain
+    reason = f"another drive takes {gain:.1%} off the worst standard error"
+    reason += f", less than {least_gain:.1%}: stop" if stop else ": drive it"
+    return NextDrive(found, study, record, precision, float(gain), bool(stop), reason)
+
+
+def _require_own_parameters(study: Study) -> None:
+    known = {parameter.name for parameter in study.problem.model.parameters}
+    strangers = [
+        name for one in study.problem.any_estimations for name in one.parameters if name not in known
+    ]
+    if strangers:
+        text = (
+            f"the study estimates {', '.join(strangers)}, and no nominal values can stand for those: measure "
+            "poses and estimate the robot's own parameters"
+        )
+        raise UserMistake(text)
+
+
+@dataclass(frozen=True)
+class _Aim:
+    # A standard error that is wanted: SI, or relative to the estimate.
+    number: float
+    relative: bool
+
+    def size(self, value: float) -> float:
+        return self.number * abs(value) if self.relative else self.number
+
+
+def _aims(study: Study, targets: Mapping[str, str]) -> dict[str, _Aim]:
+    units = {
+        name: unit
+        for one in study.problem.any_estimations
+        for name, unit in zip(one.parameters, one.units, strict=True)
+    }
+    aims = {}
+    for name, text in targets.items():
+        if name not in units:
+            raise UserMistake(f"--target {name}: expected one of {', '.join(units)}")
+        relative = text.strip().endswith("%")
+        try:
+            aims[name] = _Aim(parse_quantity(text, "" if relative else units[name]), relative)
+        except ValueError as error:
+            raise UserMistake(f"--target {name}: {error}") from None
+        if not aims[name].number > 0:
+            raise UserMistake(f"--target {name}: expected more than 0, got {text!r}")
+    return aims
+
+
+def _error(found: EstimateRecord, name: str) -> float:
+    return next(float(entry["standard_error"]) for entry in found.parameters if entry["name"] == name)
+
+
+def _following(study: Study, found: EstimateRecord) -> Study:
+    # The same study of the robot as it is known now; simulations are for its own report.
+    data, values = study.echo(), found.values
+    robot = study.problem.model.with_values(values)
+    data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
+    data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
+    data["name"] = f"{study.name}: next drive"
+    data.pop("validation", None)
+    return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
+
+
+def _predicted(record: Record) -> dict[str, float]:
+    # Standard errors after the best drive, what is known now included.
+    best = record.best
+    if best is None:
+        return {}
+    return {
+        name: float(np.sqrt(one["covariance"][index][index]))
+        for one in best["covariances"]
+        for index, name in enumerate(one["parameters"])
+        if one["covariance"][index][index] is not None
+    }
+
+
+def _precision(
+    found: EstimateRecord, wanted: Mapping[str, float], predicted: Mapping[str, float]
+) -> tuple[Mapping[str, Any], ...]:
+    return tuple(
+        {
+            "name": entry["name"],
+            "unit": entry["unit"],
+            "value": entry["value"],
+            "now": entry["standard_error"],
+            "wanted": wanted.get(entry["name"]),
+            "next": predicted.get(entry["name"]),
+        }
+        for entry in found.parameters
+    )
+
+
+def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
+    # In units of what is wanted; of the value where nothing is.
+    aimed = [entry for entry in precision if entry["wanted"] is not None] or precision
+    sizes = [entry["wanted"] or abs(entry["value"]) or 1.0 for entry in aimed]
+    return max(float(entry[when]) / size for entry, size in zip(aimed, sizes, strict=True))
+
+
+def _written(found: NextDrive, out: str | Path | None) -> NextDrive:
+    if out is not None:
+        write_text(Path(out) / SUMMARY, json.dumps(found.data, indent=1, allow_nan=False) + "\n")
+    return found

@@ -1,0 +1,43 @@
+"""A simulated robot that drives a trajectory and logs it as a CSV, in the package's own columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.problem import Problem
+from oed.rollout import roll_out
+from oed.trajectory import Trajectory
+
+
+def write_log(
+    path: Path,
+    problem: Problem,
+    trajectory: Trajectory,
+    truth: Mapping[str, float],
+    rng: np.random.Generator | None = None,
+    noise: tuple[float, float] = (0.01, 0.0175),
+) -> Path:
+    """Drive with the true parameters; log every pose with errors (position [m], heading [rad])."""
+    robot = problem.model.with_values(truth)
+    drive = roll_out(
+        robot,
+        problem.design.integration,
+        inputs=ca.DM(trajectory.inputs),
+        start=ca.DM(trajectory.start),
+        parameters=ca.DM(robot.nominal),
+        period=ca.DM(trajectory.period),
+    )
+    poses = np.array(ca.evalf(drive.poses))
+    if rng is not None:
+        poses = poses + rng.normal(size=poses.shape) * [noise[0], noise[0], noise[1]]
+    held: list[npt.NDArray[np.float64] | list[str]] = [*trajectory.inputs, [""] * len(robot.inputs)]
+    rows = [",".join(["t", *robot.input_names, "x", "y", "heading"])]
+    for index, (inputs, pose) in enumerate(zip(held, poses, strict=True)):
+        rows.append(",".join(map(str, [index * trajectory.period, *inputs, *pose])))
+    path.write_text("\n".join(rows) + "\n")
+    return path

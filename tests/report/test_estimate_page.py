@@ -1,0 +1,238 @@
+"""The page of an estimate: what the data say stands in it, whatever of the data is missing."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part
+
+from oed.console import print_estimate
+from oed.report import write_estimate
+from oed.report.estimate.gist import gains, warnings
+from oed.report.estimate.numbers import decimals_of, error_text, lasting, size_text, span_text, to_error
+from oed.report.estimate.page import estimate_sections
+from oed.report.estimate.residuals import residuals_of
+from oed.report.section import Section
+from oed.report.tables import Table
+
+
+def section(data: Data, title: str) -> Section:
+    return next(one for one in estimate_sections(data) if one.title == title)
+
+
+def table(part_: Section, caption: str) -> Table:
+    return next(one for one in part_.tables if one.caption.startswith(caption))
+
+
+def visible(html: str) -> str:
+    return re.sub(r"<style>.*?</style>|<[^>]*>", " ", html, flags=re.S)
+
+
+@pytest.fixture(scope="module")
+def undrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a page without figures, which take long."""
+    folder = tmp_path_factory.mktemp("undrawn")
+    write_estimate({**estimate(), "residuals": [], "paths": []}, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("estimate")
+    assert write_estimate(estimate(), folder) == folder / "estimate.html"
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_estimate_gets_a_whole_page(kind: str, tmp_path: Path):
+    html = write_estimate(KINDS[kind](), tmp_path).read_text(encoding="utf-8")
+    markdown = (tmp_path / "estimate.md").read_text(encoding="utf-8")
+    files = {file.name for file in (tmp_path / "figures").glob("*")}
+    assert set(re.findall(r"\]\(figures/([^)]*)\)", markdown)) == files
+    assert all(name.startswith("estimate_") for name in files)
+    assert html.count("<svg") == len(files)
+    for file in (tmp_path / "figures").glob("*"):
+        assert file.stat().st_size < 200_000
+        ElementTree.parse(file)
+    for text in (visible(html), markdown):
+        assert not {"nan", "None", "inf", "NaN"} & set(re.findall(r"[A-Za-z]+", text))
+    assert "src=" not in html
+    assert "@import" not in html
+
+
+def test_the_page_says_what_the_data_say(undrawn: Path):
+    text = (undrawn / "estimate.md").read_text(encoding="utf-8")
+    assert "| wheel radius | mm | 42 | 41.852 | 0.013 | 41.826 to 41.878 | -0.352 |" in text
+    assert "position error (RMS) from 45.2 mm to 21.0 mm" in text
+    assert "heading error (RMS) from 2.59 deg to 1.20 deg" in text
+    assert "| sensor ahead of" not in text
+    assert "| pose sensor ahead of the robot's origin | mm | 1.200 | 0.080 |" in text
+    assert "4.00 mm per m/s" in text
+    assert "| c11 | 1 | 0.20810 | 0.00044 |" in text
+    assert "first +213 ms" in text
+    assert "| residuals are white | position | not passed | 2.50 | \\< 0.0001 |" in text
+    assert "F⁻¹ promises too much" in text
+    assert "differential_drive" in text.split("## Provenance")[1]
+
+
+def test_odd_names_mean_themselves(undrawn: Path):
+    html = (undrawn / "estimate.html").read_text(encoding="utf-8")
+    assert "<i>" not in html
+    assert "a|b &lt;i&gt;$x$ `run` *1*" in html
+    assert "Small &lt;robot&gt;" in html
+    markdown = (undrawn / "estimate.md").read_text(encoding="utf-8")
+    assert r"a\|b \<i\>\$x\$ \`run\` \*1\*" in markdown
+
+
+@pytest.mark.slow
+def test_figures_are_those_of_the_page(written: Path):
+    figures = {"estimate_paths.svg", "estimate_residuals_heading.svg", "estimate_residuals_position.svg"}
+    assert {file.name for file in (written / "figures").iterdir()} == figures
+    drawn = (written / "figures" / "estimate_paths.svg").read_text(encoding="utf-8")
+    assert "a|b &lt;i&gt;$x$ `run` *1*" in drawn
+
+
+@pytest.mark.slow
+def test_paths_are_told_apart_without_colour(written: Path):
+    drawn = (written / "figures" / "estimate_paths.svg").read_text(encoding="utf-8")
+    dashes = set(re.findall(r"stroke-dasharray: ([^;\"]*)", drawn))
+    assert len(dashes) >= 2
+
+
+def test_warnings_come_first():
+    data = estimate()
+    data.update(converged=False, untold=["the logs do not tell track: fix it"], notes=["sensor_y is hidden"])
+    data["held_out"] = part(["apart"], 0.02, 0.03)
+    notices = section(data, "Summary").notices
+    assert notices[0].startswith("The search did not converge")
+    assert notices[1] == "The logs do not tell track: fix it."
+    assert "is worse: drift over 1 m of path, position error (RMS) and heading error (RMS)" in notices[2]
+    assert notices[3] == f"{ODD}: 1 gap in the inputs; the longest is 2 s from row 7."
+    assert notices[4] == "Sensor_y is hidden."
+
+
+def test_failed_tests_matter_where_error_bars_rest_on_them():
+    data = estimate()
+    data["covariance_kind"] = "bootstrap"
+    assert not any("white" in text for text in warnings(data))
+    data["covariance_kind"] = "information"
+    assert "Position residuals are not white: F⁻¹ promises too much." in warnings(data)
+
+
+def test_means_are_of_the_logs_that_have_the_number():
+    data = estimate()
+    data["held_out"] = None
+    data["left_out"][0]["before"][0]["rmse_heading"] = None
+    (text,) = gains(data)
+    assert text.startswith("Dead reckoning of each log, by the estimate from the others")
+    assert "position error (RMS) from 45.0 mm to 25.0 mm" in text
+    assert "heading error (RMS) from 2.29 deg to 1.15 deg" in text
+
+
+def test_hundreds_of_logs_stay_readable():
+    data = many()
+    for one in estimate_sections(data):
+        assert all(len(table_.rows) <= 18 for table_ in one.tables)
+    logs = section(data, "Logs")
+    names = [row[1] for row in table(logs, "Logs").rows]
+    assert names[:4] == ["drive_002", "drive_102", "drive_202", "drive_302"]
+    assert names[-1] == "and 385 more"
+    found = table(logs, "What was found").rows
+    assert [row[:3] for row in found] == [("pose jump", 4.0, True), ("stationary end", 400.0, False)]
+    left = table(section(data, "Logs that the estimate did not know"), "Each log by an estimate")
+    assert left.rows[0][0] == "drive_399"
+    assert [row[0] for row in left.rows[-2:]] == ["and 385 more, on average", "mean of all 400"]
+    (doubt,) = [text for text in warnings(data) if "jumps" in text]
+    assert doubt == "drive_002: the pose jumps once (and something alike in 3 other logs)."
+
+
+def test_segments_and_ways_to_errors_are_side_by_side():
+    made = section(estimate(), "What the error bars rest on")
+    errors = table(made, "Standard errors")
+    assert [column.title for column in errors.columns[2:]] == ["information", "sandwich", "bootstrap (used)"]
+    segments = table(made, "Size of the residuals")
+    assert [row[0] for row in segments.rows] == ["1 s", "2 s", "whole logs"]
+    assert [row[-1] for row in segments.rows] == ["", "chosen", ""]
+    assert "2 times those that F⁻¹ would promise" in made.paragraphs[1]
+
+
+def test_estimates_of_other_parameters_than_these_are_not_mistaken():
+    data = estimate()
+    data["left_out"][0]["parameters"] = [0.1, 0.2, 0.3]
+    made = section(data, "Logs that the estimate did not know")
+    assert not any(one.caption.startswith("Estimates without") for one in made.tables)
+
+
+def test_a_single_log_without_positions_leaves_sections_out():
+    titles = [one.title for one in estimate_sections(bare())]
+    assert titles == ["Summary", "What the error bars rest on", "Logs", "Provenance"]
+
+
+def test_residuals_are_drawn_in_units_that_suit_them():
+    position, heading = residuals_of(estimate())
+    assert (position.unit, heading.unit) == ("mm", "deg")
+    assert position.at_rest == pytest.approx(0.6)
+    assert list(position.quantities) == ["x", "y"]
+    windows = residuals_of({**estimate(), "method": "gls"})[0]
+    assert windows.at_rest is None
+    normal, found = position.against_normal()
+    assert np.all(np.diff(normal) > 0)
+    assert np.all(np.diff(found) >= 0)
+
+
+@pytest.mark.parametrize(
+    ("error", "decimals"), [(0.013, 3), (0.0996, 2), (41.0, 0), (0.0, None), (None, None), (math.inf, None)]
+)
+def test_decimals_go_down_to_the_errors_second_digit(error: float | None, decimals: int | None):
+    assert decimals_of(error) == decimals
+
+
+def test_numbers_are_read_easily():
+    assert to_error(0.0418519676, 1.2884e-05, 1e3) == "41.852"
+    assert to_error(None, 1.0) == "–"
+    assert to_error(1.0, None) == "1.0000"
+    assert error_text(3e9) == "3.0e9"
+    assert span_text(None, 1.0, 0.1, 1.0) == "–"
+    assert size_text(0.0452, "m") == "45.2 mm"
+    assert size_text(3.25, "m") == "3.25 m"
+    assert size_text(0.0, "m") == "0 mm"
+    assert [lasting(one) for one in (48.2, 416.0, 11100.0)] == ["48.2 s", "6 min 56 s", "3 h 5 min"]
+
+
+def test_the_design_report_beside_it_is_left_alone(tmp_path: Path):
+    (tmp_path / "report.html").write_text("design", encoding="utf-8")
+    write_estimate(bare(), tmp_path)
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == "design"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["estimate.html", "estimate.md", "report.html"]
+
+
+def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
+    data = estimate()
+    data["notes"] = ["sensor_y is hidden"]
+    print_estimate(data)
+    lines = capsys.readouterr().out
+    row = next(line for line in lines.splitlines() if line.startswith("wheel radius"))
+    assert row.split()[2:6] == ["mm", "42", "41.852", "0.013"]
+    assert row.endswith("41.826 to 41.878      -0.352")
+    text = " ".join(lines.split())
+    assert "standard errors: bootstrap, from segments of 2 s (70 in all); longer ones drift" in text
+    assert "wheels' clock ahead of the poses': first +213 ms" in text
+    assert "position error (RMS) from 45.2 mm to 21.0 mm" in text
+    assert "warning: a|b <i>$x$ `run` *1*: 1 gap in the inputs" in text
+    assert "note: Sensor_y is hidden." in text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_console_copes_with_what_is_missing(kind: str, capsys: pytest.CaptureFixture[str]):
+    data = KINDS[kind]()
+    before = copy.deepcopy(data)
+    print_estimate(data)
+    assert not {"nan", "None", "NaN"} & set(re.findall(r"[A-Za-z]+", capsys.readouterr().out))
+    assert data == before

@@ -1,0 +1,106 @@
+"""Driven paths scored like designs: the log of a design is worth the design."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from driven_robot import write_log
+
+from oed.driven import score_logs, score_path
+from oed.errors import LogError
+from oed.evaluation import evaluate
+from oed.record import Record, drive_of
+from oed.runner import run
+from oed.study import Study, parse_study
+
+STUDY = """
+format: 1
+name: A robot in a room
+robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
+trajectory:
+  duration: 20 s
+  samples: 40
+  spline: {degree: 3, coefficients: 10}
+  start: {x: 0 m, y: 0 m, heading: 0 deg}
+measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
+limits:
+  wheel_speed: 6 rad/s
+  wheel_acceleration: 10 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+solvers: []
+baselines: [square, figure_eight]
+log: {}
+seed: 1
+"""
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return parse_study(STUDY)
+
+
+@pytest.fixture(scope="module")
+def saved(study: Study, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("designs")
+    run(study, folder, workers=1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def record(study: Study) -> Record:
+    return run(study, workers=1)
+
+
+def log_of(study: Study, record: Record, name: str, path: Path) -> Path:
+    return write_log(path, study.problem, drive_of(record.result(name)), {})
+
+
+def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
+    trajectory = drive_of(record.result("square"))
+    found = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved)
+    # The log is moved to its first motion, so that its last periods differ from the drive's by standing.
+    assert found.first.entry["objective"] == pytest.approx(
+        evaluate(study.problem, trajectory).objective, rel=0.05
+    )
+    best = record.best
+    assert found.best == (best["name"], best["objective"])
+    assert found.first.share_of_best == pytest.approx(found.first.entry["objective"] / best["objective"])
+    assert found.bound >= best["objective"]
+    assert 0 < found.first.share_of_bound <= found.first.share_of_best
+
+
+def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path):
+    path = log_of(study, record, "square", tmp_path / "log.csv")
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    more = [[str(float(row[0]) + 20.0), *row[1:]] for row in rows[1:]]
+    path.write_text("\n".join(",".join(row) for row in [*rows[:-1], *more]) + "\n")
+    found = score_logs(study, [path])
+    assert [one.name for one in found.paths] == ["log part 1", "log part 2"]
+    assert found.best is None
+
+
+def test_a_path_file_is_scored_as_it_is(study, record, saved):
+    found = score_path(study, saved / "figure_eight.csv", saved)
+    assert found.first.entry["objective"] == pytest.approx(record.result("figure_eight")["objective"])
+    assert found.first.share_of_best is not None
+
+
+def test_records_of_other_problems_are_not_compared_with(study, saved):
+    other = parse_study(STUDY.replace("33 mm", "34 mm"))
+    assert score_path(other, saved / "square.csv", saved).first.share_of_best is None
+
+
+def test_a_robot_that_never_moves(study, tmp_path):
+    rows = ["t,wheel_speed_right,wheel_speed_left,x,y,heading"]
+    rows += [f"{0.1 * k},0,0,0,0,0" for k in range(50)]
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    with pytest.raises(LogError, match=r"never (turn|moves)"):
+        score_logs(study, [tmp_path / "log.csv"])
+
+
+def test_shares_are_plain_data(study, record, saved, tmp_path):
+    data = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved).data
+    assert data["worth"][0]["name"] == "log"
+    assert np.isfinite(data["upper_bound"])

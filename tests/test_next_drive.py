@@ -1,0 +1,123 @@
+"""The loop on a simulated robot: drive, estimate, drive again, until the parameters are as sure as wanted."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from driven_robot import write_log
+
+from oed.errors import UserMistake
+from oed.estimation import estimate
+from oed.next_drive import next_drive
+from oed.record import Record, drive_of
+from oed.runner import run
+from oed.study import Study, load_study, parse_study
+
+STUDY = """
+format: 1
+name: A robot in a room
+robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
+trajectory:
+  duration: 20 s
+  samples: 50
+  spline: {degree: 3, coefficients: 10}
+  start: {x: 0 m, y: 0 m, heading: 0 deg}
+measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
+limits:
+  wheel_speed: 6 rad/s
+  wheel_acceleration: 10 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
+baselines: [square]
+seed: 1
+"""
+TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
+TARGETS = {"wheel_radius_right": "0.2 %", "wheel_radius_left": "0.2 %", "track": "0.3 %"}
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return parse_study(STUDY)
+
+
+@pytest.fixture(scope="module")
+def designed(study: Study) -> Record:
+    return run(study, workers=1)
+
+
+def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.random.Generator) -> Path:
+    trajectory = drive_of(record.result(name))
+    return write_log(path, study.problem, trajectory, TRUTH, rng)
+
+
+def errors(found) -> dict[str, float]:
+    return {entry["name"]: entry["standard_error"] / entry["value"] for entry in found.parameters}
+
+
+@pytest.mark.slow
+class TestLoop:
+    def test_reaches_the_precision_in_fewer_runs_than_repeating_squares(self, study, designed, tmp_path):
+        rng, logs, record = np.random.default_rng(3), [], designed
+        for runs in range(1, 6):
+            logs.append(drive(study, record, None, tmp_path / f"drive_{runs}.csv", rng))
+            found = next_drive(designed, logs, targets=TARGETS, least_gain=0.0, workers=1)
+            if found.stop:
+                break
+            record = found.record
+        assert found.stop
+        assert found.record is None
+        assert "as precise as wanted" in found.reason
+        for name, value in found.estimate.values.items():
+            assert value == pytest.approx(TRUTH[name], rel=5 * float(TARGETS[name][:-1]) / 100)
+
+        rng = np.random.default_rng(3)
+        squares = [
+            drive(study, designed, "square", tmp_path / f"square_{n}.csv", rng) for n in range(3 * runs)
+        ]
+        repeated = errors(estimate(study, squares))
+        assert any(repeated[name] > float(size[:-1]) / 100 for name, size in TARGETS.items())
+
+    def test_predicts_what_the_next_drive_brings(self, study, designed, tmp_path):
+        rng = np.random.default_rng(5)
+        first = drive(study, designed, None, tmp_path / "first.csv", rng)
+        found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
+        assert not found.stop
+        assert 0.05 < found.gain < 0.9
+        for entry in found.precision:
+            assert entry["next"] < entry["now"]
+        second = drive(study, found.record, None, tmp_path / "second.csv", rng)
+        after = errors(estimate(study, [first, second]))
+        for entry in found.precision:
+            # The log estimates the sensor's place and the clocks along, which the design takes as known.
+            assert 0.6 < after[entry["name"]] * entry["value"] / entry["next"] < 2.0
+        assert json.loads((tmp_path / "next" / "next.json").read_text())["stop"] is False
+        again = load_study(tmp_path / "next" / "next.yaml")
+        assert again.problem.model.nominal == pytest.approx(list(found.estimate.values.values()))
+        assert again.problem.prior is not None
+
+    def test_stops_where_another_drive_gains_little(self, study, designed, tmp_path):
+        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        found = next_drive(designed, [log], least_gain=0.9, workers=1)
+        assert found.stop
+        assert "less than 90.0%" in found.reason
+
+
+class TestMistakes:
+    def test_target_for_what_is_not_estimated(self, study, designed, tmp_path):
+        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        with pytest.raises(UserMistake, match="--target wheelbase: expected one of wheel_radius_right"):
+            next_drive(designed, [log], targets={"wheelbase": "1 mm"})
+
+    @pytest.mark.parametrize("size", ["1 deg", "0 mm", "-1 %", "much"])
+    def test_target_that_is_no_size(self, study, designed, tmp_path, size):
+        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        with pytest.raises(UserMistake, match="--target track: expected"):
+            next_drive(designed, [log], targets={"track": size})
+
+    def test_coefficients_have_no_nominal_values(self, designed, tmp_path):
+        data = {**designed.data, "study": {**designed.data["study"], "estimate": ["c11", "c12"]}}
+        with pytest.raises(UserMistake, match="estimates c11, c12"):
+            next_drive(Record(data), [tmp_path / "drive.csv"])
