@@ -1,12 +1,13 @@
 """Calibration: from logs of real drives to parameters with honest error bars."""
 
-from oed.calibration.calibrate import Calibration, calibrate, sensor_place, stated_noise
+from oed.calibration.calibrate import Calibration, calibrate
 from oed.calibration.covariance import Covariance
 from oed.calibration.diagnostics import Diagnostic, correlations
 from oed.calibration.left_out import HeldOut
 from oed.calibration.noise import Noise
 from oed.calibration.options import CalibrationOptions
 from oed.calibration.reckoning import Reckoning, reckoned
+from oed.calibration.stated import Mount, stated_mount, stated_noise
 
 __all__ = [
     "Calibration",
@@ -14,11 +15,12 @@ __all__ = [
     "Covariance",
     "Diagnostic",
     "HeldOut",
+    "Mount",
     "Noise",
     "Reckoning",
     "calibrate",
     "correlations",
     "reckoned",
-    "sensor_place",
+    "stated_mount",
     "stated_noise",
 ]

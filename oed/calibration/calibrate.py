@@ -10,26 +10,21 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.clocks import clock_offsets
 from oed.calibration.covariance import Covariance, blocks_of, bootstrap, information, sandwich
 from oed.calibration.diagnostics import Diagnostic, diagnostics
 from oed.calibration.joint import Fit, JointSearch, Knowledge
-from oed.calibration.layout import Layout, cut, stretches
+from oed.calibration.layout import Layout, cut
 from oed.calibration.left_out import HeldOut, held_out, leave_out
-from oed.calibration.motion import Moves
 from oed.calibration.noise import Noise, group_of
 from oed.calibration.options import CalibrationOptions
+from oed.calibration.ready import ReadyLogs, ready
 from oed.calibration.segmenting import Segmenting, longest_without_drift
-from oed.calibration.suspicion import poorly_explained, suspicion
+from oed.calibration.stated import Mount, stated_mount, stated_noise
 from oed.calibration.unknowns import Unknowns
 from oed.calibration.untold import untold
 from oed.calibration.window_fit import window_fit
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.logs.log import Log
-from oed.measurements.measurement import Measurement
-from oed.measurements.poses import Poses
-from oed.measurements.sensor import PlacedSensor
-from oed.measurements.several import sensors_of
 from oed.models.coefficient_robot import coefficient_values
 from oed.models.model import Integration, Model
 from oed.problem import Problem, prior_of
@@ -44,6 +39,13 @@ LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
 TOLD = 1e-8
 """Share of what is told of a parameter alone, below which the sensor's place hides it."""
+FEWEST_BLOCKS = 4
+"""Blocks that do not overlap, without which neither sandwich nor bootstrap means anything."""
+ASKEW = 0.5
+"""Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
+TOO_SHORT = (
+    "the logs drift, and are too few and short for more than F^-1: true errors may be several times as large"
+)
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
@@ -151,31 +153,37 @@ class _Work:
     told: Callable[[str], None]
 
     def calibration(self, apart: tuple[Log, ...]) -> Calibration:
-        _require_alike(self.logs)
-        _require_motion((*self.logs, *apart))
-        logs, offsets = self._on_one_clock(self.logs)
-        unknowns, notes = self._unknowns(logs), list[str]()
+        self.told("comparing wheels and poses")
+        found, other = self._ready(self.logs), self._ready(apart) if apart else None
+        if other is not None and not _reckonable(other.logs):
+            text = "dead reckoning needs positions to compare with"
+            raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
+        unknowns, notes = self._unknowns(found), list[str]()
         self.told("fitting")
-        segmenting, fit = self._fitted(logs, offsets, unknowns)
+        segmenting, fit = self._fitted(found, unknowns)
+        _require_enough(fit)
         hidden = _hidden_by_place(fit)
         if hidden:
             notes.append(f"{', '.join(hidden)} cannot be told from the parameters: taken as the study has it")
-            unknowns = replace(unknowns, place=tuple(set_ for set_ in unknowns.place if set_ not in hidden))
-            segmenting, fit = self._fitted(logs, offsets, unknowns)
+            unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
+            segmenting, fit = self._fitted(found, unknowns)
         self.told("error bars")
         covariances = self._covariances(fit, segmenting)
+        if covariances[0].name == "information" and segmenting is not None and segmenting.drifts:
+            notes.append(TOO_SHORT)
         self.told("checks")
+        logs = _with_clocks(found.logs, fit)
         return Calibration(
             robot=self.problem.robot,
             integration=self._integration,
             fit=fit,
             covariances=covariances,
             segmenting=segmenting,
-            logs=_with_clocks(logs, fit),
+            logs=logs,
             diagnostics=diagnostics(fit, stated_noise(self.problem.measurement)),
             untold=untold(fit, covariances[0].matrix),
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
-            held_out=self._held_out(apart, fit),
+            held_out=None if other is None else self._held_out(other, fit),
             notes=(*notes, *fit.notes),
         )
 
@@ -183,49 +191,31 @@ class _Work:
     def _integration(self) -> Integration:
         return self.problem.design.integration
 
-    def _on_one_clock(self, logs: tuple[Log, ...]) -> tuple[tuple[Log, ...], Array]:
-        # What is plainly wrong is refused; the clocks' offsets come by file.
-        self.told("comparing wheels and poses")
-        moves = Moves.of(self.problem.robot, self._integration, logs)
-        files = moves.layout.clocks
-        offsets = clock_offsets(moves) if self.options.clock_offset else np.zeros(len(files))
-        flaws, doubts = [], dict[str, str]()
-        for index, file in enumerate(files):
-            own = moves.within(moves.layout.clock == index)
-            wrong = suspicion(own, offsets)
-            if wrong is not None:
-                flaws.append(FileFlaw(file, 0, 0, "", wrong))
-                continue
-            left = poorly_explained(own, offsets)
-            if left is not None:
-                doubts[file] = f"the wheels leave {left:.0%} of the measured motion unexplained"
-        if flaws:
-            raise LogError(flaws)
-        found = tuple(
-            log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
-            for log in logs
-        )
-        return found, offsets
+    def _ready(self, logs: Sequence[Log]) -> ReadyLogs:
+        return ready(self.problem.robot, self._integration, logs, compare_clocks=self.options.clock_offset)
 
-    def _unknowns(self, logs: tuple[Log, ...]) -> Unknowns:
-        robot, problem = self.problem.robot, self.problem
+    @cached_property
+    def _mount(self) -> Mount:
+        return stated_mount(self.problem.measurement)
+
+    def _unknowns(self, found: ReadyLogs) -> Unknowns:
+        robot, mount = self.problem.robot, self._mount
         known = tuple(parameter.name for parameter in robot.parameters)
-        sits = sensor_place(problem.measurement)
-        place = [name for name in self.options.sensor_place if name in _told_places(logs[0].quantities)]
-        if any(sits):
-            place = [name for name in place if name == "sensor_heading"]
-        clocks = len({log.file for log in logs}) if self.options.clock_offset else 0
-        return Unknowns(robot, problem.estimate or known, tuple(place), clocks, sits)
+        free = [name for name in self.options.sensor_place if name in _told_places(found.logs[0].quantities)]
+        if mount.fixed:
+            free = [name for name in free if name == "sensor_heading"]
+        clocks = len(found.files) if self.options.clock_offset else 0
+        # A sensor that looks backwards is found from there only.
+        turned = found.mounting if "sensor_heading" in free and abs(found.mounting) > ASKEW else 0.0
+        sits = (*mount.sits[:2], turned)
+        return Unknowns(robot, self.problem.estimate or known, tuple(free), clocks, sits)
 
-    def _fitted(
-        self, logs: tuple[Log, ...], offsets: Array, unknowns: Unknowns
-    ) -> tuple[Segmenting | None, Fit]:
-        files = list(dict.fromkeys(log.file for log in logs))
-        clocks = [float(offsets[files.index(log.file)]) for log in logs]
+    def _fitted(self, ready_logs: ReadyLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
+        logs, offsets = ready_logs.logs, ready_logs.offsets
         last: list[Array] = []
 
         def layout(seconds: float) -> Layout:
-            return cut(logs, seconds, clocks)
+            return cut(logs, seconds, ready_logs.clocks)
 
         def fit(segments: Layout) -> Fit:
             found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
@@ -269,6 +259,8 @@ class _Work:
         count = len(unknowns.parameters)
         loose = LOOSE * unknowns.scale
         loose[count:] = LOOSE_PLACE
+        for index, name in enumerate(unknowns.place):
+            loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
         matrix = np.diag(loose**-2)
         if self.problem.prior is not None:
@@ -284,8 +276,9 @@ class _Work:
         block = None if self.options.block == "auto" else float(self.options.block)
         blocks, rng = blocks_of(fit, block), np.random.default_rng(self.seed)
         found = [information(fit)]
-        # From a handful of parts their disagreement cannot be judged.
-        if blocks.independent > fit.unknowns.size:
+        # From very few parts their disagreement cannot be judged.
+        common = fit.unknowns.size - fit.unknowns.clocks
+        if blocks.independent >= FEWEST_BLOCKS and len(blocks.ranges) > common:
             found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
         wanted = self.options.covariance
         if wanted == "auto":
@@ -298,37 +291,9 @@ class _Work:
             raise ProblemError([Flaw(("calibration", "covariance"), text)])
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
-    def _held_out(self, apart: tuple[Log, ...], fit: Fit) -> HeldOut | None:
-        if not apart:
-            return None
-        if not _reckonable(apart):
-            raise LogError(
-                [FileFlaw(apart[0].file, 0, 0, "", "dead reckoning needs positions to compare with")]
-            )
-        logs, offsets = self._on_one_clock(apart)
-        files = list(dict.fromkeys(log.file for log in logs))
-        clocks = [float(offsets[files.index(log.file)]) for log in logs]
+    def _held_out(self, apart: ReadyLogs, fit: Fit) -> HeldOut:
         parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
-
-
-def stated_noise(measurement: Measurement) -> dict[str, Noise]:
-    """The noise of absolute poses that a measurement states, by kind of reading."""
-    found = {}
-    for sensor in sensors_of(measurement):
-        if not isinstance(sensor, Poses) or sensor.noise.covariance is not None:
-            continue
-        for quantity in sensor.quantities:
-            size = sensor.noise.deviation(quantity)
-            if size is not None:
-                found[group_of(quantity)] = Noise(size, sensor.noise.per_speed(quantity))
-    return found
-
-
-def sensor_place(measurement: Measurement) -> tuple[float, float, float]:
-    """Where the study says that the pose sensor sits: ahead, to the left [m], not turned."""
-    placed = [one for one in sensors_of(measurement) if isinstance(one, PlacedSensor)]
-    return (placed[0].lever_arm.x, placed[0].lever_arm.y, 0.0) if placed else (0.0, 0.0, 0.0)
+        return held_out(self.problem.robot, self._integration, apart.logs, parameters, place, apart.clocks)
 
 
 def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
@@ -352,28 +317,15 @@ def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
     return tuple(name for name, share in zip(names, shares, strict=True) if share > 1e-3)
 
 
-def _require_alike(logs: tuple[Log, ...]) -> None:
-    first = logs[0]
-    flaws = [
-        FileFlaw(
-            log.file,
-            0,
-            0,
-            "",
-            f"holds {', '.join(log.quantities)}, {first.name} {', '.join(first.quantities)}",
-        )
-        for log in logs
-        if log.quantities != first.quantities
-    ]
-    if flaws:
-        raise LogError(flaws)
-
-
-def _require_motion(logs: tuple[Log, ...]) -> None:
-    text = "no poses while the wheels are logged; do the two clocks begin together?"
-    flaws = [FileFlaw(log.file, 0, 0, "", text) for log in logs if not stretches(log, 0.0)]
-    if flaws:
-        raise LogError(flaws)
+def _require_enough(fit: Fit) -> None:
+    # As many unknowns as readings fit anything without error.
+    told, starts = int(fit.layout.valid.sum()), fit.layout.count
+    readings, states = told * len(fit.layout.quantities), starts * fit.starts.shape[1]
+    if fit.motions:
+        readings, states = starts * len(fit.layout.quantities), 0
+    if readings <= states + fit.unknowns.size:
+        text = f"{readings} readings cannot tell {states + fit.unknowns.size} unknowns; log more poses"
+        raise LogError([FileFlaw(fit.layout.logs[0].file, 0, 0, "", text)])
 
 
 def _reckonable(logs: Sequence[Log]) -> bool:

@@ -8,11 +8,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student
 
-from oed.calibration.joint import Fit, inverse_of_told
+from oed.calibration.joint import Fit, inverse_of_sum
 from oed.calibration.options import CovarianceName
 
 Array = npt.NDArray[np.float64]
 
+PARTS = 5
+"""Blocks that a log is cut into, where logs are few."""
+ENOUGH_LOGS = 8
+"""Logs from which on each is a block by itself: what goes wrong in a run may last as long as the run."""
 LEVEL = 0.95
 """Of intervals."""
 
@@ -58,14 +62,19 @@ class Blocks:
 
 
 def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
-    """The blocks of a fit's segments, about `seconds` long; by default a fifth of each log."""
+    """The blocks of a fit's segments, about `seconds` long; by default whole logs where there are enough of
+    them, else a fifth of each log.
+    """
     owner, layout = fit.layout.owner, fit.layout
     lengths = layout.times[:, -1] - layout.times[:, 0]
     ranges, sizes, independent = [], [], 0
-    for log in np.unique(owner):
+    numbers = np.unique(owner)
+    parts = 1 if len(numbers) >= ENOUGH_LOGS and seconds is None else PARTS
+    for log in numbers:
         own = np.flatnonzero(owner == log)
-        share = len(own) / 5 if seconds is None else seconds / max(float(np.median(lengths[own])), 1e-9)
-        size = int(np.clip(round(share), 1, max(1, len(own) // 2)))
+        share = len(own) / parts if seconds is None else seconds / max(float(np.median(lengths[own])), 1e-9)
+        most = len(own) if parts == 1 else max(1, len(own) // 2)
+        size = int(np.clip(round(share), 1, most))
         ranges += [(own[0] + first, own[0] + first + size) for first in range(len(own) - size + 1)]
         sizes.append(size)
         independent += len(own) // size
@@ -91,7 +100,7 @@ def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
         product = scores[lag:][same].T @ scores[:-lag][same]
         middle += (1 - lag / blocks.length) * (product + product.T)
     few = blocks.independent / max(blocks.independent - 1, 1)
-    inverse = fit.inverse
+    inverse = inverse_of_sum(fit.curvature.sum(axis=0), fit.knowledge)
     # What was known before is as uncertain as it says.
     matrix = inverse @ (few * middle + fit.knowledge) @ inverse
     return Covariance(matrix, blocks.independent - 1, "sandwich")
@@ -104,7 +113,7 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     the Gauss-Newton step to the solution of its own normal equations.
     """
     sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
-    information = _sums(fit.information, blocks.ranges)
+    curvature = _sums(fit.curvature, blocks.ranges)
     scores = _sums(fit.scores, blocks.ranges)
     draws = round(len(fit.scores) / float(sizes.mean()))
     # At the solution what was known before pulls as hard as all scores together.
@@ -112,8 +121,8 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     found = np.empty((replicates, fit.scores.shape[1]))
     for index in range(replicates):
         chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
-        matrix = information[chosen].sum(axis=0) + fit.knowledge
-        found[index] = inverse_of_told(matrix) @ (scores[chosen].sum(axis=0) + pull)
+        inverse = inverse_of_sum(curvature[chosen].sum(axis=0), fit.knowledge)
+        found[index] = inverse @ (scores[chosen].sum(axis=0) + pull)
     few = blocks.independent / max(blocks.independent - 1, 1)
     # What was known before is as uncertain as it says; no drawing of blocks shows that.
     before = fit.inverse @ fit.knowledge @ fit.inverse

@@ -13,17 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.bands import banded, factor, whitened
-from oed.calibration.joint import Fit, Knowledge, inverse_of_told
+from oed.calibration.joint import Fit, Knowledge, inverse_of_sum
 from oed.calibration.noise import Noise
 from oed.calibration.search import no_knowledge, solved
-from oed.calibration.window_noise import OF_POSES, PARTS, Course, Likelihood
+from oed.calibration.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.calibration.windows import Motions, Windows, pose_variances, require_windows
 
 Array = npt.NDArray[np.float64]
 
 ROUNDS = 15
 """How often parameters and variances are found in turn at most."""
-CLOSE = 1e-3
+CLOSE = 0.01
 """Change of the unknowns, in standard errors, at which they have settled."""
 ROUGH = 0.01
 """Noise thought of at first [m, rad]: only the ratio matters."""
@@ -37,11 +37,13 @@ class WeighedWindows:
         windows: with what is to be estimated.
         known: of it from before.
         stated: noise of the poses that is not to be estimated; drift always is.
+        grows: whether noise of poses may grow with speed.
     """
 
     windows: Windows
     known: Knowledge | None = None
     stated: Mapping[str, Noise] | None = None
+    grows: bool = True
 
     def fit(self) -> Fit:
         """The solution, from the nominal values.
@@ -79,7 +81,10 @@ class WeighedWindows:
         # The parts of the variance, and the motions' covariance as a band.
         motions, scale = self.windows.motions(values), self.windows.unknowns.scale
         course = Course(motions.path, self.windows.layout.steps, self.windows.linked)
-        parts, fixed = course.parts, np.zeros(course.parts.shape[1:])
+        parts = course.parts
+        fixed = np.zeros(parts.shape[1:])
+        if not self.grows:
+            parts[TIMING] = 0.0
         if self.stated is not None:
             variances = pose_variances(self.stated, self.windows.speeds(motions.path))
             parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
@@ -104,7 +109,7 @@ class WeighedWindows:
         rows = whitened(root, _flat(motions.slopes)).reshape(-1, 3, size)
         white = whitened(root, motions.residuals.reshape(-1, 1)).reshape(-1, 3)
         information = np.einsum("sia,sib->sab", rows, rows)
-        inverse = inverse_of_told(information.sum(axis=0) + self._known.information)
+        inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
         leverage = np.einsum("sia,ab,sib->si", rows, inverse, rows)
         return Fit(
             unknowns=windows.unknowns,
@@ -136,9 +141,9 @@ class WeighedWindows:
         ahead, sideways, by_path, by_turning = np.sqrt(variances[-(len(PARTS) - OF_POSES) :])
         length = np.hypot(*np.moveaxis(np.diff(motions.path, axis=1)[..., :2], -1, 0)).sum()
         text = (
-            f"drift, as the windows show it beside the noise of poses: {1e3 * ahead:.2g} mm ahead, "
-            f"{1e3 * sideways:.2g} mm sideways and {np.degrees(by_path):.2g} deg after 1 m, "
-            f"{np.degrees(by_turning):.2g} deg after 1 rad of turning; it grows with the root of either"
+            f"drift, as the windows show it beside the noise of poses: {1e3 * ahead:.1f} mm ahead, "
+            f"{1e3 * sideways:.1f} mm sideways and {np.degrees(by_path):.2f} deg after 1 m, "
+            f"{np.degrees(by_turning):.2f} deg after 1 rad of turning; it grows with the root of either"
         )
         return (text,) if length > 0 else ()
 

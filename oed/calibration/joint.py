@@ -28,6 +28,8 @@ STEPS = 40
 """Gauss-Newton steps at most."""
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
+NEAR = 0.01
+"""Share of its standard error that an unknown may be off where rounding ends the search."""
 HALVINGS = 8
 """How often a step that makes the misfit worse is halved."""
 CLOCK_STEP = 1e-3
@@ -66,6 +68,7 @@ class Fit:
         converged: whether the last step was small.
         motions: whether segments are windows, each of which shows but one motion, between its ends.
         notes: what else was found, in words.
+        bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
     """
 
     unknowns: Unknowns
@@ -85,6 +88,7 @@ class Fit:
     converged: bool
     motions: bool = False
     notes: tuple[str, ...] = ()
+    bend: float = 1.0
 
     @property
     def predicted(self) -> Array:
@@ -98,8 +102,13 @@ class Fit:
 
     @cached_property
     def inverse(self) -> Array:
-        """F^-1 (q, q) on the directions that are told; 0 on the others."""
-        return inverse_of_told(self.total)
+        """F^-1 (q, q), what was known before included."""
+        return inverse_of_sum(self.information.sum(axis=0), self.knowledge)
+
+    @property
+    def curvature(self) -> Array:
+        """Of the misfit by every segment, SI, (S, q, q): what a change of the scores is divided by."""
+        return self.bend * self.information
 
     @property
     def clock_offsets(self) -> Array:
@@ -122,6 +131,20 @@ def inverse_of_told(matrix: Array) -> Array:
     told, eigenvalues, vectors, scale = told_directions(matrix, np.diag(matrix))
     inverse = np.where(told, 1 / np.where(told, eigenvalues, 1.0), 0.0)
     return np.asarray((vectors * inverse) @ vectors.T / np.outer(scale, scale))
+
+
+def inverse_of_sum(information: Array, known: Array) -> Array:
+    """(F + K)^-1 of information F and knowledge from before K, both (q, q).
+
+    Seen in units of K nothing is too small to be inverted, however much more F tells of the rest.
+    """
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(known))
+    except np.linalg.LinAlgError:
+        return inverse_of_told(information + known)
+    eigenvalues, vectors = np.linalg.eigh(root @ information @ root.T)
+    back = root.T @ vectors
+    return np.asarray(back / (1 + np.clip(eigenvalues, 0.0, None)) @ back.T)
 
 
 @dataclass(frozen=True)
@@ -157,10 +180,12 @@ class JointSearch:
         for step in range(STEPS):
             state = self._weighed(state, self._noises(state.fit))
             following = self._advanced(state)
+            # A step that cannot be made shorter any more is no arrival, but the end all the same.
+            stuck = following is state
             change = np.abs((following.fit.values - state.fit.values) / self.unknowns.scale).max(initial=0.0)
             state = following
             if change < CLOSE and step > 1:
-                converged = True
+                converged = not stuck or self._near(state)
                 break
         return replace(self._weighed(state, self._noises(state.fit)).fit, converged=converged)
 
@@ -178,7 +203,7 @@ class JointSearch:
         def paths(starts: Array) -> Array:
             return self._readings(starts, inputs, self.layout.steps, parameters, place)
 
-        return first_starts(self.unknowns.robot, self.layout, paths)
+        return first_starts(self.unknowns.robot, self.layout, paths, place)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
@@ -213,7 +238,10 @@ class JointSearch:
         present = self.layout.valid[..., None]
         size = deviations(noises, self.layout.quantities, speeds)
         white = np.where(present, residuals / size, 0.0)
-        weights = robust_loss(self.loss, (white**2).ravel())[1].reshape(white.shape)
+        squares = (white**2).ravel()
+        _, slope, second = robust_loss(self.loss, squares)
+        weights = slope.reshape(white.shape)
+        bends = (slope + 2 * squares * second).reshape(white.shape)
         root = np.where(present, np.sqrt(weights), 0.0) / size
         rows, beside, misfit = (
             _flat(slopes * root[..., None]),
@@ -224,7 +252,7 @@ class JointSearch:
         information = np.einsum("sia,sib->sab", projected, projected)
         scores = np.einsum("sia,si->sa", projected, misfit)
         known = np.zeros((self.unknowns.size,) * 2) if self.known is None else self.known.information
-        inverse = inverse_of_told(information.sum(axis=0) + known)
+        inverse = inverse_of_sum(information.sum(axis=0), known)
         leverage = taken + np.einsum("sia,ab,sib->si", projected, inverse, projected)
         return Fit(
             unknowns=self.unknowns,
@@ -242,6 +270,7 @@ class JointSearch:
             scores=scores,
             knowledge=known,
             converged=False,
+            bend=float((bends * present).sum() / max((weights * present).sum(), 1e-300)),
         )
 
     def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, Array]:
@@ -297,6 +326,12 @@ class JointSearch:
                 grows=self.grows,
             )
         return found
+
+    def _near(self, state: _State) -> bool:
+        # Whether the step left to go is a small share of the standard errors.
+        step = self._step(state)[0]
+        errors = np.sqrt(np.diag(state.fit.inverse))
+        return bool(np.all(np.abs(step) <= NEAR * errors))
 
     def _advanced(self, state: _State) -> _State:
         step, starts = self._step(state)

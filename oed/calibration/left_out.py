@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.joint import Fit, inverse_of_told
+from oed.calibration.joint import Fit, inverse_of_sum
 from oed.calibration.reckoning import Reckoning, reckoned
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
@@ -56,10 +56,10 @@ def _left_out(fit: Fit, integration: Integration, fold: npt.NDArray[np.int64]) -
 def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
     """The unknowns (q,) without the logs in `fold`, by one Gauss-Newton step from the whole solution."""
     kept = ~np.isin(fit.layout.owner, fold)
-    matrix = fit.information[kept].sum(axis=0) + fit.knowledge
+    inverse = inverse_of_sum(fit.curvature[kept].sum(axis=0), fit.knowledge)
     # At the solution what was known before pulls as hard as all scores together.
     pull = fit.scores[kept].sum(axis=0) - fit.scores.sum(axis=0)
-    return np.asarray(fit.values + inverse_of_told(matrix) @ pull)
+    return np.asarray(fit.values + inverse @ pull)
 
 
 def held_out(

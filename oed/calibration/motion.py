@@ -79,6 +79,20 @@ class Moves:
                 found["distance"] = np.abs(move)
         return found
 
+    def mounting(self, offsets: Array) -> float:
+        """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not tell.
+
+        Args:
+            offsets: of the clocks, (clocks,) [s].
+        """
+        measured = self.measured()
+        if "forward" not in measured:
+            return 0.0
+        predicted = self.predicted(offsets)
+        moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
+        rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
+        return -float(np.angle(np.vdot(own, rest))) if np.any(own) else 0.0
+
     def reversed(self, inputs: Array, place: int) -> Array:
         """Inputs with one of them negated."""
         signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
@@ -104,11 +118,14 @@ class Moves:
         return replace(self, layout=part)
 
 
-def unexplained(measured: dict[str, Array], predicted: dict[str, Array]) -> dict[str, float]:
+def unexplained(
+    measured: dict[str, Array], predicted: dict[str, Array], *, any_side: bool = False
+) -> dict[str, float]:
     """Share of what is measured that a prediction times its best factor leaves, by kind of move.
 
     The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves ahead
-    and to the left are those of a sensor anywhere on the robot, turned by less than a right angle.
+    and to the left are those of a sensor anywhere on the robot, turned by less than a right angle; with
+    `any_side` by any angle.
     """
     found: dict[str, float] = {}
     for name in ("turn", "distance"):
@@ -116,17 +133,23 @@ def unexplained(measured: dict[str, Array], predicted: dict[str, Array]) -> dict
             found[name] = _left(measured[name], predicted[name])
     if "forward" in measured and np.any(measured["forward"]) | np.any(measured["left"]):
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
-        found["distance"] = _left(moved, rolled, np.exp(1j * measured["turn"]) - 1)
+        found["distance"] = _left(moved, rolled, np.exp(1j * measured["turn"]) - 1, any_side=any_side)
     return found
 
 
-def _left(truth: Moved, guess: Moved, swing: Moved | None = None) -> float:
+def _left(truth: Moved, guess: Moved, swing: Moved | None = None, *, any_side: bool = False) -> float:
     # Least squares of truth by guess times a factor and, of a sensor off the origin, by its swing.
-    rest, own = truth, guess
-    if swing is not None and np.any(swing):
-        rest, own = (one - swing * (np.vdot(swing, one) / np.vdot(swing, swing)) for one in (truth, guess))
+    rest, own = (truth, guess) if swing is None else _without(swing, truth, guess)
     size = float(np.vdot(own, own).real)
     factor = complex(np.vdot(own, rest)) / size if size > 0 else 0j
-    ahead = factor / abs(factor) if factor.real > 0 else 1.0
-    factor = ahead * float(np.clip(abs(factor) if factor.real > 0 else 0.0, *GAINS))
+    believed = factor.real > 0 or (any_side and factor != 0)
+    along = factor / abs(factor) if believed else 1.0
+    factor = along * float(np.clip(abs(factor) if believed else 0.0, *GAINS))
     return float((np.abs(rest - factor * own) ** 2).sum() / (np.abs(truth) ** 2).sum())
+
+
+def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
+    # Moves with what a sensor off the origin adds by swinging around it taken out.
+    if not np.any(swing):
+        return moves
+    return tuple(one - swing * (np.vdot(swing, one) / np.vdot(swing, swing)) for one in moves)

@@ -111,13 +111,7 @@ def _stretches(
         readings = SegmentReadings(robot, integration, quantities, layout.count, layout.periods)
         return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
 
-    starts = first_starts(robot, layout, paths(log.quantities))
-    if "heading" in log.quantities:
-        starts[:, 2] -= place[2]
-    # The robot's origin stands off the sensor by the lever arm.
-    arm = (place[0] + 1j * place[1]) * np.exp(1j * starts[:, 2])
-    starts[:, 0] -= arm.real
-    starts[:, 1] -= arm.imag
+    starts = first_starts(robot, layout, paths(log.quantities), place)
     found = paths(("x", "y", "heading"))(starts)
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
     heading = read.get("heading", found[..., 2])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.joint import HALVINGS, STEPS, Knowledge, inverse_of_told
+from oed.calibration.joint import HALVINGS, STEPS, Knowledge, inverse_of_sum
 from oed.calibration.unknowns import Unknowns
 
 Array = npt.NDArray[np.float64]
@@ -19,8 +19,8 @@ WORSE = 1e-12
 """By how much rounding may make a misfit worse, relative to it."""
 
 Rows = Callable[[Array], tuple[Array, Array]]
-"""Of unknowns (q,): residuals in units of their noise (rows,), measured less predicted, and the derivatives of
-what is predicted (rows, q)."""
+"""Of unknowns (q,): residuals in units of their noise (rows,), measured less predicted, and the derivatives
+of what is predicted (rows, q)."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,8 @@ def _point(rows: Rows, values: Array, known: Knowledge) -> _Point:
 
 
 def _following(rows: Rows, point: _Point, known: Knowledge) -> _Point:
-    normal = point.slopes.T @ point.slopes + known.information
     gradient = point.slopes.T @ point.residuals + known.information @ (known.centre - point.values)
-    step = inverse_of_told(normal) @ gradient
+    step = inverse_of_sum(point.slopes.T @ point.slopes, known.information) @ gradient
     for halving in range(HALVINGS):
         tried = _point(rows, point.values + 0.5**halving * step, known)
         if tried.misfit <= point.misfit * (1 + WORSE):

@@ -13,7 +13,7 @@ from oed.models.model import Model
 Array = npt.NDArray[np.float64]
 
 
-def first_starts(robot: Model, layout: Layout, paths: Callable[[Array], Array]) -> Array:
+def first_starts(robot: Model, layout: Layout, paths: Callable[[Array], Array], place: Array) -> Array:
     """States (S, states) at which the segments begin, near enough for a search to start from.
 
     A heading that is not read is the one that turns the predicted path onto the positions best.
@@ -22,14 +22,19 @@ def first_starts(robot: Model, layout: Layout, paths: Callable[[Array], Array]) 
         robot: whose states they are.
         layout: the segments.
         paths: readings (S, n + 1, quantities) predicted for starts (S, states).
+        place: of the pose sensor: ahead, to the left [m], turned [rad], (3,).
     """
     starts = np.zeros((layout.count, len(robot.states)))
-    for place, name in enumerate(layout.quantities):
-        starts[:, robot.states.index(name)] = layout.readings[:, 0, place]
-    if "heading" in layout.quantities or not {"x", "y"} <= set(layout.quantities):
-        return starts
-    places = [layout.quantities.index("x"), layout.quantities.index("y")]
-    starts[:, 2] = _turns(paths(starts)[..., places], layout.readings[..., places], layout.valid)
+    for column, name in enumerate(layout.quantities):
+        starts[:, robot.states.index(name)] = layout.readings[:, 0, column]
+    if "heading" in layout.quantities:
+        starts[:, 2] -= place[2]
+    elif {"x", "y"} <= set(layout.quantities):
+        places = [layout.quantities.index("x"), layout.quantities.index("y")]
+        starts[:, 2] = _turns(paths(starts)[..., places], layout.readings[..., places], layout.valid)
+    # The robot's origin stands off the sensor by the lever arm.
+    arm = (place[0] + 1j * place[1]) * np.exp(1j * starts[:, 2])
+    starts[:, :2] -= np.column_stack([arm.real, arm.imag])
     return starts
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ BAD = 0.3
 """Share of the motion that may be left unexplained before anything is suspected."""
 BETTER = 0.3
 """A suspicion is raised where it leaves at most this share of what is left otherwise."""
+SIZES = (0.75, 0.85, 1.0, 1.15, 1.35)
+"""Factors of a wheel's size that are tried before anything else is suspected."""
 BARELY = {"turn": 0.02, "distance": 0.01}
 """Root mean square of moves [rad, m] below which they are taken for noise, or for what is not driven."""
 
@@ -32,8 +34,9 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
     if moves.layout.count < FEWEST:
         return None
     inputs = moves.layout.inputs(offsets)
-    as_given = _worst(moves, offsets, inputs)
-    if as_given < BAD:
+    # A sensor may look backwards; what is suspected instead has to do without such an excuse.
+    as_given = _worst(moves, offsets, inputs, any_side=True)
+    if as_given < BAD or _explained_by_other_sizes(moves, offsets, inputs):
         return None
     tried = [(_worst(moves, offsets, *what), text) for text, what in _possibilities(moves, inputs)]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
@@ -42,20 +45,40 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
     return None
 
 
+def _explained_by_other_sizes(moves: Moves, offsets: Array, inputs: Array) -> bool:
+    # Nominal sizes far off do as much harm on gentle turns as exchanged wheels: they are to be estimated.
+    driving = [place for place, entry in enumerate(moves.robot.inputs) if entry.drives]
+    for pair in combinations(driving, min(2, len(driving))):
+        for factors in product(SIZES, repeat=len(pair)):
+            scale = np.ones(inputs.shape[-1])
+            scale[list(pair)] = factors
+            if _worst(moves, offsets, inputs * scale, any_side=True) < BAD:
+                return True
+    return False
+
+
 def poorly_explained(moves: Moves, offsets: Array) -> float | None:
     """Share of the motion that the wheels do not explain, where it is too large to be believed."""
     measured = moves.measured()
     if "forward" in measured:
         measured = {**measured, "distance": np.hypot(measured["forward"], measured["left"])}
-    left = unexplained(moves.measured(), moves.predicted(offsets))
+    left = unexplained(moves.measured(), moves.predicted(offsets), any_side=True)
     sizes = {name: float(np.sqrt(np.mean(measured[name] ** 2))) for name in left}
     worst = max((share for name, share in left.items() if sizes[name] > BARELY[name]), default=0.0)
     return worst if worst >= BAD else None
 
 
-def _worst(moves: Moves, offsets: Array, inputs: Array, sign: float = 1.0, unit: float = 1.0) -> float:
+def _worst(
+    moves: Moves,
+    offsets: Array,
+    inputs: Array,
+    sign: float = 1.0,
+    unit: float = 1.0,
+    *,
+    any_side: bool = False,
+) -> float:
     predicted = moves.predicted(offsets, inputs)
-    return max(unexplained(moves.measured(sign, unit), predicted).values(), default=0.0)
+    return max(unexplained(moves.measured(sign, unit), predicted, any_side=any_side).values(), default=0.0)
 
 
 def _possibilities(moves: Moves, inputs: Array) -> Iterator[tuple[str, tuple[Array, float, float]]]:

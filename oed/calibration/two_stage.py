@@ -94,12 +94,15 @@ class TwoStage:
         return self.known or no_knowledge(self.windows.unknowns)
 
     @cached_property
-    def _seen_known(self) -> Array:
+    def _seen_known(self) -> Knowledge:
         # Of clocks and place alone: without it the clocks go astray where turns are steady.
-        own, names = self.windows.unknowns.names, self._seen.unknowns.names
-        sizes = dict(zip(own, np.diag(self._known.information), strict=True))
-        extra = names[len(self._seen.unknowns.parameters) :]
-        return np.diag([sizes[name] if name in extra else 0.0 for name in names])
+        own, seen = self.windows.unknowns.names, self._seen.unknowns
+        information, centre = np.zeros((seen.size,) * 2), np.zeros(seen.size)
+        for index in range(len(seen.parameters), seen.size):
+            place = own.index(seen.names[index])
+            information[index, index] = self._known.information[place, place]
+            centre[index] = self._known.centre[place]
+        return Knowledge(information, centre)
 
     def _coefficients(self) -> tuple[Array, list[_Solved]]:
         values, stages = Seen(self.windows.unknowns)(self.windows.unknowns.nominal)[0], []
@@ -124,7 +127,7 @@ class TwoStage:
             return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
 
         own = np.ix_(stage.columns, stage.columns)
-        known = Knowledge(self._seen_known[own], np.zeros(len(stage.columns)))
+        known = Knowledge(self._seen_known.information[own], self._seen_known.centre[stage.columns])
         found, _ = solved(rows, values[stage.columns], self._seen.unknowns.scale[stage.columns], known)
         return whole(found)
 
@@ -133,7 +136,7 @@ class TwoStage:
 
     def _rows(self, stage: _Stage, values: Array, size: float) -> tuple[Array, Array]:
         own = np.ix_(stage.columns, stage.columns)
-        return self._slopes(stage, values), self._seen_known[own] * size**2
+        return self._slopes(stage, values), self._seen_known.information[own] * size**2
 
     def _size(self, stage: _Stage, values: Array) -> float:
         # The standard deviation of a row: of what is left, or as stated for the poses at both ends.

@@ -62,11 +62,11 @@ class Unknowns:
 
     @property
     def nominal(self) -> Array:
-        """Nominal values; the rest 0."""
+        """Nominal values of the parameters and the place, clock offsets 0."""
         table = {parameter.name: parameter.nominal for parameter in self.robot.parameters}
-        return np.array(
-            [*(table[name] for name in self.parameters), *[0.0] * (self.size - len(self.parameters))]
-        )
+        places = dict(zip(PLACE, self.sits, strict=True))
+        own = [*(table[name] for name in self.parameters), *(places[name] for name in self.place)]
+        return np.array([*own, *[0.0] * self.clocks])
 
     @property
     def columns(self) -> list[int]:

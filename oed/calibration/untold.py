@@ -13,7 +13,7 @@ OPEN = 0.5
 """Relative standard error from which on a combination counts as not told."""
 PART = 0.1
 """Share of the largest from which on an unknown is part of a combination."""
-TIED = 0.98
+TIED = 0.995
 """Correlation from which on two estimates are told only together."""
 
 

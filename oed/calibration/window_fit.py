@@ -49,8 +49,9 @@ def window_fit(
         text = f"loss: {options.loss} bounds single readings, of which windows are made up; use method: joint"
         raise ProblemError([Flaw(("calibration", "loss"), text)])
     windows = Windows(layout(_seconds(options, layout)), unknowns, integration, offsets)
-    method = WeighedWindows if options.method == "gls" else TwoStage
-    return method(windows, known, stated).fit()
+    if options.method == "gls":
+        return WeighedWindows(windows, known, stated, grows=options.noise != "constant").fit()
+    return TwoStage(windows, known, stated).fit()
 
 
 def _seconds(options: CalibrationOptions, layout: Callable[[float], Layout]) -> float:

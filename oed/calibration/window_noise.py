@@ -21,14 +21,16 @@ Array = npt.NDArray[np.float64]
 PARTS = ("position", "heading", "timing", "ahead", "sideways", "turn_by_path", "turn_by_turning")
 """Parts of the variance: of a pose [m^2], [rad^2] and of when it was taken [s^2]; of drift ahead and sideways
 per path [m^2/m], of its turn per path [rad^2/m] and per turning [rad^2/rad]."""
-OF_POSES = 3
-"""How many of them are the poses'."""
+OF_POSES, TIMING = 3, 2
+"""How many of them are the poses', and which of those grows with speed."""
 TURNS = (1, 5, 6)
 """Those that show in turns most of all."""
 FIRST = 0.3
 """Share of the residuals' variance that every part is thought to have at first."""
 TOLD = 1e-12
 """Share of the largest eigenvalue below which a combination of unknowns is not told."""
+ENOUGH = 1e-6
+"""Relative change of the likelihood's logarithm at which its search has arrived."""
 SPREAD = (-14.0, 7.0)
 """How far the logarithm of a part may be from that of the residuals' variance."""
 
@@ -124,7 +126,14 @@ class Likelihood:
             value, slope = self.surprise(variances)
             return value, (slope * variances)[told]
 
-        found = minimize(surprise, start, jac=True, method="L-BFGS-B", bounds=[SPREAD] * len(start))
+        found = minimize(
+            surprise,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[SPREAD] * len(start),
+            options={"ftol": ENOUGH},
+        )
         unit[told] *= np.exp(found.x)
         return unit
 

@@ -100,6 +100,18 @@ class Windows:
 
     def motions(self, values: Array) -> Motions:
         """Residuals and derivatives at unknowns (q,)."""
+        key = values.tobytes()
+        if key not in self._remembered:
+            self._remembered.clear()
+            self._remembered[key] = self._motions(values)
+        return self._remembered[key]
+
+    @cached_property
+    def _remembered(self) -> dict[bytes, Motions]:
+        # The last motions asked for: a search ends where it has been before.
+        return {}
+
+    def _motions(self, values: Array) -> Motions:
         parameters, place, clocks = self.unknowns.parts(values)
         offsets = self._offsets(clocks)
         path, slopes = self._readings.derivatives(

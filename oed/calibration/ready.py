@@ -1,0 +1,102 @@
+"""Logs made ready for a fit: alike, in motion, on one clock, and what is plainly wrong refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.calibration.clocks import clock_offsets
+from oed.calibration.layout import stretches
+from oed.calibration.motion import Moves
+from oed.calibration.suspicion import poorly_explained, suspicion
+from oed.errors import FileFlaw, LogError
+from oed.logs.log import Log
+from oed.models.model import Integration, Model
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReadyLogs:
+    """Logs that fit the robot.
+
+    Attributes:
+        logs: with what was found.
+        offsets: of the clocks of each file, as far as their motion shows, (files,) [s].
+        mounting: how far the pose sensor is turned to the left on the robot, roughly [rad].
+    """
+
+    logs: tuple[Log, ...]
+    offsets: Array
+    mounting: float
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files, in order."""
+        return tuple(dict.fromkeys(log.file for log in self.logs))
+
+    @property
+    def clocks(self) -> list[float]:
+        """Of each log [s]."""
+        return [float(self.offsets[self.files.index(log.file)]) for log in self.logs]
+
+
+def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compare_clocks: bool) -> ReadyLogs:
+    """Check that logs fit a robot, and compare the clocks of its wheels and poses.
+
+    Args:
+        robot: at its nominal parameters.
+        integration: its rule.
+        logs: at least one.
+        compare_clocks: whether clocks may be apart.
+
+    Raises:
+        LogError: different readings, no motion, wheels exchanged, signs or units wrong; all files at once.
+    """
+    _require_alike(logs)
+    _require_motion(logs)
+    moves = Moves.of(robot, integration, logs)
+    files = moves.layout.clocks
+    offsets = clock_offsets(moves) if compare_clocks else np.zeros(len(files))
+    flaws, doubts = [], dict[str, str]()
+    for index, file in enumerate(files):
+        own = moves.within(moves.layout.clock == index)
+        wrong, left = suspicion(own, offsets), poorly_explained(own, offsets)
+        if wrong is not None:
+            flaws.append(FileFlaw(file, 0, 0, "", wrong))
+        elif left is not None:
+            doubts[file] = f"the wheels leave {left:.0%} of the measured motion unexplained"
+    if flaws:
+        raise LogError(flaws)
+    found = tuple(
+        log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
+        for log in logs
+    )
+    return ReadyLogs(found, offsets, moves.mounting(offsets))
+
+
+def _require_alike(logs: Sequence[Log]) -> None:
+    first = logs[0]
+    flaws = [
+        FileFlaw(
+            log.file,
+            0,
+            0,
+            "",
+            f"holds {', '.join(log.quantities)}, {first.name} {', '.join(first.quantities)}",
+        )
+        for log in logs
+        if log.quantities != first.quantities
+    ]
+    if flaws:
+        raise LogError(flaws)
+
+
+def _require_motion(logs: Sequence[Log]) -> None:
+    text = "no poses while the wheels are logged; do the two clocks begin together?"
+    flaws = [FileFlaw(log.file, 0, 0, "", text) for log in logs if not stretches(log, 0.0)]
+    if flaws:
+        raise LogError(flaws)

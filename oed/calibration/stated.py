@@ -1,0 +1,53 @@
+"""What a study's measurement says of the pose sensor: its noise, and where on the robot it sits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from oed.calibration.noise import Noise, group_of
+from oed.measurements.measurement import Measurement
+from oed.measurements.poses import Poses
+from oed.measurements.sensor import PlacedSensor
+from oed.measurements.several import sensors_of
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Where the pose sensor sits, as far as the study says.
+
+    Attributes:
+        sits: ahead, to the left [m], turned [rad].
+        fixed: whether ahead and to the left are known, and not to be estimated.
+        deviations: what is known of places that are estimated [m].
+    """
+
+    sits: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fixed: bool = False
+    deviations: Mapping[str, float] = field(default_factory=dict)
+
+
+def stated_mount(measurement: Measurement) -> Mount:
+    """Where the measurement's first placed sensor sits; a lever arm that is not given is not known."""
+    arms = [one.lever_arm for one in sensors_of(measurement) if isinstance(one, PlacedSensor)]
+    if not arms:
+        return Mount()
+    arm = arms[0]
+    known = dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation) if arm.deviation is not None else {}
+    given = "known" in arm.model_fields_set or bool(arm.x or arm.y)
+    return Mount(
+        (arm.x, arm.y, 0.0), arm.known and given, {name: size for name, size in known.items() if size}
+    )
+
+
+def stated_noise(measurement: Measurement) -> dict[str, Noise]:
+    """The noise of absolute poses that a measurement states, by kind of reading; of x and y the larger."""
+    found: dict[str, Noise] = {}
+    for sensor in sensors_of(measurement):
+        if not isinstance(sensor, Poses) or sensor.noise.covariance is not None:
+            continue
+        for quantity in sensor.quantities:
+            size, group = sensor.noise.deviation(quantity), group_of(quantity)
+            if size is not None and (group not in found or found[group].at_rest < size):
+                found[group] = Noise(size, sensor.noise.per_speed(quantity))
+    return found

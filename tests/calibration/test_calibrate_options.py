@@ -1,0 +1,207 @@
+"""`calibrate` as a whole: options of every kind, odd logs, and what it says of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
+
+from oed.calibration import Calibration, calibrate, stated_mount, stated_noise
+from oed.errors import LogError, ProblemError
+from oed.measurements import Displacements, Poses
+from oed.measurements.poses import AbsoluteNoise
+from oed.measurements.sensor import LeverArm
+from oed.prior import Prior
+
+NOISE = (0.002, 0.005)
+STATED = AbsoluteNoise(position=0.002, heading=0.005)
+SITS = (0.1, -0.05, 0.2)
+LOG = log_of(course(seconds=6.0), noise=NOISE, place=SITS)
+MANY = several(5, seconds=6.0, noise=NOISE, place=SITS, file="all.csv")
+TRUE = np.array([*TRUTH.values()])
+
+
+def found_by(logs=(LOG,), problem=None, **keys) -> Calibration:
+    return calibrate(problem or problem_of(), logs, options(**{"segment": "log", **keys}))
+
+
+def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
+    errors = np.sqrt(np.diag(found.covariance))
+    return bool(np.all(np.abs(found.values - true) < times * errors))
+
+
+class TestOptions:
+    def test_defaults(self):
+        found = calibrate(problem_of(), [LOG])
+        assert within(found)
+        assert found.covariances[0].name == "information"
+        assert found.segmenting is not None
+        assert found.segmenting.seconds == np.inf
+        assert found.fit.converged
+        assert found.notes == ()
+        assert by_name(found.fit)["sensor_x"] == pytest.approx(0.1, abs=0.002)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("way", ["information", "sandwich", "bootstrap"])
+    def test_covariance(self, way):
+        found = found_by(MANY, covariance=way, segment=1.0, replicates=200)
+        assert found.covariances[0].name == way
+        assert {one.name for one in found.covariances} == {"information", "sandwich", "bootstrap"}
+        assert within(found)
+        assert found.standard_deviations == pytest.approx(
+            dict(zip(found.parameters, found.covariances[0].deviations[:3], strict=True))
+        )
+
+    @pytest.mark.parametrize("way", ["sandwich", "bootstrap"])
+    def test_covariance_of_too_few_parts_is_refused(self, way):
+        with pytest.raises(ProblemError, match=rf"calibration\.covariance: .*too short for {way}: 1 blocks"):
+            found_by(covariance=way)
+
+    @pytest.mark.slow
+    def test_noise_as_stated(self):
+        found = found_by(noise="stated")
+        assert dict(found.fit.noises) == stated_noise(problem_of().measurement)
+        assert within(found)
+
+    def test_noise_that_is_not_stated(self):
+        heading = Poses(quantities=("heading",), noise=AbsoluteNoise(heading=0.01))
+        problem = problem_of(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
+        with pytest.raises(ProblemError, match=r"calibration\.noise: .*states no noise of x, y; use noise"):
+            found_by(problem=problem, noise="stated")
+
+    @pytest.mark.slow
+    def test_block(self):
+        short, long = (found_by(MANY, segment=0.5, block=size, replicates=100) for size in (0.5, 3.0))
+        assert short.covariances[0].freedom == 59
+        assert long.covariances[0].freedom == 9
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("seconds", [1e-3, 0.15, 1.7, 1e3])
+    def test_segment(self, seconds: float):
+        found = found_by(segment=seconds)
+        assert found.segmenting is None
+        assert found.fit.layout.seconds == seconds
+        assert within(found)
+
+    @pytest.mark.slow
+    def test_sensor_place(self):
+        log = log_of(course(seconds=6.0), noise=NOISE)
+        found = found_by([log], sensor_place=[])
+        assert found.fit.unknowns.names == (*TRUTH, "clock_offset")
+        assert within(found)
+        assert found_by(sensor_place=["sensor_y"]).fit.unknowns.place == ("sensor_y",)
+
+    @pytest.mark.slow
+    def test_clock_offset(self):
+        found = found_by(clock_offset=False)
+        assert found.fit.unknowns.clocks == 0
+        assert found.fit.clock_offsets == pytest.approx([0.0])
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("loss", ["huber", "soft_l1", "cauchy"])
+    def test_loss(self, loss):
+        assert within(found_by(loss=loss))
+
+    @pytest.mark.slow
+    def test_estimate_of_one_parameter(self):
+        log = log_of(course(ROBOT, truth_of(ROBOT, track=0.22), seconds=6.0), noise=NOISE)
+        found = found_by([log], problem_of(estimate=("track",)))
+        assert found.parameters == ("track",)
+        assert within(found, np.array([0.22]))
+
+    @pytest.mark.slow
+    def test_coefficients_hide_the_sensors_side(self):
+        found = found_by(problem=problem_of(estimate=("c11", "c12", "c21", "c22")))
+        assert found.notes == ("sensor_y cannot be told from the parameters: taken as the study has it",)
+        assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
+        right, left, track = TRUE
+        yaw = np.array([right, -left]) / track
+        # Held at 0, where it is at -0.05 m: the sensor's own forward speed.
+        wanted = np.array([*yaw, *(np.array([right, left]) / 2 + 0.05 * yaw)])
+        assert within(found, wanted)
+        assert found.coefficients[0] == ()
+
+    @pytest.mark.slow
+    def test_coefficients_of_the_parameters(self):
+        names, values, errors = found_by().coefficients
+        assert names == ("c11", "c12", "c21", "c22")
+        right, left, track = TRUE
+        wanted = np.array([right / track, -left / track, right / 2, left / 2])
+        assert np.all(np.abs(values - wanted) < 5 * errors)
+
+    @pytest.mark.slow
+    def test_a_lever_arm_that_the_study_gives(self):
+        measurement = Poses(noise=STATED, lever_arm=LeverArm(x=0.1, y=-0.05))
+        assert stated_mount(measurement).sits == (0.1, -0.05, 0.0)
+        found = found_by(problem=problem_of(measurement=measurement))
+        assert found.fit.unknowns.place == ("sensor_heading",)
+        assert within(found)
+
+    @pytest.mark.slow
+    def test_a_prior(self):
+        problem = problem_of(prior=Prior(standard_deviations={"track": "1 um"}))
+        found = found_by(problem=problem)
+        assert by_name(found.fit)["track"] == pytest.approx(0.2, abs=1e-4)
+        assert found.standard_deviations["track"] == pytest.approx(1e-6, rel=0.01)
+
+    def test_displacements_state_no_place(self):
+        assert stated_mount(Displacements(segments=4)).sits == (0.0, 0.0, 0.0)
+        assert stated_noise(Displacements(segments=4)) == {}
+
+
+class TestOddLogs:
+    @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
+    def test_a_robot_at_rest(self, noise):
+        log = log_of(course(inputs=np.zeros((60, 2)), seconds=6), noise=noise)
+        found = calibrate(problem_of(), [log])
+        assert found.values == pytest.approx(ROBOT.nominal, rel=1e-6)
+        assert all(name in " ".join(found.untold) for name in TRUTH)
+        assert np.sqrt(np.diag(found.covariance)) == pytest.approx(ROBOT.nominal, rel=0.05)
+
+    def test_headings_that_never_change(self):
+        log = log_of(course(ROBOT, truth_of(ROBOT), start=(0, 0, 0), inputs=np.full((60, 2), 3.0), seconds=6))
+        found = found_by([log])
+        assert np.isfinite(found.values).all()
+        assert any("track" in text for text in found.untold)
+
+    def test_two_poses(self):
+        for rows in ([0, 50], [40, 41]):
+            log = log_of(course(seconds=6.0), noise=NOISE, rows=np.array(rows))
+            with pytest.raises(LogError, match="log more poses"):
+                calibrate(problem_of(), [log])
+
+    def test_a_log_that_hardly_overlaps_its_poses(self):
+        late = replace(LOG, pose_times=LOG.pose_times + 5.5)
+        assert np.isfinite(calibrate(problem_of(), [late]).values).all()
+
+    def test_clocks_that_never_meet(self):
+        late = replace(LOG, pose_times=LOG.pose_times + 100)
+        with pytest.raises(LogError, match=r"drive\.csv: no poses while the wheels are logged"):
+            calibrate(problem_of(), [late])
+
+    def test_logs_of_different_quantities(self):
+        other = log_of(course(seed=1), quantities=("x", "y"), name="other")
+        with pytest.raises(LogError, match=r"other\.csv: holds x, y, drive x, y, heading"):
+            calibrate(problem_of(), [LOG, other])
+
+    @pytest.mark.slow
+    def test_positions_alone(self):
+        log = log_of(course(seconds=6.0), noise=NOISE, quantities=("x", "y"), place=(0.1, -0.05, 0.0))
+        found = found_by([log])
+        assert found.fit.unknowns.place == ("sensor_x", "sensor_y")
+        assert within(found)
+
+    @pytest.mark.slow
+    def test_headings_alone(self):
+        log = log_of(course(seconds=6.0), noise=NOISE, quantities=("heading",))
+        found = found_by([log])
+        assert found.fit.unknowns.place == ()
+        assert "apart" in " ".join(found.untold)
+        assert found.left_out == ()
+
+    def test_dead_reckoning_apart_needs_positions(self):
+        heading = log_of(course(seed=1), quantities=("heading",), name="apart")
+        with pytest.raises(LogError, match=r"apart\.csv: dead reckoning needs positions"):
+            calibrate(problem_of(), [LOG], options(segment="log"), apart=[heading])

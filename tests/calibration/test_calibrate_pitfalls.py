@@ -1,0 +1,125 @@
+"""Traps that logs set: each was fallen into once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import TRUTH, by_name, course, log_of, options, problem_of, several
+
+from oed.calibration import calibrate, stated_mount
+from oed.calibration.noise import Noise
+from oed.errors import LogError
+from oed.measurements import Poses
+from oed.measurements.poses import AbsoluteNoise
+from oed.measurements.sensor import LeverArm
+
+NOISE = (0.002, 0.005)
+TRUE = np.array([*TRUTH.values()])
+
+
+def test_a_sensor_that_looks_backwards():
+    log = log_of(course(), noise=NOISE, place=(0.1, -0.05, np.pi - 0.1))
+    found = calibrate(problem_of(), [log], options(segment="log"))
+    np.testing.assert_allclose(found.values, TRUE, rtol=0.01)
+    assert by_name(found.fit)["sensor_heading"] == pytest.approx(np.pi - 0.1, abs=0.01)
+    assert not any(one.doubtful for log in found.logs for one in log.findings)
+
+
+def test_wheels_of_other_sizes_on_a_gentle_turn_are_not_exchanged_wheels():
+    inputs = np.tile([3.6, 4.0], (200, 1)) * (1 + 0.1 * np.sin(np.arange(200) / 9))[:, None]
+    drive = course(parameters=np.array([0.06, 0.05, 0.2]), inputs=inputs)
+    calibrate(problem_of(), [log_of(drive, noise=NOISE)], options(segment="log"))
+
+
+def test_too_few_poses_for_the_unknowns():
+    log = log_of(course(seconds=10.0))
+    few = replace(log, pose_times=log.pose_times[[0, 100]], poses=log.poses[[0, 100]])
+    with pytest.raises(LogError, match="6 readings cannot tell 10 unknowns; log more poses"):
+        calibrate(problem_of(), [few], options(segment="log"))
+
+
+def test_logs_apart_have_to_be_alike():
+    log = log_of(course(seconds=6.0), noise=NOISE)
+    places = replace(log, file="places.csv", poses=log.poses[:, :2], quantities=("x", "y"))
+    with pytest.raises(LogError, match=r"places\.csv: holds x, y, .* x, y, heading"):
+        calibrate(problem_of(), [log], options(segment="log"), apart=[log, places])
+
+
+@pytest.mark.slow
+def test_one_log_that_drifts_has_wide_error_bars():
+    scores = []
+    for seed in range(4):
+        log = log_of(course(seconds=60.0, seed=seed, drift=0.001), noise=NOISE)
+        found = calibrate(problem_of(), [log])
+        assert found.covariances[0].name == "bootstrap"
+        scores.append((found.values - TRUE) / np.sqrt(np.diag(found.covariance)))
+    # Drift lasts longer than a block, so that even these are somewhat small.
+    assert np.sqrt(np.mean(np.square(scores))) < 4
+
+
+@pytest.mark.slow
+def test_logs_are_blocks_by_themselves_where_there_are_enough():
+    scores = []
+    for seed in range(5):
+        logs = several(10, seconds=10.0, noise=NOISE, seed=100 * seed, drift=0.003)
+        found = calibrate(problem_of(), logs)
+        bootstrap = next(one for one in found.covariances if one.name == "bootstrap")
+        assert bootstrap.freedom == 9
+        scores.append((found.values - TRUE) / bootstrap.deviations[:3])
+    assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 2.2
+
+
+def test_a_short_log_that_drifts_says_that_its_error_bars_are_too_small():
+    log = log_of(course(seconds=6.0, drift=0.01), noise=(0.0005, 0.001))
+    found = calibrate(problem_of(), [log])
+    if found.covariances[0].name == "information" and found.segmenting.drifts:
+        assert any("true errors may be several times as large" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("arm", "sits", "fixed"),
+    [
+        (LeverArm(), (0.0, 0.0, 0.0), False),
+        (LeverArm(known=True), (0.0, 0.0, 0.0), True),
+        (LeverArm(x=0.1), (0.1, 0.0, 0.0), True),
+        (LeverArm(x=0.1, known=False, deviation=0.01), (0.1, 0.0, 0.0), False),
+    ],
+)
+def test_the_sensor_sits_where_the_study_says(arm, sits, fixed):
+    mount = stated_mount(Poses(noise=AbsoluteNoise(position=0.01, heading=0.01), lever_arm=arm))
+    assert (mount.sits, mount.fixed) == (sits, fixed)
+    assert mount.deviations == ({"sensor_x": 0.01, "sensor_y": 0.01} if arm.deviation else {})
+
+
+def test_an_arm_roughly_known_is_estimated_from_there():
+    measurement = Poses(
+        noise=AbsoluteNoise(position=0.002, heading=0.005),
+        lever_arm=LeverArm(x=0.08, y=-0.05, known=False, deviation=0.05),
+    )
+    log = log_of(course(seconds=10.0), noise=NOISE, place=(0.1, -0.05, 0.0))
+    found = calibrate(problem_of(measurement=measurement), [log], options(segment="log"))
+    assert by_name(found.fit)["sensor_x"] == pytest.approx(0.1, abs=0.003)
+
+
+@pytest.mark.slow
+def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
+    logs = several(24, seconds=6.0, noise=NOISE)
+    found = calibrate(problem_of(), logs, options(segment="log", loss="cauchy", replicates=500))
+    errors = {one.name: one.deviations[:3] for one in found.covariances}
+    assert found.fit.bend < 0.8
+    assert errors["bootstrap"] == pytest.approx(errors["information"], rel=0.5)
+
+
+def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
+    from oed.calibration.joint import inverse_of_sum
+
+    told, known = np.diag([1e18, 0.0]), np.diag([1.0, 4.0])
+    np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)
+
+
+def test_noise_grows_only_where_it_is_looked_for():
+    log = log_of(course(), noise=NOISE)
+    found = calibrate(problem_of(), [log], options(segment="log", noise="constant"))
+    assert all(isinstance(one, Noise) and one.per_speed == 0 for one in found.fit.noises.values())

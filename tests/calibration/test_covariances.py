@@ -1,0 +1,466 @@
+"""Covariances against brute force, tests of a fit on residuals of every sort, and what logs leave open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simulated import (
+    ROBOT,
+    TRUTH,
+    by_name,
+    course,
+    fit_of,
+    log_of,
+    loosely,
+    options,
+    problem_of,
+    search_of,
+    several,
+    truth_of,
+    unknowns_of,
+)
+
+from oed.calibration import Noise, calibrate, correlations
+from oed.calibration.covariance import Blocks, Covariance, blocks_of, bootstrap, information, sandwich
+from oed.calibration.diagnostics import Diagnostic, diagnostics
+from oed.calibration.joint import Fit, Knowledge, inverse_of_told
+from oed.calibration.left_out import leave_out, values_without
+from oed.calibration.noise import estimated
+from oed.calibration.segmenting import longest_without_drift, spread
+from oed.calibration.untold import untold
+from oed.models import SkidSteer
+
+NOISE = (0.003, 0.006)
+LOGS = several(6, noise=NOISE)
+KNOWN = loosely(unknowns_of())
+TWO = fit_of(LOGS[:2], seconds=2.0)
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    return fit_of(LOGS, seconds=2.0, known=KNOWN)
+
+
+def relative(fit: Fit, one: Covariance) -> np.ndarray:
+    """Standard errors in units of those by F^-1."""
+    return one.deviations / np.sqrt(np.diag(fit.inverse))
+
+
+class TestBlocks:
+    def test_are_the_runs_of_segments_within_each_log(self, fit: Fit):
+        blocks = blocks_of(fit, 4.0)
+        owner = fit.layout.owner
+        wanted = [(k, k + 2) for k in range(len(owner) - 1) if owner[k] == owner[k + 1]]
+        assert blocks.ranges.tolist() == [list(one) for one in wanted]
+        assert blocks.length == 2
+        assert blocks.independent == 18
+
+    def test_are_a_fifth_of_a_log_unless_told(self, fit: Fit):
+        assert blocks_of(fit, None).length == 1
+        assert blocks_of(fit_of(LOGS, seconds=0.5), None).length == 5
+
+    @given(seconds=st.floats(1e-3, 1e3))
+    def test_stay_within_half_a_log(self, seconds: float):
+        blocks = blocks_of(TWO, seconds)
+        assert 1 <= blocks.length <= 3
+        assert np.all(np.diff(blocks.ranges) == blocks.length)
+
+    def test_of_whole_logs_are_the_logs(self):
+        blocks = blocks_of(fit_of(LOGS), None)
+        assert blocks.ranges.tolist() == [[k, k + 1] for k in range(6)]
+        assert blocks.independent == 6
+
+
+class TestSandwich:
+    @pytest.mark.parametrize("seconds", [None, 4.0, 6.0])
+    def test_is_newey_and_wests(self, fit: Fit, seconds):
+        blocks, scores, owner = blocks_of(fit, seconds), fit.scores, fit.layout.owner
+        middle = np.zeros((3, 3))
+        for first in range(len(scores)):
+            for second in range(len(scores)):
+                lag = abs(first - second)
+                if owner[first] == owner[second] and lag < blocks.length:
+                    middle += (1 - lag / blocks.length) * np.outer(scores[first], scores[second])
+        few = blocks.independent / (blocks.independent - 1)
+        inverse = np.linalg.inv(fit.information.sum(axis=0) + KNOWN.information)
+        wanted = inverse @ (few * middle + KNOWN.information) @ inverse
+        assert sandwich(fit, blocks).matrix == pytest.approx(wanted, rel=1e-6)
+
+    def test_is_near_the_inverse_where_noise_is_white(self, fit: Fit):
+        assert relative(fit, sandwich(fit, blocks_of(fit, None))) == pytest.approx(np.ones(3), abs=0.4)
+
+
+class TestBootstrap:
+    @pytest.mark.parametrize("seconds", [None, 4.0])
+    def test_is_that_of_segments_drawn_by_hand(self, fit: Fit, seconds):
+        blocks, rng = blocks_of(fit, seconds), np.random.default_rng(3)
+        pull = KNOWN.information @ (KNOWN.centre - fit.values)
+        found = []
+        for _ in range(800):
+            matrix, score, count = KNOWN.information.copy(), pull.copy(), 0
+            while count < len(fit.scores):
+                first, last = blocks.ranges[rng.integers(len(blocks.ranges))]
+                for segment in range(first, last):
+                    matrix, score = matrix + fit.information[segment], score + fit.scores[segment]
+                count += last - first
+            found.append(np.linalg.solve(matrix, score))
+        few = blocks.independent / (blocks.independent - 1)
+        wanted = np.sqrt(few * np.var(found, axis=0, ddof=1))
+        own = bootstrap(fit, blocks, 1500, np.random.default_rng(0)).deviations
+        assert own == pytest.approx(wanted, rel=0.12)
+
+    @pytest.mark.slow
+    def test_is_that_of_fits_of_logs_drawn_by_hand(self):
+        # One Gauss-Newton step stands for a whole fit.
+        whole, rng = fit_of(LOGS), np.random.default_rng(3)
+        found = []
+        for _ in range(30):
+            chosen = [LOGS[index] for index in rng.integers(6, size=6)]
+            named = [replace(log, name=str(place)) for place, log in enumerate(chosen)]
+            found.append(fit_of(named, stated=whole.noises).values)
+        own = bootstrap(whole, blocks_of(whole, None), 2000, np.random.default_rng(0)).deviations
+        assert own == pytest.approx(np.sqrt(6 / 5) * np.std(found, axis=0, ddof=1), rel=0.5)
+
+    def test_same_seed_same_result(self, fit: Fit):
+        blocks = blocks_of(fit, None)
+        one, other = (bootstrap(fit, blocks, 100, np.random.default_rng(7)).matrix for _ in range(2))
+        assert np.array_equal(one, other)
+
+
+class TestKnownBefore:
+    """What only a prior tells is as uncertain as the prior says, whatever the way."""
+
+    SKID = SkidSteer(wheel_radius=0.05, track=0.2, slip_outer=0.05, slip_inner=0.05)
+    # Radii and slips make up for each other.
+
+    def test_no_way_is_sure_of_what_the_logs_do_not_tell(self):
+        true = truth_of(self.SKID, slip_outer=0.1, slip_inner=-0.03)
+        logs = [
+            log_of(course(self.SKID, true, seconds=10, seed=s), noise=NOISE, name=str(s)) for s in range(8)
+        ]
+        unknowns = unknowns_of(self.SKID)
+        fit = fit_of(logs, unknowns, known=loosely(unknowns))
+        blocks, rng = blocks_of(fit, None), np.random.default_rng(0)
+        for one in (information(fit), sandwich(fit, blocks), bootstrap(fit, blocks, 300, rng)):
+            assert one.deviations[0] / 0.05 > 0.03, one.name
+            assert any("wheel_radius" in text or "slip" in text for text in untold(fit, one.matrix)), one.name
+
+    @pytest.mark.parametrize("size", [1e-5, 1e-4])
+    def test_a_strong_prior_is_not_made_stronger(self, size: float):
+        known = Knowledge(np.diag([0.0, 0.0, size**-2.0]), np.array([0.05, 0.05, TRUTH["track"]]))
+        fit = fit_of(LOGS, seconds=2.0, known=known)
+        blocks, rng = blocks_of(fit, None), np.random.default_rng(0)
+        for one in (sandwich(fit, blocks), bootstrap(fit, blocks, 500, rng)):
+            assert relative(fit, one)[2] == pytest.approx(1, abs=0.3)
+
+
+class TestInverse:
+    def test_of_a_matrix_that_tells_everything(self):
+        rng = np.random.default_rng(0)
+        root = rng.normal(size=(5, 5)) * np.logspace(-3, 3, 5)
+        matrix = root.T @ root
+        assert inverse_of_told(matrix) @ matrix == pytest.approx(np.eye(5), abs=1e-6)
+
+    def test_leaves_out_what_is_not_told(self):
+        direction = np.array([1.0, 2.0])
+        matrix = np.outer(direction, direction)
+        found = inverse_of_told(matrix)
+        assert matrix @ found @ matrix == pytest.approx(matrix)
+        assert np.linalg.matrix_rank(found) == 1
+
+    def test_a_half_width_is_students(self):
+        assert Covariance(np.eye(1), 1e6, "information").half_width == pytest.approx(1.96, abs=1e-3)
+        assert Covariance(np.eye(1), 4, "bootstrap").half_width == pytest.approx(2.776, abs=1e-3)
+        assert Covariance(np.eye(1), 0, "bootstrap").half_width == pytest.approx(12.706, abs=1e-3)
+
+
+class TestNoise:
+    @given(seed=st.integers(0, 10**6), size=st.floats(1e-4, 10.0))
+    def test_is_that_of_the_residuals(self, seed: int, size: float):
+        rng = np.random.default_rng(seed)
+        residuals, freedom, speeds = size * rng.normal(size=2000), np.full(2000, 0.9), rng.uniform(0, 1, 2000)
+        for robust in (False, True):
+            found = estimated(np.sqrt(0.9) * residuals, freedom, speeds, robust=robust, grows=False)
+            assert found.per_speed == 0
+            assert found.at_rest == pytest.approx(size, rel=0.12)
+
+    def test_both_parts_are_told_apart(self):
+        rng = np.random.default_rng(1)
+        speeds = rng.uniform(0, 0.5, 4000)
+        residuals = np.sqrt(0.003**2 + (0.02 * speeds) ** 2) * rng.normal(size=4000)
+        found = estimated(residuals, np.ones(4000), speeds, robust=False, grows=True)
+        assert found.at_rest == pytest.approx(0.003, rel=0.1)
+        assert found.per_speed == pytest.approx(0.02, rel=0.1)
+
+    def test_constant_noise_is_not_made_to_grow(self):
+        grown = 0
+        for seed in range(25):
+            rng = np.random.default_rng(seed)
+            residuals, speeds = 0.01 * rng.normal(size=500), rng.uniform(0, 1, 500)
+            grown += estimated(residuals, np.ones(500), speeds, robust=False, grows=True).per_speed > 0
+        assert grown <= 2
+
+    def test_outliers_hardly_matter_to_the_robust_one(self):
+        rng = np.random.default_rng(2)
+        residuals = rng.normal(size=4000) * np.where(rng.random(4000) < 0.05, 30, 1)
+        found = estimated(residuals, np.ones(4000), np.zeros(4000), robust=True, grows=True)
+        assert found.at_rest == pytest.approx(1, rel=0.12)
+
+    @pytest.mark.parametrize("robust", [False, True])
+    def test_is_never_nothing(self, robust: bool):
+        zero = np.zeros(10)
+        assert estimated(zero, np.ones(10), zero, robust=robust, grows=True).at_rest > 0
+        assert np.isfinite(estimated(zero, zero, zero, robust=robust, grows=True).at_rest)
+
+
+class TestSegmenting:
+    @staticmethod
+    def chosen(logs, seconds=None):
+        def layout(length: float):
+            return search_of(logs, seconds=length).layout
+
+        def found(own):
+            return replace(search_of(logs), layout=own).fit()
+
+        return longest_without_drift(layout, found)
+
+    def test_white_noise_leaves_logs_whole(self):
+        found = self.chosen(LOGS)
+        assert found.seconds == np.inf
+        assert not found.drifts
+        assert list(found.tried) == [1.0, 2.0, 4.0, np.inf]
+        assert found.fit.layout.count == 6
+
+    def test_drift_shortens_segments(self):
+        found = self.chosen(several(4, drift=0.01, noise=NOISE))
+        assert found.drifts
+        assert found.seconds < 12
+        assert list(found.tried)[-1] > found.seconds
+
+    def test_of_slow_poses_are_eight_steps_at_least(self):
+        found = self.chosen([log_of(course(seconds=40), noise=NOISE, every=5)])
+        assert min(found.tried) == pytest.approx(4.0)
+
+    def test_spread_is_the_noise(self):
+        for seconds in (1.0, 4.0, np.inf):
+            found = spread(fit_of(LOGS, seconds=seconds))
+            assert found["position"] == pytest.approx(NOISE[0], rel=0.06), seconds
+            assert found["heading"] == pytest.approx(NOISE[1], rel=0.09), seconds
+
+
+class TestLeftOut:
+    @pytest.mark.parametrize("fold", [[0], [2, 3]])
+    def test_values_are_those_of_another_fit(self, fit: Fit, fold: list[int]):
+        kept = [log for place, log in enumerate(LOGS) if place not in fold]
+        wanted = fit_of(kept, seconds=2.0, known=KNOWN, stated=fit.noises).values
+        found = values_without(fit, np.array(fold))
+        moved = np.sqrt(np.diag(fit.inverse))
+        assert (found - wanted) / moved == pytest.approx(np.zeros(3), abs=0.03)
+        assert np.abs((found - fit.values) / moved).max() > 0.1
+
+    def test_with_a_prior_that_pulls(self):
+        known = Knowledge(np.diag([0.0, 0.0, 1e8]), np.array([0.05, 0.05, 0.2]))
+        fit = fit_of(LOGS, known=known)
+        wanted = fit_of(LOGS[1:], known=known, stated=fit.noises).values
+        found = values_without(fit, np.array([0]))
+        assert (found - wanted) / np.sqrt(np.diag(fit.inverse)) == pytest.approx(np.zeros(3), abs=0.1)
+
+    def test_each_log_is_reckoned_by_the_others(self):
+        fit = fit_of(LOGS)
+        found = leave_out(fit, "arc")
+        assert [one.names for one in found] == [(log.name,) for log in LOGS]
+        for one in found:
+            assert one.after[0].rmse_position < one.before[0].rmse_position
+        assert leave_out(fit_of(LOGS[:1]), "arc") == ()
+
+    @pytest.mark.slow
+    def test_many_logs_are_left_out_in_parts(self):
+        logs = several(14, seconds=3.0, noise=NOISE)
+        found = leave_out(fit_of(logs), "arc")
+        assert len(found) == 12
+        assert [name for one in found for name in one.names] == [log.name for log in logs]
+
+
+class TestUntold:
+    @staticmethod
+    def of(inputs: np.ndarray | None) -> tuple[str, ...]:
+        log = log_of(course(ROBOT, np.array(ROBOT.nominal), inputs=inputs, seconds=20.0), noise=NOISE)
+        fit = fit_of([log], known=KNOWN)
+        return untold(fit, fit.inverse)
+
+    def test_of_a_rich_drive_is_nothing(self):
+        assert not any("do not tell" in text for text in self.of(None))
+
+    def test_of_a_straight_line_is_the_track(self):
+        assert self.of(np.full((200, 2), 4.0)) == (
+            "the logs do not tell track: fix it (leave it out of `estimate`) or give a `prior`",
+        )
+
+    def test_of_a_circle_in_one_direction_is_a_combination(self):
+        (text,) = self.of(np.tile([4.0, 2.0], (200, 1)))
+        assert text.startswith("the logs do not tell wheel_radius_right, wheel_radius_left and track apart")
+        assert "hardly shows" in text
+
+    def test_of_a_robot_at_rest_is_everything(self):
+        text = " ".join(self.of(np.zeros((200, 2))))
+        assert all(name in text for name in TRUTH)
+
+    def test_pairs_that_are_only_told_together(self, fit: Fit):
+        tied = np.array([[1.0, 0.998, 0.0], [0.998, 1.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-8
+        (text,) = untold(fit, tied)
+        assert text.startswith(
+            "wheel_radius_right and wheel_radius_left are told only together (correlation +0.998)"
+        )
+
+
+def verdicts(fit: Fit, stated=None) -> dict[tuple[str, str], Diagnostic]:
+    return {(one.name, one.about): one for one in diagnostics(fit, stated or {})}
+
+
+class TestDiagnostics:
+    @pytest.mark.parametrize("seconds", [1.0, 3.0, np.inf])
+    def test_white_residuals_pass_whatever_the_segments_length(self, seconds: float):
+        # Starts that are fitted to short segments correlate what is left of white noise.
+        fit = fit_of(several(4, seconds=25.0, noise=NOISE, seed=20), seconds=seconds)
+        found = verdicts(fit)
+        assert [one.message for one in found.values() if not one.passed] == []
+        values, pairs = correlations(fit, [0, 1])
+        assert np.abs(values).max() < 4 / np.sqrt(pairs)
+
+    @pytest.mark.slow
+    def test_whiteness_fails_as_rarely_as_it_says(self):
+        failed = []
+        for seed in range(30):
+            fit = fit_of([log_of(course(seconds=20, seed=seed), noise=NOISE, seed=seed)], seconds=1.0)
+            failed += [not one.passed for (name, _), one in verdicts(fit).items() if name == "whiteness"]
+        assert sum(failed) <= 4
+
+    def test_coloured_residuals_fail(self):
+        found = verdicts(fit_of(several(3, drift=0.01, noise=NOISE)))
+        for about in ("position", "heading"):
+            one = found["whiteness", about]
+            assert not one.passed
+            assert one.p_value < 1e-6
+            assert "trust the bootstrap" in one.message
+
+    def test_outliers_are_seen(self):
+        found = verdicts(fit_of(several(3, noise=NOISE, outliers=0.02), loss="huber"))
+        assert not found["outliers", "position"].passed
+        assert 0.01 < found["outliers", "position"].statistic < 0.04
+        assert "loss: huber" in found["outliers", "position"].message
+
+    @pytest.mark.parametrize(("factor", "passes"), [(1.0, True), (1.3, False), (0.7, False)])
+    def test_stated_noise_is_judged(self, factor: float, passes: bool):
+        stated = {"position": Noise(NOISE[0] / factor), "heading": Noise(NOISE[1] / factor)}
+        found = verdicts(fit_of(LOGS), stated)
+        for about in stated:
+            assert found["stated_noise", about].passed is passes
+            assert found["stated_noise", about].statistic == pytest.approx(factor, rel=0.06)
+
+    def test_logs_that_agree_and_logs_that_do_not(self):
+        assert verdicts(fit_of(LOGS))["logs_agree", "logs"].passed
+        other = course(ROBOT, truth_of(ROBOT, **{**TRUTH, "track": 0.217}), seconds=12.0)
+        found = verdicts(fit_of([*LOGS[1:], log_of(other, noise=NOISE, name="other")]))
+        assert not found["logs_agree", "logs"].passed
+        assert ("logs_agree", "logs") not in verdicts(fit_of(LOGS[:1]))
+
+    @pytest.mark.slow
+    def test_logs_agree_as_often_as_they_should(self):
+        p_values = [
+            verdicts(fit_of(several(4, seconds=6.0, noise=NOISE, seed=10 * seed)))[
+                "logs_agree", "logs"
+            ].p_value
+            for seed in range(20)
+        ]
+        assert sum(value < 0.05 for value in p_values) <= 4
+        assert np.mean(p_values) == pytest.approx(0.5, abs=0.25)
+
+
+@pytest.mark.slow
+class TestMonteCarlo:
+    """Scatter of estimates over replicates against what each of them says of itself."""
+
+    REPLICATES = 60
+
+    @staticmethod
+    def pooled(fits: list[Fit], ways) -> dict[str, float]:
+        """Root mean square, over the parameters, of the scatter in units of each way's standard errors."""
+        values = np.array([fit.values for fit in fits])
+        scatter, found = values.var(axis=0, ddof=1), {}
+        for way in ways:
+            covariances = [way(fit) for fit in fits]
+            said = np.mean([one.deviations**2 for one in covariances], axis=0)
+            found[covariances[0].name] = float(np.sqrt(np.mean(scatter / said)))
+        return found
+
+    @staticmethod
+    def ways():
+        rng = np.random.default_rng(0)
+        return (
+            information,
+            lambda fit: sandwich(fit, blocks_of(fit, None)),
+            lambda fit: bootstrap(fit, blocks_of(fit, None), 100, rng),
+        )
+
+    def test_every_way_is_right_where_noise_is_white(self):
+        fits = [fit_of(several(8, seconds=4.0, noise=NOISE, seed=100 * k)) for k in range(self.REPLICATES)]
+        found = self.pooled(fits, self.ways())
+        # The three estimates are all but one: a deviation of 60 is sure to 9 %; eight logs make few blocks.
+        assert found["information"] == pytest.approx(1, abs=0.25)
+        assert 0.75 < found["sandwich"] < 1.5
+        assert found["bootstrap"] == pytest.approx(1, abs=0.3)
+
+    def test_standardised_errors_are_standard_normal(self):
+        drive = course(seconds=6.0, seed=3)
+        true, z = np.array([*TRUTH.values()]), []
+        for seed in range(self.REPLICATES):
+            fit = fit_of([log_of(drive, noise=NOISE, seed=seed)])
+            z.append(np.linalg.solve(np.linalg.cholesky(fit.inverse), fit.values - true))
+        z = np.array(z)
+        # Chi-square with 180 degrees of freedom: 1 +- 0.11.
+        assert (z**2).mean() == pytest.approx(1, abs=0.3)
+        assert np.abs(z.mean(axis=0)).max() < 3.5 / np.sqrt(self.REPLICATES)
+
+    def test_only_the_bootstrap_is_right_where_robots_drift(self):
+        fits = []
+        for k in range(60):
+            drives = [course(seconds=5.0, seed=1000 * k + s, drift=0.01) for s in range(8)]
+            logs = [log_of(one, noise=NOISE, name=str(s), seed=1000 * k + s) for s, one in enumerate(drives)]
+            fits.append(fit_of(logs))
+        found = self.pooled(fits, self.ways())
+        assert found["information"] > 1.3
+        assert 1 / 1.5 < found["bootstrap"] < 1.5
+
+    def test_noise_that_grows_with_speed_is_found(self):
+        logs = several(8, noise=(0.002, 0.004), per_speed=(0.03, 0.05), seconds=20.0)
+        fit = fit_of(logs, grows=True)
+        assert fit.noises["position"].per_speed == pytest.approx(0.03, rel=0.15)
+        assert fit.noises["heading"].per_speed == pytest.approx(0.05, rel=0.15)
+        assert fit.noises["position"].at_rest == pytest.approx(0.002, rel=0.3)
+
+    def test_robust_losses_bear_outliers(self):
+        errors: dict[str, list[np.ndarray]] = {"linear": [], "huber": [], "cauchy": []}
+        for seed in range(15):
+            logs = several(2, seconds=8.0, noise=NOISE, outliers=0.05, seed=50 * seed)
+            for loss, found in errors.items():
+                found.append(fit_of(logs, loss=loss).values / [*TRUTH.values()] - 1)
+        sizes = {loss: np.sqrt(np.mean(np.square(found))) for loss, found in errors.items()}
+        assert sizes["huber"] < 0.6 * sizes["linear"]
+        assert sizes["cauchy"] < 0.6 * sizes["linear"]
+
+    def test_a_robust_inverse_is_right_where_noise_is_normal(self):
+        for loss in ("huber", "cauchy"):
+            fits = [fit_of(several(3, seconds=5.0, noise=NOISE, seed=100 * k), loss=loss) for k in range(30)]
+            assert self.pooled(fits, [information])["information"] == pytest.approx(1, abs=0.3)
+
+
+def test_by_name_is_what_calibrate_gives():
+    found = calibrate(problem_of(), LOGS[:2], options(segment="log"))
+    assert {name: by_name(found.fit)[name] for name in found.parameters} == pytest.approx(
+        dict(zip(found.parameters, found.values, strict=True))
+    )
+    assert isinstance(blocks_of(found.fit, None), Blocks)

@@ -1,0 +1,122 @@
+"""The methods on windows from the outside: options in, a calibration out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from simulated import ROBOT, TRUTH, course, log_of, options, problem_of, truth_of
+from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
+
+from oed.calibration import CalibrationOptions, calibrate
+from oed.calibration.calibrate import Calibration
+from oed.calibration_record import calibration_data
+from oed.errors import ProblemError
+from oed.logs.log import Log
+
+TRUE = truth_of(ROBOT, **TRUTH)
+PLACE = (0.03, -0.02, 0.05)
+
+
+def quick(**keys: Any) -> CalibrationOptions:
+    return options(replicates=100, **keys)
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    drives = [drifting(course(seconds=30, seed=seed), TRUE, (0.002, 0.001, 0.01), seed) for seed in range(3)]
+    return [
+        log_of(drive, place=PLACE, offset=0.03, noise=(0.001, 0.004), seed=seed, name=f"drive {seed}")
+        for seed, drive in enumerate(drives)
+    ]
+
+
+@pytest.fixture(scope="module", params=["gls", "two_stage"])
+def found(request, logs) -> Calibration:
+    return calibrate(problem_of(), logs, quick(method=request.param))
+
+
+def test_it_finds_the_truth_within_its_errors(found):
+    errors = list(found.standard_deviations.values())
+    assert np.all(np.abs(found.values - TRUE) < 4 * np.array(errors))
+    np.testing.assert_allclose(found.values, TRUE, rtol=0.01)
+    assert found.fit.values[3:6] == pytest.approx(PLACE, abs=0.005)
+    assert found.fit.clock_offsets == pytest.approx([0.03] * 3, abs=0.02)
+
+
+def test_windows_are_two_seconds_long_unless_told_otherwise(found, logs):
+    assert found.segmenting is None
+    assert found.fit.layout.seconds == 2.0
+    chosen = quick(method=("gls" if found.fit.notes else "two_stage"), segment=3.75)
+    assert calibrate(problem_of(), logs, chosen).fit.layout.count == 24
+
+
+def test_slow_poses_make_longer_windows():
+    log = log_of(course(seconds=100), every=5, noise=(0.001, 0.004))
+    assert calibrate(problem_of(), [log], quick(method="gls")).fit.layout.seconds == pytest.approx(4.0)
+
+
+def test_everything_after_the_fit_works_as_for_any_other(found):
+    data = json.loads(json.dumps(calibration_data(found), allow_nan=False, default=float))
+    assert data["converged"]
+    assert data["segments"]["count"] == 45
+    assert len(data["left_out"]) == 3
+    assert {entry["name"] for entry in data["parameters"]} == set(TRUTH)
+    assert set(data["parameters"][0]["standard_errors"]) == {"information", "sandwich", "bootstrap"}
+    for one in data["left_out"]:
+        assert one["mean"]["after"]["rmse_position"] < 0.5 * one["mean"]["before"]["rmse_position"]
+    assert {one.name for one in found.diagnostics} == {"whiteness", "outliers", "logs_agree"}
+    assert len(data["residuals"]) == 9
+    assert len(data["residuals"][0]["value"]) == 15
+
+
+def test_weighed_windows_leave_nothing(logs):
+    found = calibrate(problem_of(), logs, quick(method="gls"))
+    assert all(one.passed for one in found.diagnostics), [one.message for one in found.diagnostics]
+    assert any("drift, as the windows show it" in note for note in found.notes)
+
+
+def test_noise_may_be_kept_from_growing_with_speed(logs):
+    found = calibrate(problem_of(), logs, quick(method="gls", noise="constant"))
+    assert found.fit.noises["position"].per_speed == 0
+    assert found.fit.noises["position"].at_rest == pytest.approx(0.001, rel=0.5)
+
+
+@pytest.mark.parametrize("method", ["gls", "two_stage"])
+def test_coefficients_are_estimated_where_they_are_asked_for(method, logs):
+    names = ("c11", "c12", "c21", "c22")
+    found = calibrate(problem_of(estimate=names), logs, quick(method=method))
+    assert found.parameters == names
+    assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
+    assert any("sensor_y cannot be told" in note for note in found.notes)
+    radius, _, track = TRUE
+    assert found.values[0] == pytest.approx(radius / track, rel=0.01)
+
+
+def test_a_tricycle_by_windows():
+    log = log_of(course(TRICYCLE, TRICYCLE_TRUTH, seconds=40), noise=(0.001, 0.004))
+    found = calibrate(problem_of(TRICYCLE), [log], quick(method="gls"))
+    np.testing.assert_allclose(found.values, TRICYCLE_TRUTH, rtol=0.02, atol=0.002)
+    with pytest.raises(ProblemError, match="tricycle has no coefficients"):
+        calibrate(problem_of(TRICYCLE), [log], quick(method="two_stage"))
+
+
+@pytest.mark.parametrize("method", ["gls", "two_stage"])
+def test_stated_noise_is_used(method, logs):
+    found = calibrate(problem_of(), logs, quick(method=method, noise="stated"))
+    assert found.fit.noises["position"].at_rest == pytest.approx(0.002)
+    assert found.fit.noises["heading"].at_rest == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize("method", ["gls", "two_stage"])
+def test_options_that_do_not_suit_windows_are_refused(method, logs):
+    with pytest.raises(ProblemError, match=r"calibration\.loss: loss: huber"):
+        calibrate(problem_of(), logs, quick(method=method, loss="huber"))
+    flat = [replace(log, poses=log.poses[:, :2], quantities=("x", "y")) for log in logs]
+    with pytest.raises(ProblemError, match=r"calibration\.method: "):
+        calibrate(problem_of(), flat, quick(method=method))
+    with pytest.raises(ProblemError, match=r"calibration\.segment: 3 windows are too few"):
+        calibrate(problem_of(), logs, quick(method=method, segment="log"))

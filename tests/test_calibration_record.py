@@ -1,0 +1,52 @@
+"""Estimates saved, and read again."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from oed.calibration_record import EstimateRecord, load_estimate, save_estimate
+from oed.errors import RecordError
+
+RECORD = EstimateRecord({"format": 1, "parameters": [{"name": "track", "value": 0.2}], "notes": []})
+
+
+class TestSaving:
+    def test_is_read_again(self, tmp_path: Path):
+        path = save_estimate(RECORD, tmp_path / "new")
+        assert path == tmp_path / "new" / "estimate.json"
+        assert load_estimate(path).data == load_estimate(path.parent).data == RECORD.data
+        assert load_estimate(path).values == {"track": 0.2}
+
+    def test_what_json_cannot_hold_is_not_written(self, tmp_path: Path):
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            save_estimate(EstimateRecord({**RECORD.data, "x": math.nan}), tmp_path)
+        assert list(tmp_path.iterdir()) == []
+
+
+class TestLoading:
+    def flaw(self, place: Path) -> str:
+        with pytest.raises(RecordError) as caught:
+            load_estimate(place)
+        (flaw,) = caught.value.flaws
+        return flaw.message
+
+    def test_nothing_there(self, tmp_path: Path):
+        assert self.flaw(tmp_path) == "no estimate there; make one with `oed estimate`"
+        assert self.flaw(tmp_path / "no.json") == "no estimate there; make one with `oed estimate`"
+
+    @pytest.mark.parametrize("text", ["{", "", "\x00", '{"format": 1'])
+    def test_not_json(self, tmp_path: Path, text: str):
+        (tmp_path / "estimate.json").write_text(text)
+        assert self.flaw(tmp_path).startswith("cannot be read: ")
+
+    def test_not_text(self, tmp_path: Path):
+        (tmp_path / "estimate.json").write_bytes(b"\xff\xfe\xff")
+        assert self.flaw(tmp_path).startswith("cannot be read: ")
+
+    @pytest.mark.parametrize("text", ["[]", "{}", '{"format": 2, "parameters": []}', '{"format": 1}', "3"])
+    def test_not_an_estimate(self, tmp_path: Path, text: str):
+        (tmp_path / "estimate.json").write_text(text)
+        assert self.flaw(tmp_path).startswith("expected an estimate of format 1")

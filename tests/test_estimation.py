@@ -1,0 +1,127 @@
+"""`estimate`: a study and its robot's logs in files, to a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies import saved_study
+
+from oed.calibration_record import EstimateRecord, load_estimate
+from oed.errors import LogError
+from oed.estimation import estimate
+from oed.study import Study
+
+STUDY = """\
+format: 1
+name: Logged
+robot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}
+trajectory: {duration: 10 s, samples: 40, spline: {degree: 3, coefficients: 8}}
+measurement: {kind: poses, noise: {position: 2 mm, heading: 5 mrad}}
+limits: {wheel_speed: 10 rad/s}
+criterion: {kind: E}
+seed: 3
+"""
+TRUTH = {"wheel_radius_right": 0.0515, "wheel_radius_left": 0.0492, "track": 0.213}
+
+
+def write_drive(file: Path, seed: int, rows: int = 100, period: float = 0.1) -> Path:
+    """The table of a drive: times, wheel speeds held to the next row, noisy poses."""
+    rng, times = np.random.default_rng(seed), period * np.arange(rows)
+    right = 3 + 4 * np.sin(0.7 * times + seed) + 2 * np.cos(1.7 * times)
+    left = 3 - 4 * np.cos(0.5 * times + seed) + 2 * np.sin(1.3 * times)
+    poses = [np.zeros(3)]
+    for one, other in zip(
+        TRUTH["wheel_radius_right"] * right, TRUTH["wheel_radius_left"] * left, strict=True
+    ):
+        x, y, heading = poses[-1]
+        turn, forward = (one - other) / TRUTH["track"] * period, (one + other) / 2 * period
+        mean = forward * np.exp(1j * heading) * (np.exp(1j * turn) - 1) / (1j * turn)
+        poses.append(np.array([x + mean.real, y + mean.imag, heading + turn]))
+    noisy = np.array(poses[:-1]) + rng.normal(size=(rows, 3)) * [0.002, 0.002, 0.005]
+    table = np.column_stack([times, right, left, noisy])
+    header = "t,wheel_speed_right,wheel_speed_left,x,y,heading"
+    np.savetxt(file, table, delimiter=",", header=header, comments="")
+    return file
+
+
+def plain(record: EstimateRecord) -> dict:
+    """What it holds but for when it was made."""
+    return {key: value for key, value in record.data.items() if key != "provenance"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("logged")
+    for seed in range(3):
+        write_drive(place / f"drive_{seed}.csv", seed)
+    return place
+
+
+@pytest.fixture(scope="module")
+def study(folder: Path) -> Study:
+    return saved_study(folder, STUDY)
+
+
+@pytest.fixture(scope="module")
+def record(folder: Path, study: Study) -> EstimateRecord:
+    drives = [folder / "drive_0.csv", folder / "drive_1.csv"]
+    return estimate(study, drives, apart=[folder / "drive_2.csv"], out=folder / "out")
+
+
+class TestEstimate:
+    def test_intervals_hold_the_truth(self, record: EstimateRecord):
+        for entry in record.parameters:
+            low, high = entry["interval"]
+            assert low < TRUTH[entry["name"]] < high
+            assert high - low < 0.01 * entry["value"]
+
+    def test_is_written_and_read(self, record: EstimateRecord, folder: Path):
+        assert load_estimate(folder / "out").data == record.data
+        assert load_estimate(folder / "out" / "estimate.json").values == record.values
+
+    @pytest.mark.slow
+    def test_same_seed_same_result(self, folder: Path):
+        keys = "calibration: {segment: 1 s, covariance: bootstrap, block: 1 s, replicates: 150}\n"
+        study = saved_study(folder, STUDY + keys)
+        drives = [folder / f"drive_{seed}.csv" for seed in range(3)]
+        one, same, other = (estimate(study, drives, seed=seed) for seed in (None, 3, 4))
+        assert plain(one) == plain(same)
+        assert one.data["covariance_kind"] == "bootstrap"
+        assert one.values == other.values
+        assert one.data["covariance"] != other.data["covariance"]
+
+    def test_logs_apart_are_only_reckoned(self, record: EstimateRecord, study: Study, folder: Path):
+        held = record.data["held_out"]
+        assert held["logs"] == ["drive_2"]
+        assert held["mean"]["after"]["rmse_position"] < 0.3 * held["mean"]["before"]["rmse_position"]
+        without = estimate(study, [folder / "drive_0.csv", folder / "drive_1.csv"])
+        assert without.values == record.values
+        assert without.data["held_out"] is None
+
+    def test_stages_are_told(self, folder: Path, study: Study):
+        class Listener:
+            def __init__(self):
+                self.told: list[str] = []
+
+            def begin(self, stage, total):
+                self.told.append(f"begin {stage}")
+
+            def advance(self, *_):
+                self.told.append("done")
+
+        listener = Listener()
+        estimate(study, [folder / "drive_0.csv"], progress=listener)
+        assert listener.told[0] == "begin reading logs"
+        assert listener.told[1::2] == ["done"] * (len(listener.told) // 2)
+
+    def test_no_logs(self, study: Study):
+        with pytest.raises(LogError, match="no logs were given"):
+            estimate(study, [])
+
+    @pytest.mark.slow
+    def test_nothing_is_written_unless_asked(self, study: Study, folder: Path):
+        before = set(folder.iterdir())
+        estimate(study, [folder / "drive_0.csv"])
+        assert set(folder.iterdir()) == before
