@@ -12,6 +12,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from oed.bounds import Certificate as Certificate
     from oed.bounds import bound as bound
+    from oed.calibration import Calibration as Calibration
+    from oed.calibration import CalibrationOptions as CalibrationOptions
+    from oed.calibration import calibrate as calibrate
+    from oed.calibration_record import EstimateRecord as EstimateRecord
+    from oed.calibration_record import load_estimate as load_estimate
     from oed.criteria import A as A
     from oed.criteria import Criterion as Criterion
     from oed.criteria import D as D
@@ -19,11 +24,14 @@ if TYPE_CHECKING:
     from oed.criteria import G as G
     from oed.criteria import I as I
     from oed.criteria import ModifiedE as ModifiedE
+    from oed.driven import score_path as score_path
     from oed.errors import Failure as Failure
+    from oed.errors import LogError as LogError
     from oed.errors import OedError as OedError
     from oed.errors import ProblemError as ProblemError
     from oed.errors import StudyError as StudyError
     from oed.errors import UserMistake as UserMistake
+    from oed.estimation import estimate as estimate
     from oed.estimators import Estimate as Estimate
     from oed.estimators import Estimator as Estimator
     from oed.estimators import Nonlinear as Nonlinear
@@ -56,6 +64,11 @@ if TYPE_CHECKING:
     from oed.limits import WheelJerk as WheelJerk
     from oed.limits import WheelSpeed as WheelSpeed
     from oed.limits import Workspace as Workspace
+    from oed.logs import BagForm as BagForm
+    from oed.logs import CsvForm as CsvForm
+    from oed.logs import Log as Log
+    from oed.logs import LogForm as LogForm
+    from oed.logs import read_logs as read_logs
     from oed.measurements import AbsoluteNoise as AbsoluteNoise
     from oed.measurements import Block as Block
     from oed.measurements import Displacements as Displacements
@@ -83,6 +96,8 @@ if TYPE_CHECKING:
     from oed.models import SkidSteerIcr as SkidSteerIcr
     from oed.models import TractorTrailer as TractorTrailer
     from oed.models import Tricycle as Tricycle
+    from oed.next_drive import NextDrive as NextDrive
+    from oed.next_drive import next_drive as next_drive
     from oed.path_file import read_trajectory as read_trajectory
     from oed.path_file import write_trajectory as write_trajectory
     from oed.prior import Prior as Prior
@@ -90,6 +105,7 @@ if TYPE_CHECKING:
     from oed.record import Record as Record
     from oed.record import load_record as load_record
     from oed.record import save_record as save_record
+    from oed.report import write_estimate as write_estimate
     from oed.report import write_report as write_report
     from oed.rollout import Drive as Drive
     from oed.runner import run as run
@@ -113,6 +129,15 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "oed.bounds": ("Certificate", "bound"),
+    "oed.calibration": (
+        "Calibration",
+        "CalibrationOptions",
+        "calibrate",
+    ),
+    "oed.calibration_record": (
+        "EstimateRecord",
+        "load_estimate",
+    ),
     "oed.criteria": (
         "A",
         "Criterion",
@@ -122,13 +147,16 @@ _HOMES = {
         "I",
         "ModifiedE",
     ),
+    "oed.driven": ("score_path",),
     "oed.errors": (
         "Failure",
+        "LogError",
         "OedError",
         "ProblemError",
         "StudyError",
         "UserMistake",
     ),
+    "oed.estimation": ("estimate",),
     "oed.estimators": (
         "Estimate",
         "Estimator",
@@ -169,6 +197,13 @@ _HOMES = {
         "WheelSpeed",
         "Workspace",
     ),
+    "oed.logs": (
+        "BagForm",
+        "CsvForm",
+        "Log",
+        "LogForm",
+        "read_logs",
+    ),
     "oed.measurements": (
         "AbsoluteNoise",
         "Block",
@@ -200,6 +235,10 @@ _HOMES = {
         "TractorTrailer",
         "Tricycle",
     ),
+    "oed.next_drive": (
+        "NextDrive",
+        "next_drive",
+    ),
     "oed.path_file": (
         "read_trajectory",
         "write_trajectory",
@@ -211,7 +250,10 @@ _HOMES = {
         "load_record",
         "save_record",
     ),
-    "oed.report": ("write_report",),
+    "oed.report": (
+        "write_estimate",
+        "write_report",
+    ),
     "oed.rollout": ("Drive",),
     "oed.runner": ("run",),
     "oed.solution": (

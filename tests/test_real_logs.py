@@ -25,7 +25,14 @@ pytestmark = [
     pytest.mark.skipif(not DATA.is_dir(), reason="the logs of real robots are not beside the project"),
 ]
 
-SQUARES = ("230620202042", "230620202144", "231220200029", "231220200040")
+SESSIONS = (
+    ("square", "230620202042"),
+    ("square", "230620202144"),
+    ("square", "231220200029"),
+    ("square", "231220200040"),
+    ("free", "030120210006"),
+)
+"""Each of several runs of one path."""
 OFF_CLOCK = {"231220200029_run-02", "030120210006_run-03"}
 """Runs whose encoders are known to be off the motion capture's clock."""
 
@@ -82,10 +89,10 @@ class TestDifferentialDrive:
         assert repaired == pytest.approx(np.mean(list(values.values())), rel=0.01)
 
     def test_standard_errors_agree_with_the_scatter_of_runs(self):
-        study = study_of("optiodom_differential", segment="2 s")
+        study = study_of("optiodom_differential")
         ratios = {"bootstrap": [], "information": []}
-        for session in SQUARES:
-            runs = [run for run in runs_of("square", session) if run.stem not in OFF_CLOCK]
+        for kind, session in SESSIONS:
+            runs = [run for run in runs_of(kind, session) if run.stem not in OFF_CLOCK]
             each = [estimate(study, [run]) for run in runs]
             values = np.array([list(found.values.values()) for found in each])
             for kind, found in ratios.items():
@@ -104,7 +111,7 @@ class TestOtherRobots:
             for run in runs_of("square", session, "tricycle")
         ]
         found = estimate(study_of("optiodom_tricycle"), runs)
-        # A regression gave a wheel diameter of 63.5-64.3 mm, a wheelbase of 156-165 mm, an offset near -1.2 deg.
+        # A regression gave a wheel diameter of 63.5-64.3 mm, a wheelbase of 156-165 mm, -1.2 deg.
         assert meets(found, "wheel_radius", 0.03175, 0.03215)
         assert meets(found, "wheelbase", 0.156, 0.165)
         assert np.rad2deg(entry(found, "steering_offset")["value"]) == pytest.approx(-1.2, abs=0.2)

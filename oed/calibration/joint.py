@@ -26,10 +26,13 @@ Array = npt.NDArray[np.float64]
 
 STEPS = 40
 """Gauss-Newton steps at most."""
+SETTLING = 15
+"""Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
-NEAR = 0.01
-"""Share of its standard error that an unknown may be off where rounding ends the search."""
+NEAR = 0.05
+"""Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
+piecewise linear in a clock's offset, and the least squares may lie in a corner."""
 HALVINGS = 8
 """How often a step that makes the misfit worse is halved."""
 CLOCK_STEP = 1e-3
@@ -178,7 +181,8 @@ class JointSearch:
         converged = False
         # Noise and weights follow the residuals, so they settle along with the unknowns.
         for step in range(STEPS):
-            state = self._weighed(state, self._noises(state.fit))
+            if step < SETTLING:
+                state = self._weighed(state, self._noises(state.fit))
             following = self._advanced(state)
             # A step that cannot be made shorter any more is no arrival, but the end all the same.
             stuck = following is state
@@ -187,7 +191,7 @@ class JointSearch:
             if change < CLOSE and step > 1:
                 converged = not stuck or self._near(state)
                 break
-        return replace(self._weighed(state, self._noises(state.fit)).fit, converged=converged)
+        return replace(state.fit, converged=converged)
 
     @cached_property
     def _readings(self) -> SegmentReadings:

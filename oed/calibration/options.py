@@ -23,11 +23,12 @@ class CalibrationOptions(Component):
         method: joint (nonlinear least squares on all poses of each segment, its start unknown), gls (motion
             between the ends of windows, weighed by their correlated noise) or two_stage (the paper's: first
             the headings, then the positions, unweighed).
-        segment: length of a segment or window [s]; auto takes the longest in which no drift shows.
+        segment: length of a segment or window [s]; "log" takes whole logs; auto takes the longest in which no
+            drift shows, of windows 2 s.
         covariance: information (F^-1), sandwich, or moving-block bootstrap; auto takes F^-1 where whole logs
-            are free of drift, the bootstrap else.
-        block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes a fifth of
-            a log.
+            are free of drift or there are too few parts to compare, the bootstrap else.
+        block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes whole
+            logs where there are eight or more, a fifth of each else.
         replicates: of the bootstrap.
         sensor_place: which coordinates of the pose sensor's place on the robot are estimated along.
         clock_offset: whether the offset between the clocks of wheels and poses is estimated, for each file.
