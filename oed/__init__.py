@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from oed.bounds import bound as bound
     from oed.calibration import Calibration as Calibration
     from oed.calibration import CalibrationOptions as CalibrationOptions
-    from oed.calibration import calibrate as calibrate
     from oed.calibration_record import EstimateRecord as EstimateRecord
     from oed.calibration_record import load_estimate as load_estimate
     from oed.criteria import A as A
@@ -132,7 +131,6 @@ _HOMES = {
     "oed.calibration": (
         "Calibration",
         "CalibrationOptions",
-        "calibrate",
     ),
     "oed.calibration_record": (
         "EstimateRecord",

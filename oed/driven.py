@@ -101,9 +101,8 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
     best, limit = _known(record) if alike else (None, None)
-    return DrivenPaths(
-        (_scored(study, Path(file).stem, trajectory, trajectory.duration, best, limit),), best, limit
-    )
+    scored = _scored(study, Path(file).stem, trajectory, trajectory.duration, best, limit, str(file))
+    return DrivenPaths((scored,), best, limit)
 
 
 def is_log(study: Study, file: str | Path) -> bool:
@@ -173,8 +172,9 @@ def _scored(
     seconds: float,
     best: tuple[str, float] | None,
     limit: float | None,
+    file: str | None = None,
 ) -> DrivenPath:
-    entry = result_data(score(study, trajectory, name), None)
+    entry = result_data(score(study, trajectory, name), file)
     value = entry["objective"]
 
     def share(of: float | None) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -62,7 +62,21 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
 PACKAGES = {module_name(path) for path in PACKAGE.rglob("__init__.py")}
 
-every_module = pytest.mark.parametrize("module", MODULES)
+
+def every_module(law: Callable[[str], None]) -> Callable[[], None]:
+    """One test of a law that all modules keep: hundreds of tests would take longer than the law."""
+
+    def test() -> None:
+        broken = []
+        for module in MODULES:
+            try:
+                law(module)
+            except AssertionError as error:
+                broken.append(f"{module}: {error}")
+        assert not broken, "\n".join(broken)
+
+    test.__doc__ = law.__doc__
+    return test
 
 
 def part_of(module: str) -> str:
@@ -161,6 +175,7 @@ def test_matplotlib_is_imported_by_reports_only(module: str):
         ("oed.study", {"matplotlib", "pymoo"}),
     ],
 )
+@pytest.mark.slow
 def test_imports_cost_no_more_than_they_must(module: str, unloaded: set[str]):
     code = f"import sys, {module}; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -143,6 +143,7 @@ class TestCheck:
 
 
 class TestSolve:
+    @pytest.mark.slow
     def test_a_table_and_nothing_written(self, capsys, folder: Path):
         before = sorted(folder.rglob("*"))
         code, out, _ = call(capsys, "solve", "study.yaml", "--quiet", "--workers", "1")
@@ -164,6 +165,7 @@ class TestSolve:
         _, _, err = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1")
         assert err == ""
 
+    @pytest.mark.slow
     def test_seed(self, capsys, folder: Path):
         results = []
         for seed in ("0", "1", "1"):

@@ -49,6 +49,7 @@ class TestRoundTrip:
     @pytest.mark.parametrize("space", SPACES.values(), ids=SPACES.keys())
     @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(seed=st.integers(0, 2**32 - 1))
+    @pytest.mark.slow
     def test_the_score_is_the_same(self, tmp_path: Path, space: DesignSpace, seed: int):
         problem = make_problem(design=space, limits=(SPEED, ACCELERATION, BOX))
         drive = random_drive(problem, seed)

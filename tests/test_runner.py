@@ -100,6 +100,7 @@ class TestRecord:
         for name in ("straight_same_length", "circle_same_length"):
             assert result(record, name)["path_length"] == pytest.approx(length, rel=1e-3)
 
+    @pytest.mark.slow
     def test_nothing_is_left_unsaid(self, ran, tmp_path: Path):
         _, record, _ = ran
         assert record.data["notes"] == []
@@ -170,6 +171,7 @@ def assert_alike(first: Any, second: Any, place: str = "record") -> None:
 
 
 class TestSeed:
+    @pytest.mark.slow
     def test_the_same_seed_gives_the_same_record(self, ran, tmp_path: Path):
         study, record, _ = ran
         again = run(study, tmp_path / "again", workers=1)

@@ -234,6 +234,7 @@ LIMITS = (SPEED, ACCELERATION, BOX, WheelJerk(bounds=30), BodySpeed(bounds=0.4),
 class TestEvaluation:
     @pytest.mark.parametrize("degree", [0, 1, 2, 3])
     @rests
+    @pytest.mark.slow
     def test_poses_path_and_margins_are_the_single_runs_together(self, degree: int, rest: bool):
         limits = LIMITS if degree > 1 else (*LIMITS[:3], *LIMITS[4:])
         problem = make_problem(design=space_of(degree, rest=rest, start=STARTS), limits=limits)
@@ -261,6 +262,7 @@ class TestEvaluation:
 
     @settings(max_examples=25)
     @given(duration=durations, runs=st.integers(2, 5), run=st.integers(0, 4), last=st.booleans())
+    @pytest.mark.slow
     def test_every_run_has_to_rest_at_its_ends(self, duration: float, runs: int, run: int, last: bool):
         space = DesignSpace(duration=duration, samples=4, spline=Spline(degree=1, coefficients=5), runs=runs)
         rows = np.zeros((5 * runs, 2))

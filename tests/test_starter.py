@@ -19,6 +19,7 @@ LARGE = "8 m x 6 m"
 
 
 @every_robot
+@pytest.mark.slow
 def test_every_robot_has_a_study_that_can_be_told(robot: str):
     study = parse_study(starter(Choice(robot, room=LARGE)))
     study.require_identifiable()
@@ -38,6 +39,7 @@ def test_it_solves(robot: str):
 
 @pytest.mark.parametrize("sensor", SENSORS)
 @pytest.mark.parametrize("robot", ["turtlebot3_burger", "mecanum", "skid_steer"])
+@pytest.mark.slow
 def test_every_sensor(robot: str, sensor: str):
     study = parse_study(starter(Choice(robot, room=LARGE, sensor=sensor)))
     study.require_identifiable()

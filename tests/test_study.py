@@ -539,7 +539,13 @@ class TestSchema:
 
     def test_it_names_the_keys(self):
         schema = json_schema()
-        assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {"bound", "estimate", "prior"}
+        assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {
+            "bound",
+            "calibration",
+            "estimate",
+            "log",
+            "prior",
+        }
         assert schema["additionalProperties"] is False
         assert {"format", "name", "robot", "trajectory", "measurement", "limits"} == set(schema["required"])
         assert "json-schema.org" in schema["$schema"]

@@ -214,6 +214,7 @@ class TestFlaws:
         problem = problem_of(model, limits=limits)
         assert ("straight_and_spin" in suited(problem)) == able
 
+    @pytest.mark.slow
     def test_too_few_periods_to_steer_in(self):
         # 16 moves, 15 changes between them of 2 periods at least, one before and one after.
         enough, few = (
@@ -308,6 +309,7 @@ class TestSteering:
         return float(np.argmin(still)) * solution.trajectory.period
 
     @pytest.mark.parametrize("rate", [0.05, 0.2, 1.0])
+    @pytest.mark.slow
     def test_takes_its_time(self, rate: float):
         solution = self.steered(SteeringRate(bounds=rate))
         assert solution.evaluation.feasible
@@ -333,6 +335,7 @@ class TestSteering:
         assert np.ptp(solution.trajectory.inputs[:, 1]) < 1e-12
         assert solution.trajectory.inputs[0, 1] > 0.1
 
+    @pytest.mark.slow
     def test_hurried_steering_is_named(self):
         solution = self.steered(SteeringRate(bounds=0.01), name="figure_eight")
         assert not solution.evaluation.feasible
@@ -371,6 +374,7 @@ class TestSizes:
         assert not solution.evaluation.feasible
         assert set(solution.evaluation.violations) <= {"turning_radius", "workspace"}
 
+    @pytest.mark.slow
     def test_the_tightest_room_for_a_car(self):
         # Steered 0.6 rad, the car's circle is 0.965 m wide: one room has place for it, the other not.
         for half, fits in ((0.98, True), (0.95, False)):

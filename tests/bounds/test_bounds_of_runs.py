@@ -72,6 +72,7 @@ def best_objective(problem: Problem, rng: np.random.Generator, drives: int, clim
 @pytest.mark.parametrize(
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12))]
 )
+@pytest.mark.slow
 def test_no_runs_beat_the_bound(make: Any, seed: int):
     rng = np.random.default_rng(300 + seed)
     runs = int(rng.integers(2, 4))

@@ -114,6 +114,7 @@ def test_joint_lengths() -> None:
     assert "top speed" in certificate.method
 
 
+@pytest.mark.slow
 def test_the_laser_trackers_own_settings() -> None:
     problem = load_study(PROBLEMS / "laser_tracker.yaml").problem
     certificate = bound(problem)
@@ -122,6 +123,7 @@ def test_the_laser_trackers_own_settings() -> None:
     assert certificate.wall_seconds < 5
 
 
+@pytest.mark.slow
 def test_joint_lengths_count_the_readings() -> None:
     certificate = tracker(measurement=Poses(noise=NOISE, every=10))
     assert methods(certificate, "corner") == [pytest.approx(21 * 2 / (3 * SIGMA**2))]
@@ -150,6 +152,7 @@ def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     assert methods(certificate, "corner") == [pytest.approx(3 * 41 * 2 / (3 * SIGMA**2))]
 
 
+@pytest.mark.slow
 def test_a_prior_adds_what_it_knows() -> None:
     without = tracker(design=SHORT).upper_bound
     shares = dict.fromkeys(LENGTHS, "1 %")
@@ -218,6 +221,7 @@ def test_no_other_way_to_spend_it_has_a_larger_sum_of_squares(lengths, shares, b
     assert (spent**2).sum() <= largest_squares(np.array(lengths), budget) + 1e-9
 
 
+@pytest.mark.slow
 def test_no_drive_within_the_budget_beats_it() -> None:
     problem = make_problem(
         limits=(SPEED, ACCELERATION, PathLength(bounds=0.6)), measurement=Displacements(segments=4)

@@ -139,12 +139,14 @@ def check(problem: Problem, rng: np.random.Generator, drives: int, climbs: int) 
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.slow
 def test_no_drive_beats_the_bound_of_a_regression(seed: int) -> None:
     rng = np.random.default_rng(seed)
     assert check(random_regression(rng), rng, 30, 20) > 20
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.slow
 def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
     rng = np.random.default_rng(1000 + seed)
     assert check(random_joint(rng), rng, 30, 20) > 20
@@ -191,6 +193,7 @@ def test_other_robots_and_rooms(robot: str, room: Any, measured: str) -> None:
 
 @pytest.mark.parametrize("slips", [(0.0, 0.3), (0.0, 0.7), (0.0, 0.9), (0.9, 0.0)])
 @pytest.mark.parametrize("speeds", [(0, 10), (-3, 8)])
+@pytest.mark.slow
 def test_slip_of_one_side_alone_keeps_the_bound(slips: tuple[float, float], speeds: Any) -> None:
     """Slip passes from side to side faster than a wheel can change its speed."""
     problem = make_problem(

@@ -84,6 +84,7 @@ def corners_of_all(allowed: SpeedLimits) -> Array:
     return np.stack([grids[0][first.ravel()], grids[1][second.ravel()]], axis=-1)
 
 
+@pytest.mark.slow
 def test_the_numbers_of_a_hundred_samples() -> None:
     allowed = limits(100, ends=0.0)
     found = lattice_bound(allowed, BOTH, NOTHING)
@@ -103,6 +104,7 @@ def test_forward_only() -> None:
     assert found.lower == pytest.approx(44.6, abs=0.005)
 
 
+@pytest.mark.slow
 def test_speeds_sampled_in_the_middle_of_periods() -> None:
     allowed = limits(100, ends=1.0)
     found = lattice_bound(allowed, BOTH, NOTHING)
@@ -183,6 +185,7 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
     ],
 )
 @pytest.mark.parametrize("constant", [NOTHING, np.array([[3.0, -1.0], [-1.0, 2.0]])])
+@pytest.mark.slow
 def test_no_speeds_beat_the_bound(bounds: Any, step: float, ends: float, constant: Array) -> None:
     rng = np.random.default_rng(1)
     allowed, weights = limits(14, bounds, step, ends), np.array([0.3, 0.2])

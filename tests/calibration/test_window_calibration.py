@@ -17,6 +17,8 @@ from oed.calibration_record import calibration_data
 from oed.errors import ProblemError
 from oed.logs.log import Log
 
+pytestmark = pytest.mark.slow
+
 TRUE = truth_of(ROBOT, **TRUTH)
 PLACE = (0.03, -0.02, 0.05)
 
@@ -47,6 +49,7 @@ def test_it_finds_the_truth_within_its_errors(found):
     assert found.fit.clock_offsets == pytest.approx([0.03] * 3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_windows_are_two_seconds_long_unless_told_otherwise(found, logs):
     assert found.segmenting is None
     assert found.fit.layout.seconds == 2.0
@@ -73,12 +76,14 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
     assert len(data["residuals"][0]["value"]) == 15
 
 
+@pytest.mark.slow
 def test_weighed_windows_leave_nothing(logs):
     found = calibrate(problem_of(), logs, quick(method="gls"))
     assert all(one.passed for one in found.diagnostics), [one.message for one in found.diagnostics]
     assert any("drift, as the windows show it" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_noise_may_be_kept_from_growing_with_speed(logs):
     found = calibrate(problem_of(), logs, quick(method="gls", noise="constant"))
     assert found.fit.noises["position"].per_speed == 0
@@ -86,6 +91,7 @@ def test_noise_may_be_kept_from_growing_with_speed(logs):
 
 
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
+@pytest.mark.slow
 def test_coefficients_are_estimated_where_they_are_asked_for(method, logs):
     names = ("c11", "c12", "c21", "c22")
     found = calibrate(problem_of(estimate=names), logs, quick(method=method))
@@ -105,6 +111,7 @@ def test_a_tricycle_by_windows():
 
 
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
+@pytest.mark.slow
 def test_stated_noise_is_used(method, logs):
     found = calibrate(problem_of(), logs, quick(method=method, noise="stated"))
     assert found.fit.noises["position"].at_rest == pytest.approx(0.002)
@@ -112,6 +119,7 @@ def test_stated_noise_is_used(method, logs):
 
 
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
+@pytest.mark.slow
 def test_options_that_do_not_suit_windows_are_refused(method, logs):
     with pytest.raises(ProblemError, match=r"calibration\.loss: loss: huber"):
         calibrate(problem_of(), logs, quick(method=method, loss="huber"))

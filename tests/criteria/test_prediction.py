@@ -233,6 +233,7 @@ class TestSubset:
         [{"initial_pose": "known"}, {}, {"lever_arm": LeverArm(x=0.1, y=0.05, known=False)}],
         ids=["no nuisance", "start", "start and lever arm"],
     )
+    @pytest.mark.slow
     def test_its_information_is_the_schur_complement(self, subset, scaling, options):
         scales = np.array([3.0, 0.2, 5.0][: len(subset)])
         chosen = dict(zip(subset, scales, strict=True)) if scaling == "own" else scaling
@@ -271,6 +272,7 @@ class TestSubset:
 
     @settings(max_examples=15)
     @given(seed=seeds)
+    @pytest.mark.slow
     def test_what_is_not_known_is_never_worth_more(self, seed: int):
         unknown = make_problem(measurement=POSES, criterion=E(subset=("track",)))
         known = make_problem(measurement=POSES, criterion=E(), estimate=("track",))

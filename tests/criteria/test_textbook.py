@@ -130,6 +130,7 @@ QUADRATIC = {
 
 
 @pytest.mark.parametrize(("criterion", "points", "value"), QUADRATIC.values(), ids=QUADRATIC.keys())
+@pytest.mark.slow
 def test_quadratic_regression(criterion: Criterion, points: list[int], value: float):
     found, evaluation = best(Quadratic(), (-1, 1), len(points), criterion)
     np.testing.assert_allclose(found, points, rtol=0, atol=1e-4)

@@ -366,6 +366,7 @@ class TestPromise:
             "three_sensors": (*start, "yaw_rate.bias"),
         }
 
+    @pytest.mark.slow
     def test_noise_that_grows_with_speed(self):
         noise = {"position": 1e-3, "heading": 0.01, "position_per_speed": 0.02, "heading_per_speed": 0.1}
         problem = problem_of(Poses(noise=noise, every=2))
@@ -523,6 +524,7 @@ class TestMonteCarlo:
             rests.append(np.abs(estimates - linear).sum())
         assert rests[1] == pytest.approx(rests[0] / 4, rel=0.05)
 
+    @pytest.mark.slow
     def test_a_robot_with_slip(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
         problem = problem_of(
@@ -618,6 +620,7 @@ class TestRobust:
         assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.02
 
     @simulated_losses
+    @pytest.mark.slow
     def test_it_passes_the_checks(self, loss: Loss):
         result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
         assert result.passed

@@ -122,6 +122,7 @@ def motions(points: np.ndarray, angle: float, scale: float, shift) -> np.ndarray
     scale=st.floats(0.2, 5),
     shift=st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
 )
+@pytest.mark.slow
 def test_areas_move_turn_and_grow_with_their_points(outline, angle: float, scale: float, shift):
     points = grid_around(outline, 9)
     inside = signed_distance(outline, points) > 0

@@ -92,6 +92,7 @@ def test_a_room_is_its_walls_and_pockets(outline):
 
 @settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
+@pytest.mark.slow
 def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
     points = np.random.default_rng(seed).uniform(-3.5, 3.5, (400, 2))
     rows, truth = room_rows(outline, points).min(axis=0), signed_distance(outline, points)
@@ -102,6 +103,7 @@ def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
 
 @settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
+@pytest.mark.slow
 def test_distance_from_an_obstacle_of_any_outline(outline: np.ndarray, seed: int):
     points = np.random.default_rng(seed).uniform(-3.5, 3.5, (400, 2))
     pieces = seamless(pieces_of(outline))

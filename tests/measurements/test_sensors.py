@@ -215,6 +215,7 @@ class TestOracle:
     @pytest.mark.parametrize(
         "example", [listed[0] for listed in EXAMPLES.values() if listed[0] in PLAIN], ids=lambda one: one.name
     )
+    @pytest.mark.slow
     def test_coefficients_of_every_robot(self, example: Example, robot: Robot, rule: str):
         expected = experiment(robot, [example], rule, coefficients=True)
         names = tuple(name for row in robot.model.coefficient_names for name in row)
@@ -235,6 +236,7 @@ class TestOracle:
         ],
         ids="+".join,
     )
+    @pytest.mark.slow
     def test_several_sensors_share_the_initial_pose_alone(self, robot: Robot, names: Sequence[str]):
         sensors = [named(name) for name in names]
         expected = experiment(robot, sensors)
@@ -333,6 +335,7 @@ class TestSeveral:
         places=st.lists(st.integers(0, 20), min_size=2, max_size=3),
         seed=seeds,
     )
+    @pytest.mark.slow
     def test_one_more_never_tells_less(self, pool: list[Example], places: list[int], seed: int):
         sensors, inputs = [pool[place % len(pool)].sensor for place in places], some_inputs(seed)
         fewer, more = Several(sensors=sensors[:-1]), Several(sensors=sensors)
@@ -406,6 +409,7 @@ class TestInitialPose:
         y=st.floats(-20, 20),
         turn=st.floats(-7, 7),
     )
+    @pytest.mark.slow
     def test_where_the_drive_begins_is_of_no_matter(self, sensor, rule: str, x: float, y: float, turn: float):
         inputs = some_inputs()
         here, there = (told(sensor, inputs, start, rule=rule) for start in (START, moved(START, x, y, turn)))

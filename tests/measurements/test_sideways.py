@@ -66,6 +66,7 @@ def squares(example: Example, speeds: np.ndarray, rule: str) -> np.ndarray:
 @rules
 @settings(max_examples=8)
 @given(seed=seeds)
+@pytest.mark.slow
 def test_information_on_coefficients(example: Example, rule: str, seed: int):
     speeds = random_speeds(example, seed)
     found = driven(problem_of(example, rule), speeds)

@@ -134,6 +134,7 @@ def test_no_section_needs_more_than_a_search(flagship: Record):
 
 
 class TestSeveralRecords:
+    @pytest.mark.slow
     def test_differences_and_best_drives_are_listed(self, flagship: Record, tmp_path: Path):
         other = json.loads(json.dumps(flagship.data))
         other["study"]["limits"]["wheel_speed"]["bounds"] = [0.0, 5.0]

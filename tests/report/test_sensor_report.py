@@ -357,6 +357,7 @@ def test_nothing_undefined_is_shown(kind: str, tmp_path: Path):
             assert part.title.split("'")[0] in text
 
 
+@pytest.mark.slow
 def test_sensors_compare_with_displacements(tmp_path: Path):
     named = [("first", record("sensors")), ("second", record("absolute")), ("third", record("by_D"))]
     write_comparison(named, tmp_path)

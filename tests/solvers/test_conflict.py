@@ -66,6 +66,7 @@ def test_loosening_one_limit_by_its_amount_is_enough(description: str, name: str
     assert describe(make_cornered(**changes[name])) == ""
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_not_in_the_way_is_not_named():
     cornered = make_cornered()
     description = describe(replace(cornered, limits=(*cornered.limits, ACCELERATION)))

@@ -221,6 +221,7 @@ class TestEnd:
 
 class TestSeed:
     @tiny
+    @pytest.mark.slow
     def test_the_same_seed_gives_the_same_design(self, search):
         first, again, other = (solve(PROBLEM, search, seed=seed, workers=1) for seed in (3, 3, 4))
         np.testing.assert_array_equal(first.trajectory.coefficients, again.trajectory.coefficients)
@@ -253,6 +254,7 @@ class TestPolish:
         assert polished.evaluation.objective >= 0.999 * cap(4)
         assert len(polished.starts) == 1
 
+    @pytest.mark.slow
     def test_it_starts_there(self, genetic: Solution):
         # The unknowns of the design are those it was found with; one iteration does not lead far away.
         design = DesignExpressions(PROBLEM)

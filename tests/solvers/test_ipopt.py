@@ -271,6 +271,7 @@ def test_the_papers_table_is_surpassed(three_segments: Problem, three_segment_so
     assert max(list(rescored(three_segments, three_segment_solution).values())[1:]) <= 1e-3
 
 
+@pytest.mark.slow
 def test_per_sample_form_comes_near_its_proven_bound():
     # 85.823 bounds every drive of these limits, splines or not; these splines cost a few per cent.
     problem = make_problem(
@@ -308,6 +309,7 @@ class TestInterrupted:
     """An interrupted search hands over the best that it has."""
 
     @pytest.mark.parametrize("steps", [1, 2, 4, 5])
+    @pytest.mark.slow
     def test_the_best_so_far_is_kept(self, steps: int):
         listener = Listener(steps, interrupt)
         problem, options = make_problem(), Ipopt(starts=3, perturbations=4)
@@ -330,6 +332,7 @@ class TestInterrupted:
         assert solution.trajectory is None
         assert "No design had been found by then" in solution.message
 
+    @pytest.mark.slow
     def test_workers_are_stopped(self):
         problem, listener = make_problem(), Listener(2, interrupt)
         solution = solve(problem, Ipopt(starts=6), seed=0, workers=2, progress=listener)
@@ -339,6 +342,7 @@ class TestInterrupted:
         gc.collect()
 
     @pytest.mark.usefixtures("interruptible")
+    @pytest.mark.slow
     def test_a_signal_inside_the_compiled_solver_is_answered(self, flagship: Problem):
         timers = []
 
@@ -353,6 +357,7 @@ class TestInterrupted:
         assert solution.evaluation.feasible
 
 
+@pytest.mark.slow
 def test_infeasible_limits_are_named():
     problem = make_problem(
         design=DesignSpace(duration=20, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
@@ -387,6 +392,7 @@ def test_time_limit_before_any_design():
     assert Status.TIME_LIMIT.sentence in solution.message
 
 
+@pytest.mark.slow
 def test_iteration_limit():
     problem = make_problem(limits=(SPEED,))
     solution = solve(problem, Ipopt(starts=2, perturbations=0, max_iterations=8), seed=0, workers=1)

@@ -30,12 +30,14 @@ def feasible_starts(solution: Solution) -> int:
     return sum(start.objective is not None for start in solution.starts)
 
 
+@pytest.mark.slow
 def test_limits_exceeded_between_the_samples_are_tightened(coarse: Problem):
     solution = solve(coarse, OPTIONS, seed=0, workers=1)
     assert feasible_starts(solution) >= 3
     assert evaluate(coarse, solution.trajectory).feasible
 
 
+@pytest.mark.slow
 def test_without_tightening_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
     monkeypatch.setattr("oed.solvers.local.TIGHTENINGS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1

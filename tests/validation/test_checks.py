@@ -41,9 +41,11 @@ def right_ones() -> tuple[tuple[Check, ...], ...]:
 
 
 class TestRightCovariance:
+    @pytest.mark.slow
     def test_names(self):
         assert tuple(check.name for check in right_ones()[0]) == NAMES
 
+    @pytest.mark.slow
     def test_joint_rejections_are_rare_enough(self):
         rejected = sum(not all(check.passed for check in checks) for checks in right_ones())
         assert rejected / SEEDS <= ALPHA + 3 * math.sqrt(ALPHA * (1 - ALPHA) / SEEDS)
@@ -61,6 +63,7 @@ class TestRightCovariance:
         assert stats.kstest(values, "uniform").pvalue > 1e-3
 
     @pytest.mark.parametrize("name", NAMES[:5])
+    @pytest.mark.slow
     def test_outside_the_expected_range_means_a_small_p_value(self, name: str):
         for checks in right_ones():
             (check,) = [one for one in checks if one.name == name]

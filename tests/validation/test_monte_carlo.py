@@ -238,6 +238,7 @@ class TestMeasuredHeading:
     def test_ten_degrees(self):
         assert self.shrink - 1 == pytest.approx(-0.0151, abs=5e-5)
 
+    @pytest.mark.slow
     def test_per_sample_estimates_shrink(self):
         _, bias, error = self.paired_bias("ols", "samples")
         assert error.max() < 5e-4
