@@ -102,11 +102,11 @@ class TestShipped:
 
     @pytest.mark.parametrize("file", PROBLEMS, ids=lambda file: file.stem)
     def test_its_echo_is_the_same_study(self, file: Path):
-        assert_echo_is_equal(file.read_text(encoding="utf-8"))
+        assert_echo_is_equal(file.read_text(encoding="utf-8"), str(file))
 
 
-def assert_echo_is_equal(text: str) -> None:
-    study = parse_study(text)
+def assert_echo_is_equal(text: str, source: str = "study") -> None:
+    study = parse_study(text, source)
     echo = json.loads(json.dumps(study.echo(), allow_nan=False))
     again = parse_study(yaml.safe_dump(echo))
     assert again.file == study.file
