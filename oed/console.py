@@ -107,13 +107,17 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: Mapping[str, Any]) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
+    from oed.report.estimate.numbers import error_text, own_unit, to_error
+    from oed.report.wording import words
+
     table = Table(box=None, pad_edge=False)
-    for heading in ("parameter", "estimate", "std. error", "wanted", "after the next drive"):
-        table.add_column(Text(heading), justify="left" if heading == "parameter" else "right")
+    for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):
+        table.add_column(Text(heading), justify="left" if heading in ("parameter", "unit") else "right")
     for entry in found["precision"]:
-        unit = f" [{entry['unit']}]" if entry["unit"] else ""
-        sizes = (number(entry[key], 3) for key in ("now", "wanted", "next"))
-        table.add_row(Text(f"{entry['name']}{unit}"), number(entry["value"]), *sizes)
+        unit, factor = own_unit(entry["unit"])
+        errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
+        estimate = to_error(entry["value"], entry["now"], factor)
+        table.add_row(Text(words(entry["name"])), Text(unit), estimate, *errors)
     Console(width=None if sys.stdout.isatty() else 120).print(table)
     print(found["reason"])
 

@@ -12,9 +12,11 @@ import pytest
 import yaml
 
 from oed.cli import main
+from oed.estimation import estimate
 from oed.limits import LIMITS
 from oed.models import MODELS
 from oed.presets import preset_names
+from oed.report.estimate.console import estimate_rows
 from oed.study import load_study, parse_study
 
 ROOT = Path(__file__).parent.parent
@@ -66,14 +68,14 @@ def test_the_study_explained_is_the_shipped_one():
 
 def test_the_keys_for_sensors_are_accepted():
     # They stand in the place of the first study's keys of the same names.
-    whole, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, part, *_ = (yaml.safe_load(text) for text in blocks("yaml"))
     study = parse_study(yaml.safe_dump({**whole, **part}))
     assert [sensor.kind for sensor in study.problem.measurement.sensors] == ["poses", "ranges", "yaw_rate"]
     study.require_identifiable()
 
 
 def test_the_keys_for_robots_and_limits_are_accepted():
-    whole, sensors, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, sensors, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
     measured = {**whole, "measurement": sensors["measurement"], "estimate": sensors["estimate"], **part}
     problem = parse_study(
         yaml.safe_dump({**measured, "criterion": {"kind": "E"}, "validation": None})
@@ -84,6 +86,21 @@ def test_the_keys_for_robots_and_limits_are_accepted():
         "trailer_angle",
         "end_heading",
     }
+
+
+def test_the_keys_for_logs_are_accepted():
+    whole, *_, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    study = parse_study(yaml.safe_dump({**whole, **part}))
+    assert study.log.kind == "csv"
+    assert study.calibration.method == "joint"
+
+
+def test_the_estimate_shown_is_that_of_the_shipped_log():
+    (text,) = [block for block in blocks("text") if block.startswith("parameter")]
+    study = load_study(ROOT / "problems" / "room_robot.yaml")
+    found = estimate(study, [ROOT / "problems" / "logs" / "room_robot.csv"])
+    for row in estimate_rows(found.data):
+        assert any(line.split() == " ".join(row).split() for line in text.splitlines())
 
 
 def test_every_robot_is_listed():

@@ -28,15 +28,19 @@ class Mount:
 
 
 def stated_mount(measurement: Measurement) -> Mount:
-    """Where the measurement's first placed sensor sits; a lever arm that is not given is not known."""
+    """Where the measurement's first placed sensor sits.
+
+    A lever arm of 0 is one that nobody gave: it is estimated, for a sensor seldom sits where it should.
+    """
     arms = [one.lever_arm for one in sensors_of(measurement) if isinstance(one, PlacedSensor)]
     if not arms:
         return Mount()
     arm = arms[0]
     known = dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation) if arm.deviation is not None else {}
-    given = "known" in arm.model_fields_set or bool(arm.x or arm.y)
     return Mount(
-        (arm.x, arm.y, 0.0), arm.known and given, {name: size for name, size in known.items() if size}
+        (arm.x, arm.y, 0.0),
+        arm.known and bool(arm.x or arm.y),
+        {name: size for name, size in known.items() if size},
     )
 
 

@@ -82,7 +82,7 @@ def test_a_short_log_that_drifts_says_that_its_error_bars_are_too_small():
     ("arm", "sits", "fixed"),
     [
         (LeverArm(), (0.0, 0.0, 0.0), False),
-        (LeverArm(known=True), (0.0, 0.0, 0.0), True),
+        (LeverArm(known=True), (0.0, 0.0, 0.0), False),
         (LeverArm(x=0.1), (0.1, 0.0, 0.0), True),
         (LeverArm(x=0.1, known=False, deviation=0.01), (0.1, 0.0, 0.0), False),
     ],

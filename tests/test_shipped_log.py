@@ -1,0 +1,54 @@
+"""The log that is shipped is what its simulation writes, and tells the truth it was simulated with."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
+
+from oed.estimation import estimate
+from oed.record import Record
+from oed.study import load_study, recorded_study
+
+
+def test_it_is_what_its_simulation_writes():
+    # Poses differ in their last digit where a machine adds up otherwise.
+    made, shipped = text().splitlines(), FILE.read_text(encoding="utf-8").splitlines()
+    assert made[0] == shipped[0]
+    numbers, wanted = (
+        np.array([[float(cell) for cell in row.split(",")] for row in rows[1:]]) for rows in (made, shipped)
+    )
+    np.testing.assert_array_equal(numbers[:, :4], wanted[:, :4])
+    np.testing.assert_allclose(numbers[:, 4:], wanted[:, 4:], atol=0.011)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return estimate(load_study(STUDY), [FILE])
+
+
+def test_it_tells_the_truth(found):
+    for entry in found.parameters:
+        low, high = entry["interval"]
+        assert low < TRUTH[entry["name"]] < high
+        assert entry["standard_error"] < 0.0005 * entry["value"]
+
+
+def test_it_tells_where_the_target_sits_and_how_far_the_clocks_are_apart(found):
+    nuisances = {entry["name"]: entry for entry in found.data["nuisances"]}
+    truth = dict(zip(("sensor_x", "sensor_y", "sensor_heading"), SITS, strict=True))
+    for name, value in {**truth, "clock_offset": BEHIND}.items():
+        assert abs(nuisances[name]["value"] - value) < 4 * nuisances[name]["standard_error"]
+
+
+def test_what_was_wrapped_is_named(found):
+    names = {one["name"] for one in found.data["logs"][0]["findings"]}
+    assert {"counter_wrapped", "wrapped_heading", "stationary_start", "clock_offset"} <= names
+
+
+def test_a_study_out_of_a_record_estimates_the_same(found):
+    study = load_study(STUDY)
+    again = recorded_study(Record({"study": json.loads(json.dumps(study.echo()))}))
+    assert estimate(again, [FILE]).parameters == found.parameters
