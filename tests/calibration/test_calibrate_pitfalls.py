@@ -49,14 +49,12 @@ def test_logs_apart_have_to_be_alike():
 
 @pytest.mark.slow
 def test_one_log_that_drifts_has_wide_error_bars():
-    scores = []
-    for seed in range(4):
+    # How wide they have to be no single log can tell: drift that lasts as long as the log looks like a wheel.
+    for seed in range(3):
         log = log_of(course(seconds=60.0, seed=seed, drift=0.001), noise=NOISE)
-        found = calibrate(problem_of(), [log])
-        assert found.covariances[0].name == "bootstrap"
-        scores.append((found.values - TRUE) / np.sqrt(np.diag(found.covariance)))
-    # Drift lasts longer than a block, so that even these are somewhat small.
-    assert np.sqrt(np.mean(np.square(scores))) < 4
+        errors = {one.name: one.deviations[:3] for one in calibrate(problem_of(), [log]).covariances}
+        assert next(iter(errors)) == "bootstrap"
+        assert np.all(errors["bootstrap"] > 2 * errors["information"])
 
 
 @pytest.mark.slow
@@ -64,7 +62,7 @@ def test_logs_are_blocks_by_themselves_where_there_are_enough():
     scores = []
     for seed in range(5):
         logs = several(10, seconds=10.0, noise=NOISE, seed=100 * seed, drift=0.003)
-        found = calibrate(problem_of(), logs)
+        found = calibrate(problem_of(), logs, options(segment=2.0, replicates=300))
         bootstrap = next(one for one in found.covariances if one.name == "bootstrap")
         assert bootstrap.freedom == 9
         scores.append((found.values - TRUE) / bootstrap.deviations[:3])
