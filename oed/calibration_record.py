@@ -148,12 +148,17 @@ def _correlation(covariance: Array) -> Array:
 
 def _coefficients(found: Calibration) -> list[dict[str, Any]]:
     names, values, errors = found.coefficients
-    rows = [row for row in found.robot.coefficient_names for _ in row]
     units = dict(zip(found.robot.coefficient_names, ("", "m", "m"), strict=False))
-    return [
-        {"name": name, "unit": units[row], "value": finite(value), "standard_error": finite(error)}
-        for name, row, value, error in zip(names, rows, values, errors, strict=True)
+    rows = [units[row] for row in found.robot.coefficient_names for _ in row]
+    entries = [
+        {"name": name, "unit": unit, "value": finite(value), "standard_error": finite(error)}
+        for name, unit, value, error in zip(names, rows, values, errors, strict=False)
     ]
+    track = found.effective_track
+    if track is not None:
+        own = {"value": finite(track[0]), "standard_error": finite(track[1])}
+        entries.append({"name": "effective_track", "unit": "m", **own})
+    return entries
 
 
 def _nuisances(found: Calibration) -> list[dict[str, Any]]:

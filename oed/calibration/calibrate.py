@@ -101,18 +101,36 @@ class Calibration:
         """Of each parameter, SI."""
         return dict(zip(self.parameters, map(float, np.sqrt(np.diag(self.covariance))), strict=True))
 
-    @cached_property
+    @property
     def coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
         """Names, values and standard errors of the coefficients that the estimates give [Choi, eq. 6].
 
         Nothing where the estimates are coefficients themselves, or the robot has none.
         """
+        names, values, slopes = self._given_coefficients
+        return names, values, np.sqrt(np.diag(slopes @ self.covariance @ slopes.T))
+
+    @property
+    def effective_track(self) -> tuple[float, float] | None:
+        """The distance of two wheels that would turn a robot without slip as this one turns, and its standard
+        error [m]: the mean of c21 and c22 over that of c11 and -c12. None for robots without two sides.
+        """
+        names, values, slopes = self._given_coefficients
+        if names[:4] != ("c11", "c12", "c21", "c22"):
+            return None
+        forward, turning = values[2] + values[3], (values[0] - values[1]) / 2
+        track = forward / turning
+        slope = (slopes[2] + slopes[3] - track * (slopes[0] - slopes[1]) / 2) / turning
+        return float(track), float(np.sqrt(slope @ self.covariance @ slope))
+
+    @cached_property
+    def _given_coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
+        # Names, values, derivatives by the estimates.
         names, values, slopes = coefficient_values(self.robot, self.fit.unknowns.parts(self.fit.values)[0])
         if not names or set(names) & set(self.parameters):
-            return (), np.zeros(0), np.zeros(0)
+            return (), np.zeros(0), np.zeros((0, len(self.parameters)))
         known = [parameter.name for parameter in self.robot.parameters]
-        own = slopes[:, [known.index(name) for name in self.parameters]]
-        return names, values, np.sqrt(np.diag(own @ self.covariance @ own.T))
+        return names, values, slopes[:, [known.index(name) for name in self.parameters]]
 
 
 def calibrate(

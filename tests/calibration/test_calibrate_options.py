@@ -131,6 +131,12 @@ class TestOptions:
         wanted = np.array([right / track, -left / track, right / 2, left / 2])
         assert np.all(np.abs(values - wanted) < 5 * errors)
 
+    def test_the_effective_track_is_the_track(self):
+        found = found_by()
+        track, error = found.effective_track
+        assert track == pytest.approx(found.values[2])
+        assert error == pytest.approx(found.standard_deviations["track"])
+
     @pytest.mark.slow
     def test_a_lever_arm_that_the_study_gives(self):
         measurement = Poses(noise=STATED, lever_arm=LeverArm(x=0.1, y=-0.05))
