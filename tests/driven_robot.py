@@ -13,6 +13,24 @@ from oed.problem import Problem
 from oed.rollout import roll_out
 from oed.trajectory import Trajectory
 
+ROOM_STUDY = """
+format: 1
+name: A robot in a room
+robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
+trajectory:
+  duration: 20 s
+  samples: 40
+  spline: {degree: 3, coefficients: 10}
+  start: {x: 0 m, y: 0 m, heading: 0 deg}
+measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
+limits:
+  wheel_speed: 6 rad/s
+  wheel_acceleration: 10 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+seed: 1
+"""
+"""A study without searches or paths."""
+
 
 def write_log(
     path: Path,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driven_robot import write_log
+from driven_robot import ROOM_STUDY, write_log
 
 from oed.driven import score_logs, score_path
 from oed.errors import LogError
@@ -15,25 +15,7 @@ from oed.record import Record, drive_of
 from oed.runner import run
 from oed.study import Study, parse_study
 
-STUDY = """
-format: 1
-name: A robot in a room
-robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
-trajectory:
-  duration: 20 s
-  samples: 40
-  spline: {degree: 3, coefficients: 10}
-  start: {x: 0 m, y: 0 m, heading: 0 deg}
-measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
-limits:
-  wheel_speed: 6 rad/s
-  wheel_acceleration: 10 rad/s^2
-  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
-solvers: []
-baselines: [square, figure_eight]
-log: {}
-seed: 1
-"""
+STUDY = f"{ROOM_STUDY}solvers: []\nbaselines: [square, figure_eight]\nlog: {{}}\n"
 
 
 @pytest.fixture(scope="module")

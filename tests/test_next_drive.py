@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driven_robot import write_log
+from driven_robot import ROOM_STUDY, write_log
 
 from oed.errors import UserMistake
 from oed.estimation import estimate
@@ -16,24 +16,8 @@ from oed.record import Record, drive_of
 from oed.runner import run
 from oed.study import Study, load_study, parse_study
 
-STUDY = """
-format: 1
-name: A robot in a room
-robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
-trajectory:
-  duration: 20 s
-  samples: 50
-  spline: {degree: 3, coefficients: 10}
-  start: {x: 0 m, y: 0 m, heading: 0 deg}
-measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
-limits:
-  wheel_speed: 6 rad/s
-  wheel_acceleration: 10 rad/s^2
-  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
-solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
-baselines: [square]
-seed: 1
-"""
+SEARCH = "solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]"
+STUDY = f"{ROOM_STUDY}{SEARCH}\nbaselines: [square]\n"
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
 TARGETS = {"wheel_radius_right": "0.2 %", "wheel_radius_left": "0.2 %", "track": "0.3 %"}
 
