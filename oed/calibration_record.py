@@ -131,6 +131,7 @@ def _parameters(found: Calibration) -> list[dict[str, Any]]:
                 "name": name,
                 "unit": units[name],
                 "nominal": table[name].nominal,
+                "size": table[name].scale or 1.0,
                 "value": finite(value),
                 "standard_error": finite(error),
                 "interval": [finite(value - width * error), finite(value + width * error)],
@@ -148,11 +149,13 @@ def _correlation(covariance: Array) -> Array:
 
 def _coefficients(found: Calibration) -> list[dict[str, Any]]:
     names, values, errors = found.coefficients
+    if not names:
+        return []
     units = dict(zip(found.robot.coefficient_names, ("", "m", "m"), strict=False))
     rows = [units[row] for row in found.robot.coefficient_names for _ in row]
     entries = [
         {"name": name, "unit": unit, "value": finite(value), "standard_error": finite(error)}
-        for name, unit, value, error in zip(names, rows, values, errors, strict=False)
+        for name, unit, value, error in zip(names, rows, values, errors, strict=True)
     ]
     track = found.effective_track
     if track is not None:

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _report_error(options, str(error), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
     except KeyboardInterrupt:
-        _report_error(options, "interrupted; nothing was written", [])
+        _report_error(options, "interrupted", [])
         return FAILED
     except BrokenPipeError:
         # The reader of our output has left (`oed ... | head`): nothing more to say.
@@ -393,7 +393,7 @@ def _next(options: argparse.Namespace) -> int:
         print_next(found.data)
         if page is not None:
             print(f"report: {page}")
-    return DONE if found.record is None or found.record.best is not None else FAILED
+    return DONE if found.record is None else _verdict(found.record)
 
 
 def _report(options: argparse.Namespace) -> int:

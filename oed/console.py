@@ -98,9 +98,9 @@ def print_worth(found: DrivenPaths) -> None:
     for one in found.paths:
         shares = []
         if one.share_of_best is not None and found.best is not None:
-            shares.append(f"{gap(one.share_of_best)} of the best design known ({found.best[0]})")
+            shares.append(f"{percent(one.share_of_best)} of the best design known ({found.best[0]})")
         if one.share_of_bound is not None:
-            shares.append(f"at least {gap(one.share_of_bound)} of what any drive of the study can give")
+            shares.append(f"at least {percent(one.share_of_bound)} of what any drive of the study can give")
         if shares:
             print(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}")
 
@@ -130,7 +130,7 @@ def print_certificate(certificate: Mapping[str, Any]) -> None:
     if certificate["gap"] is not None:
         loose = ", a loose bound" if certificate["loose"] else ""
         lines.append(
-            f"best drive known here: {number(certificate['best'])}, gap {gap(certificate['gap'])}{loose}"
+            f"best drive known here: {number(certificate['best'])}, gap {percent(certificate['gap'])}{loose}"
         )
     for cap in certificate["caps"][1:]:
         lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")
@@ -138,9 +138,10 @@ def print_certificate(certificate: Mapping[str, Any]) -> None:
         console.print(line, highlight=False, markup=False)
 
 
-def gap(share: float) -> str:
-    """A gap in percent, two digits of it."""
-    return f"{100 * share:.2g} %"
+def percent(share: float) -> str:
+    """A share in percent, two digits of it or the whole number."""
+    size = 100 * share
+    return f"{size:.0f} %" if abs(size) >= 9.95 else f"{size:.2g} %"
 
 
 def number(value: float | None, digits: int = 6) -> str:

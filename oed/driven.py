@@ -14,6 +14,7 @@ from oed.bounds import bound
 from oed.errors import FileFlaw, LogError
 from oed.logs import Log, read_logs
 from oed.logs.form import is_bag
+from oed.models import Model
 from oed.path_file import read_trajectory
 from oed.record import FILE, Record, load_record, result_data
 from oed.runner import score
@@ -135,7 +136,7 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     record = _record_of(study, designs)
     known, limit = _known(record)
     limit = _bound(study) if limit is None else limit
-    parts = [part for log in logs for part in _parts(study, log)]
+    parts = [part for log in logs for part in driven_parts(study, log)]
     scored = tuple(
         _scored(study, name, trajectory, seconds, known, limit) for name, trajectory, seconds in parts
     )
@@ -189,10 +190,16 @@ def _judged(study: Study) -> int:
     return sum(len(one.judged) for one in study.problem.any_estimations)
 
 
-def _parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
-    # Whole drives of the study's shape, the last one ended by standing still.
+def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
+    """Name, drive and seconds of motion of each part of a log that is as long as the study's drives.
+
+    The rest is left out; a log that is shorter is ended by standing still.
+
+    Raises:
+        LogError: nothing ever drives the robot.
+    """
     space = study.problem.design
-    first, last = _moving(log)
+    first, last = _moving(log, study.problem.model)
     whole = space.duration * space.runs
     count = max(1, int((last - first) // whole))
     found = []
@@ -216,10 +223,11 @@ def _trajectory(study: Study, inputs: Array) -> Trajectory:
     )
 
 
-def _moving(log: Log) -> tuple[float, float]:
-    # From when to when the inputs change anything, on their own clock.
+def _moving(log: Log, model: Model) -> tuple[float, float]:
+    # From when to when anything drives the robot, on the inputs' own clock.
+    driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
     steps = np.diff(log.input_times)
-    speeds = np.abs(np.diff(log.integrals, axis=0) / steps[:, None]).max(axis=1)
+    speeds = np.abs(np.diff(log.integrals[:, driving], axis=0) / steps[:, None]).max(axis=1)
     rows = np.flatnonzero(speeds > MOVING * speeds.max())
     if not len(rows):
         raise LogError([FileFlaw(log.file, 0, 0, "", "the robot never moves")])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
+from oed.errors import FileFlaw, LogError
 from oed.files import require_writable
 from oed.logs import read_logs
 from oed.runner import package_version, provenance
@@ -50,10 +51,11 @@ def estimate(
         progress: told how far the work is.
 
     Raises:
-        LogError: logs that cannot be read, or do not fit the robot.
+        LogError: logs that cannot be read, do not fit the robot, or are given twice.
     """
     if out is not None:
         require_writable(Path(out))
+    _require_different([*logs, *apart])
     chosen = study.seed if seed is None else seed
     told = _Stages(progress or Silent())
     told("reading logs")
@@ -81,3 +83,15 @@ def estimate(
     if out is not None:
         save_estimate(record, out)
     return record
+
+
+def _require_different(files: Sequence[str | Path]) -> None:
+    # Twice the same log would count as twice the evidence.
+    known, flaws = set[Path](), []
+    for file in files:
+        path = Path(file).resolve()
+        if path in known:
+            flaws.append(FileFlaw(str(file), 0, 0, "", "given twice; a log counts once"))
+        known.add(path)
+    if flaws:
+        raise LogError(flaws)

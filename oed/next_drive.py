@@ -116,7 +116,7 @@ def next_drive(
 def _decided(
     found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
 ) -> NextDrive:
-    predicted = _predicted(record)
+    predicted = _predicted(record, found)
     precision = _precision(found, wanted, predicted)
     if not predicted:
         reason = "no feasible drive was found; the record says which limit is in the way"
@@ -187,17 +187,29 @@ def _following(study: Study, found: EstimateRecord) -> Study:
     return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
 
 
-def _predicted(record: Record) -> dict[str, float]:
-    # Standard errors after the best drive, what is known now included.
+def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
+    """Standard errors after the best drive, what is known now included.
+
+    The design takes noise for white. Where error bars are wider than F^-1 makes them, the next drive will
+    tell as much less as these logs did.
+    """
     best = record.best
-    if best is None:
+    if best is None or not best["covariances"]:
         return {}
-    return {
-        name: float(np.sqrt(one["covariance"][index][index]))
-        for one in best["covariances"]
-        for index, name in enumerate(one["parameters"])
-        if one["covariance"][index][index] is not None
-    }
+    names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
+    told = np.zeros_like(known)
+    for one in best["covariances"]:
+        places = [names.index(name) for name in one["parameters"]]
+        own, then = np.ix_(places, places), np.array(one["covariance"], dtype=float)
+        told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
+    after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
+    return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
+
+
+def _excess(found: EstimateRecord) -> float:
+    # How many times the variances are what F^-1 says.
+    entries = [(one["standard_error"], one["standard_errors"]["information"]) for one in found.parameters]
+    return max(1.0, float(np.mean([(error / promised) ** 2 for error, promised in entries if promised])))
 
 
 def _precision(
@@ -209,6 +221,7 @@ def _precision(
             "unit": entry["unit"],
             "value": entry["value"],
             "now": entry["standard_error"],
+            "size": entry["size"],
             "wanted": wanted.get(entry["name"]),
             "next": predicted.get(entry["name"]),
         }
@@ -217,10 +230,10 @@ def _precision(
 
 
 def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
-    # In units of what is wanted; of the value where nothing is.
+    # In units of what is wanted; of the parameters' sizes where nothing is.
     aimed = [entry for entry in precision if entry["wanted"] is not None] or precision
-    sizes = [entry["wanted"] or abs(entry["value"]) or 1.0 for entry in aimed]
-    return max(float(entry[when]) / size for entry, size in zip(aimed, sizes, strict=True))
+    sizes = [entry["wanted"] or entry["size"] for entry in aimed]
+    return max(float(entry[when]) / float(size) for entry, size in zip(aimed, sizes, strict=True))
 
 
 def _written(found: NextDrive, out: str | Path | None) -> NextDrive:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -20,7 +21,8 @@ from oed.rollout import carrier
 
 Array = npt.NDArray[np.float64]
 
-PLACE = ("sensor_x", "sensor_y", "sensor_heading")
+PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
+PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
 """Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
 [rad]."""
 

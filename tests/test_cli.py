@@ -14,6 +14,7 @@ import pytest
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
+from oed.console import percent
 from oed.record import load_record
 
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
@@ -430,3 +431,11 @@ class TestExport:
         code, _, err = call(capsys, "export", "made", "--to", "dxf")
         assert code == 2
         assert "csv, json, rosbag2, ros2_yaml" in err
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0531, "5.3 %"), (0.996, "100 %"), (1.2, "120 %"), (2e-5, "0.002 %"), (0.31, "31 %")],
+)
+def test_shares_in_percent(share, text):
+    assert percent(share) == text

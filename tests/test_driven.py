@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
-from oed.driven import score_logs, score_path
+from oed.driven import driven_parts, score_logs, score_path
 from oed.errors import LogError
 from oed.evaluation import evaluate
+from oed.logs import Log
 from oed.record import Record, drive_of
 from oed.runner import run
 from oed.study import Study, parse_study
@@ -86,3 +87,23 @@ def test_shares_are_plain_data(study, record, saved, tmp_path):
     data = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved).data
     assert data["worth"][0]["name"] == "log"
     assert np.isfinite(data["upper_bound"])
+
+
+def test_a_steered_wheel_alone_moves_nothing(study):
+    steered = parse_study(
+        STUDY.replace(
+            "{kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}",
+            "{kind: tricycle, wheel_radius: 33 mm, wheelbase: 200 mm}",
+        )
+        .replace(
+            "wheel_speed: 6 rad/s\n", "wheel_speed: 6 rad/s\n  steering_angle: 60 deg\n  steering_rate: 1\n"
+        )
+        .replace("[square, figure_eight]", "[]")
+    )
+    times = np.arange(0.0, 10.0, 0.1)
+    speeds = np.where(times[:-1] < 4, 0.0, 3.0)
+    integrals = np.column_stack([np.append(0, np.cumsum(0.1 * speeds)), 0.3 * times])
+    log = Log("run", "run.csv", times, integrals, times, np.zeros((len(times), 3)))
+    ((_, trajectory, seconds),) = driven_parts(steered, log)
+    assert seconds == pytest.approx(5.9, abs=0.11)
+    assert trajectory.inputs[0, 0] == pytest.approx(3.0)

@@ -125,3 +125,13 @@ class TestEstimate:
         before = set(folder.iterdir())
         estimate(study, [folder / "drive_0.csv"])
         assert set(folder.iterdir()) == before
+
+
+class TestTwice:
+    def test_a_log_counts_once(self, tmp_path: Path):
+        file = write_drive(tmp_path / "run.csv", 0)
+        study = saved_study(tmp_path, STUDY)
+        with pytest.raises(LogError, match=r"run\.csv: given twice"):
+            estimate(study, [file, tmp_path / "." / "run.csv"])
+        with pytest.raises(LogError, match=r"run\.csv: given twice"):
+            estimate(study, [file], apart=[file])

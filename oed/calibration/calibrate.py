@@ -44,7 +44,7 @@ FEWEST_BLOCKS = 4
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 TOO_SHORT = (
-    "the logs drift, and are too few and short for more than F^-1: true errors may be several times as large"
+    "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
 )
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
@@ -113,7 +113,7 @@ class Calibration:
     @property
     def effective_track(self) -> tuple[float, float] | None:
         """The distance of two wheels that would turn a robot without slip as this one turns, and its standard
-        error [m]: the mean of c21 and c22 over that of c11 and -c12. None for robots without two sides.
+        error [m]: the sum of c21 and c22 over the mean of c11 and -c12. None for robots without two sides.
         """
         names, values, slopes = self._given_coefficients
         if names[:4] != ("c11", "c12", "c21", "c22"):
@@ -187,7 +187,7 @@ class _Work:
             segmenting, fit = self._fitted(found, unknowns)
         self.told("error bars")
         covariances = self._covariances(fit, segmenting)
-        if covariances[0].name == "information" and segmenting is not None and segmenting.drifts:
+        if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
         self.told("checks")
         logs = _with_clocks(found.logs, fit)
@@ -276,7 +276,6 @@ class _Work:
     def _known(self, unknowns: Unknowns) -> Knowledge:
         count = len(unknowns.parameters)
         loose = LOOSE * unknowns.scale
-        loose[count:] = LOOSE_PLACE
         for index, name in enumerate(unknowns.place):
             loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK

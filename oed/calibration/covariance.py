@@ -54,11 +54,13 @@ class Blocks:
         ranges: all blocks there are, overlapping, (blocks, 2).
         length: usual number of segments in one.
         independent: how many do not overlap.
+        whole_logs: whether every log is a block.
     """
 
     ranges: npt.NDArray[np.int64]
     length: int
     independent: int
+    whole_logs: bool = False
 
 
 def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
@@ -78,32 +80,41 @@ def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
         ranges += [(own[0] + first, own[0] + first + size) for first in range(len(own) - size + 1)]
         sizes.append(size)
         independent += len(own) // size
-    return Blocks(np.array(ranges), int(np.median(sizes)), independent)
+    return Blocks(np.array(ranges), int(np.median(sizes)), independent, parts == 1)
 
 
 def information(fit: Fit) -> Covariance:
-    """F^-1: right where the noise is as modelled, white and without drift."""
-    readings = float(fit.freedom.sum())
-    return Covariance(fit.inverse, readings, "information")
+    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
+    spread = fit.swing * fit.information.sum(axis=0) + fit.knowledge
+    matrix = fit.response @ spread @ fit.response
+    return Covariance(matrix, float(fit.freedom.sum()), "information")
 
 
 def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
-    """F^-1 M F^-1 with the scores' own covariance M, correlated over a block's length.
+    """H^-1 M H^-1 with the scores' own covariance M, correlated over a block's length.
 
-    Weights of correlations fall linearly with the lag [Newey, West: A simple, positive semi-definite,
-    heteroskedasticity and autocorrelation consistent covariance matrix, 1987].
+    Where blocks are whole logs, M is that of the logs' sums. Else weights of correlations fall linearly with
+    the lag [Newey, West: A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
+    covariance matrix, 1987].
     """
-    scores, owner = fit.scores, fit.layout.owner
+    if blocks.whole_logs:
+        sums = _sums(fit.scores, blocks.ranges)
+        middle = sums.T @ sums
+    else:
+        middle = _correlated(fit.scores, fit.layout.owner, blocks.length)
+    few = blocks.independent / max(blocks.independent - 1, 1)
+    # What was known before is as uncertain as it says.
+    matrix = fit.response @ (few * middle + fit.knowledge) @ fit.response
+    return Covariance(matrix, blocks.independent - 1, "sandwich")
+
+
+def _correlated(scores: Array, owner: npt.NDArray[np.int64], length: int) -> Array:
     middle = scores.T @ scores
-    for lag in range(1, blocks.length):
+    for lag in range(1, length):
         same = owner[lag:] == owner[:-lag]
         product = scores[lag:][same].T @ scores[:-lag][same]
-        middle += (1 - lag / blocks.length) * (product + product.T)
-    few = blocks.independent / max(blocks.independent - 1, 1)
-    inverse = inverse_of_sum(fit.curvature.sum(axis=0), fit.knowledge)
-    # What was known before is as uncertain as it says.
-    matrix = inverse @ (few * middle + fit.knowledge) @ inverse
-    return Covariance(matrix, blocks.independent - 1, "sandwich")
+        middle += (1 - lag / length) * (product + product.T)
+    return np.asarray(middle)
 
 
 def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generator) -> Covariance:
@@ -125,7 +136,7 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
         found[index] = inverse @ (scores[chosen].sum(axis=0) + pull)
     few = blocks.independent / max(blocks.independent - 1, 1)
     # What was known before is as uncertain as it says; no drawing of blocks shows that.
-    before = fit.inverse @ fit.knowledge @ fit.inverse
+    before = fit.response @ fit.knowledge @ fit.response
     return Covariance(few * np.atleast_2d(np.cov(found.T)) + before, blocks.independent - 1, "bootstrap")
 
 

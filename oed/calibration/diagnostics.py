@@ -143,7 +143,7 @@ def _agreement(fit: Fit) -> Diagnostic:
     for log in np.unique(owner):
         own = owner == log
         score = fit.scores[own].sum(axis=0) * scale
-        matrix = fit.information[own].sum(axis=0) * np.outer(scale, scale)
+        matrix = fit.swing * fit.information[own].sum(axis=0) * np.outer(scale, scale)
         statistic += float(score @ np.linalg.pinv(matrix, rcond=RANK, hermitian=True) @ score)
         freedom += int((np.linalg.eigvalsh(matrix) > RANK * max(np.trace(matrix), 1e-300)).sum())
     freedom = max(freedom - fit.unknowns.size, 1)

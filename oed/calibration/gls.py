@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.bands import banded, factor, whitened
-from oed.calibration.joint import Fit, Knowledge, inverse_of_sum
+from oed.calibration.joint import ROUGH, Fit, Knowledge, inverse_of_sum
 from oed.calibration.noise import Noise
 from oed.calibration.search import no_knowledge, solved
 from oed.calibration.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
@@ -25,8 +25,6 @@ ROUNDS = 15
 """How often parameters and variances are found in turn at most."""
 CLOSE = 0.01
 """Change of the unknowns, in standard errors, at which they have settled."""
-ROUGH = 0.01
-"""Noise thought of at first [m, rad]: only the ratio matters."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Joint nonlinear least squares over segments of logs: parameters, sensor's place, clocks, every start.
 
-Each segment's start is eliminated by projection, so that a step costs no more for many segments.
+Each segment's start is eliminated by projection, so that a step costs in proportion to their number only.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ HALVINGS = 8
 """How often a step that makes the misfit worse is halved."""
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
+ROUGH = 0.01
+"""Noise that the search begins with [m, rad]."""
 RANK = 1e-12
 """Share of the largest eigenvalue below which a start's direction is not told by its segment."""
 
@@ -72,6 +74,7 @@ class Fit:
         motions: whether segments are windows, each of which shows but one motion, between its ends.
         notes: what else was found, in words.
         bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
+        swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
     """
 
     unknowns: Unknowns
@@ -92,6 +95,7 @@ class Fit:
     motions: bool = False
     notes: tuple[str, ...] = ()
     bend: float = 1.0
+    swing: float = 1.0
 
     @property
     def predicted(self) -> Array:
@@ -112,6 +116,11 @@ class Fit:
     def curvature(self) -> Array:
         """Of the misfit by every segment, SI, (S, q, q): what a change of the scores is divided by."""
         return self.bend * self.information
+
+    @cached_property
+    def response(self) -> Array:
+        """How the unknowns follow the scores, (q, q): the inverse of all curvature and prior knowledge."""
+        return inverse_of_sum(self.curvature.sum(axis=0), self.knowledge)
 
     @property
     def clock_offsets(self) -> Array:
@@ -213,9 +222,8 @@ class JointSearch:
         return self.offsets + clocks if len(clocks) else self.offsets
 
     def _first_noises(self) -> dict[str, Noise]:
-        # Only the ratio of position to angle noise matters at first.
-        own = {"position": Noise(0.01)}
-        return {name: own.get(name, Noise(0.01)) for name in groups(self.layout.quantities)}
+        # Only their ratio matters at first: 1 cm to 0.01 rad.
+        return dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
 
     def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
         residuals, slopes, own, speeds = self._linearised(values, starts)
@@ -275,6 +283,7 @@ class JointSearch:
             knowledge=known,
             converged=False,
             bend=float((bends * present).sum() / max((weights * present).sum(), 1e-300)),
+            swing=1.0 if self.loss == "linear" else _mean_square(weights * white, weights, present),
         )
 
     def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, Array]:
@@ -367,6 +376,11 @@ class JointSearch:
             off = self.known.centre - state.values
             value += float(off @ self.known.information @ off)
         return value
+
+
+def _mean_square(pulls: Array, weights: Array, present: npt.NDArray[np.bool_]) -> float:
+    # Of what residuals pull with, in units of their mean weight.
+    return float((pulls**2 * present).sum() / max((weights * present).sum(), 1e-300))
 
 
 def _flat(rows: Array) -> Array:

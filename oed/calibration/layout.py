@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from oed.errors import FileFlaw, LogError
 from oed.logs.log import Log
 
 Array = npt.NDArray[np.float64]
@@ -107,6 +108,9 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Layout
         seconds: length of a segment.
         offsets: of each log's clocks, as far as known [s]: readings before the inputs begin or after they
             end are left out.
+
+    Raises:
+        LogError: nothing is left of any log.
     """
     pieces = [
         (number, part)
@@ -114,6 +118,9 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Layout
         for stretch in stretches(log, offset)
         for part in _parts(log.pose_times[stretch], stretch, seconds)
     ]
+    if not pieces:
+        text = "no poses while the wheels are logged; are the two clocks together?"
+        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
     longest = max(len(part) for _, part in pieces)
     shape = (len(pieces), longest)
     times, valid = np.zeros(shape), np.zeros(shape, dtype=bool)

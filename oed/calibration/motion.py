@@ -93,11 +93,6 @@ class Moves:
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
         return -float(np.angle(np.vdot(own, rest))) if np.any(own) else 0.0
 
-    def reversed(self, inputs: Array, place: int) -> Array:
-        """Inputs with one of them negated."""
-        signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
-        return inputs * signs
-
     def _told(self, moves: dict[str, Array]) -> dict[str, Array]:
         # What the poses can be compared with.
         quantities = self.layout.quantities

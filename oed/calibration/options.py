@@ -9,11 +9,10 @@ from pydantic import Field
 from oed.component import Component
 from oed.estimators import Loss
 from oed.quantities import Duration
-from oed.segments import PLACE
+from oed.segments import PLACE, PlaceName
 
 Method = Literal["joint", "gls", "two_stage"]
 CovarianceName = Literal["information", "sandwich", "bootstrap"]
-PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 
 
 class CalibrationOptions(Component):
@@ -42,7 +41,7 @@ class CalibrationOptions(Component):
     covariance: CovarianceName | Literal["auto"] = "auto"
     block: Annotated[Duration, Field(gt=0)] | Literal["auto"] = "auto"
     replicates: Annotated[int, Field(ge=100)] = 2000
-    sensor_place: tuple[PlaceName, ...] = PLACE  # type: ignore[assignment]
+    sensor_place: tuple[PlaceName, ...] = PLACE
     clock_offset: bool = True
     noise: Literal["estimated", "constant", "stated"] = "estimated"
     loss: Loss = "linear"

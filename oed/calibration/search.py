@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.joint import HALVINGS, STEPS, Knowledge, inverse_of_sum
+from oed.calibration.joint import HALVINGS, NEAR, STEPS, Knowledge, inverse_of_sum
 from oed.calibration.unknowns import Unknowns
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +42,11 @@ def solved(rows: Rows, start: Array, scale: Array, known: Knowledge) -> tuple[Ar
     """
     point = _point(rows, start, known)
     for _ in range(STEPS):
-        following = _following(rows, point, known)
+        step, inverse = _step(point, known)
+        following = _following(rows, point, known, step)
+        # Where no part of a step makes it better, the search has arrived only if the step is of no size.
+        if following is point:
+            return point.values, bool(np.all(np.abs(step) <= NEAR * np.sqrt(np.diag(inverse))))
         change = float((np.abs(following.values - point.values) / scale).max(initial=0.0))
         point = following
         if change < CLOSE:
@@ -61,9 +65,13 @@ def _point(rows: Rows, values: Array, known: Knowledge) -> _Point:
     return _Point(values, residuals, slopes, float(residuals @ residuals + off @ known.information @ off))
 
 
-def _following(rows: Rows, point: _Point, known: Knowledge) -> _Point:
+def _step(point: _Point, known: Knowledge) -> tuple[Array, Array]:
     gradient = point.slopes.T @ point.residuals + known.information @ (known.centre - point.values)
-    step = inverse_of_sum(point.slopes.T @ point.slopes, known.information) @ gradient
+    inverse = inverse_of_sum(point.slopes.T @ point.slopes, known.information)
+    return inverse @ gradient, inverse
+
+
+def _following(rows: Rows, point: _Point, known: Knowledge, step: Array) -> _Point:
     for halving in range(HALVINGS):
         tried = _point(rows, point.values + 0.5**halving * step, known)
         if tried.misfit <= point.misfit * (1 + WORSE):

@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.calibration.joint import Fit
 from oed.calibration.layout import Layout
-from oed.calibration.noise import group_of, groups
+from oed.calibration.noise import LEAST, group_of, groups
 
 SHORTEST = 1.0
 """Length of the shortest segments tried [s]."""
@@ -66,7 +66,9 @@ def spread(fit: Fit) -> dict[str, float]:
     for group in groups(quantities):
         own = [place for place, name in enumerate(quantities) if group_of(name) == group]
         squares = (fit.residuals[valid][:, own] ** 2).sum()
-        found[group] = float(np.sqrt(squares / max(fit.freedom[valid][:, own].sum(), 1e-12)))
+        size = float(np.sqrt(squares / max(fit.freedom[valid][:, own].sum(), 1e-12)))
+        # Rounding of exact readings is no drift.
+        found[group] = max(size, LEAST)
     return found
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from oed.calibration.noise import Noise, group_of
 from oed.measurements.measurement import Measurement
 from oed.measurements.poses import Poses
-from oed.measurements.sensor import PlacedSensor
 from oed.measurements.several import sensors_of
 
 
@@ -28,11 +27,11 @@ class Mount:
 
 
 def stated_mount(measurement: Measurement) -> Mount:
-    """Where the measurement's first placed sensor sits.
+    """Where the measurement's first sensor of poses sits.
 
     A lever arm of 0 is one that nobody gave: it is estimated, for a sensor seldom sits where it should.
     """
-    arms = [one.lever_arm for one in sensors_of(measurement) if isinstance(one, PlacedSensor)]
+    arms = [one.lever_arm for one in sensors_of(measurement) if isinstance(one, Poses)]
     if not arms:
         return Mount()
     arm = arms[0]

@@ -89,13 +89,17 @@ def _possibilities(moves: Moves, inputs: Array) -> Iterator[tuple[str, tuple[Arr
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
         yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0)
     for place, name in enumerate(robot.input_names):
-        yield f"{name} has the wrong sign; give it sign: -1", (moves.reversed(inputs, place), 1.0, 1.0)
+        yield f"{name} has the wrong sign; give it sign: -1", (_negated(inputs, place), 1.0, 1.0)
     if len(robot.inputs) > 1:
         yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0)
     if "heading" in moves.layout.quantities:
         yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0)
         yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180)
         yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi)
+
+
+def _negated(inputs: Array, place: int) -> Array:
+    return inputs * np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
 
 
 def _alike(robot: Model) -> list[tuple[int, int]]:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.joint import Fit, Knowledge, inverse_of_told
+from oed.calibration.joint import ROUGH, Fit, Knowledge, inverse_of_told
 from oed.calibration.noise import Noise
 from oed.calibration.search import no_knowledge, solved
 from oed.calibration.seen import Seen, seen_robot
@@ -24,9 +24,6 @@ from oed.errors import Flaw, ProblemError
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-
-ROUGH = 0.01
-"""Noise thought of at first [m, rad], against what is known beforehand of clocks and place."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +147,9 @@ class TwoStage:
 
     def _values(self, estimates: Array, stages: list[_Solved]) -> tuple[Array, bool]:
         # The unknowns whose coefficients fit best, weighed by how sure the stages are of each.
-        seen, information = Seen(self.windows.unknowns), self._information(stages)
+        seen = Seen(self.windows.unknowns)
+        # What was known of place and clocks is in the stages' estimates already.
+        information = self._information(stages) + self._seen_known.information
         size = np.sqrt(np.where(np.diag(information) > 0, np.diag(information), 1.0))
         eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
         root = np.sqrt(np.clip(eigenvalues, 0.0, None))[:, None] * vectors.T * size
@@ -160,7 +159,20 @@ class TwoStage:
             return root @ (estimates - found), root @ slopes
 
         unknowns = self.windows.unknowns
-        return solved(rows, unknowns.nominal, unknowns.scale, self._known)
+        return solved(rows, unknowns.nominal, unknowns.scale, self._known_of_parameters)
+
+    @property
+    def _known_of_parameters(self) -> Knowledge:
+        count, known = len(self.windows.unknowns.parameters), self._known
+        kept = [*range(count), *(self.windows.unknowns.names.index(name) for name in self._unseen)]
+        information = np.zeros_like(known.information)
+        information[np.ix_(kept, kept)] = known.information[np.ix_(kept, kept)]
+        return Knowledge(information, known.centre)
+
+    @property
+    def _unseen(self) -> list[str]:
+        # Places that the coefficients absorb: only the last fit tells of them.
+        return [name for name in self.windows.unknowns.place if name not in self._seen.unknowns.names]
 
     def _information(self, stages: list[_Solved]) -> Array:
         found = np.zeros((self._seen.unknowns.size,) * 2)

@@ -50,7 +50,7 @@ class Unknowns:
 
     @property
     def size(self) -> int:
-        """Q."""
+        """How many there are, q."""
         return len(self.parameters) + len(self.place) + self.clocks
 
     @property
@@ -64,7 +64,7 @@ class Unknowns:
     def nominal(self) -> Array:
         """Nominal values of the parameters and the place, clock offsets 0."""
         table = {parameter.name: parameter.nominal for parameter in self.robot.parameters}
-        places = dict(zip(PLACE, self.sits, strict=True))
+        places: dict[str, float] = dict(zip(PLACE, self.sits, strict=True))
         own = [*(table[name] for name in self.parameters), *(places[name] for name in self.place)]
         return np.array([*own, *[0.0] * self.clocks])
 

@@ -73,7 +73,7 @@ def test_a_short_log_that_drifts_says_that_its_error_bars_are_too_small():
     log = log_of(course(seconds=6.0, drift=0.01), noise=(0.0005, 0.001))
     found = calibrate(problem_of(), [log])
     if found.covariances[0].name == "information" and found.segmenting.drifts:
-        assert any("true errors may be several times as large" in note for note in found.notes)
+        assert any("true errors are several times as large" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
@@ -121,3 +121,20 @@ def test_noise_grows_only_where_it_is_looked_for():
     log = log_of(course(), noise=NOISE)
     found = calibrate(problem_of(), [log], options(segment="log", noise="constant"))
     assert all(isinstance(one, Noise) and one.per_speed == 0 for one in found.fit.noises.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["joint", "gls", "two_stage"])
+def test_what_is_known_of_the_sensors_place_counts_once(method):
+    def sensor_x(arm: LeverArm) -> tuple[float, float]:
+        measurement = Poses(noise=AbsoluteNoise(position=0.002, heading=0.005), lever_arm=arm)
+        found = calibrate(problem_of(measurement=measurement), logs, options(method=method, segment=2.0))
+        place = found.fit.unknowns.names.index("sensor_x")
+        return found.fit.values[place], float(np.sqrt(found.fit.inverse[place, place]))
+
+    logs = several(3, seconds=20.0, noise=NOISE)
+    value, error = sensor_x(LeverArm(x=0.001, known=False))
+    # Knowledge as sure as the logs, and one standard error away, moves the estimate by half of it.
+    moved, narrower = sensor_x(LeverArm(x=value + error, known=False, deviation=error))
+    assert (moved - value) / error == pytest.approx(0.5, abs=0.12)
+    assert narrower / error == pytest.approx(np.sqrt(0.5), rel=0.1)
