@@ -236,9 +236,10 @@ def mean_numbers(each: Sequence[Reckoning]) -> dict[str, float | None]:
 
 
 def _paths(found: Calibration) -> list[dict[str, Any]]:
-    # Of logs the estimate did not know, where there are any.
+    # Of logs the estimate did not know first; of its own where there is nothing else.
     parts = [(one, "held out") for one in ([found.held_out] if found.held_out else [])]
     parts += [(one, "left out") for one in found.left_out]
+    parts += [(one, "fitted") for one in ([found.own] if found.own else [])]
     each = [
         (name, role, before, after)
         for one, role in parts

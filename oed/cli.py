@@ -33,6 +33,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         mistake = isinstance(error, UserMistake)
         _report_error(options, str(error), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
+    except SystemError as error:
+        # What CasADi's wrappers make of Ctrl-C in the middle of a call.
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        _report_error(options, "interrupted", [])
+        return FAILED
     except KeyboardInterrupt:
         _report_error(options, "interrupted", [])
         return FAILED

@@ -219,7 +219,11 @@ def _trajectory(study: Study, inputs: Array) -> Trajectory:
     if starts is None:
         starts = problem.start_states(np.zeros((problem.design.runs, 3)))
     return Trajectory.from_samples(
-        inputs, problem.design.whole_duration, starts, rest_to_rest=False, runs=problem.design.runs
+        inputs,
+        problem.design.whole_duration,
+        starts,
+        rest_to_rest=problem.design.rest_to_rest,
+        runs=problem.design.runs,
     )
 
 

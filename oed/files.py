@@ -42,9 +42,13 @@ def require_writable(folder: Path) -> None:
     Raises:
         UserMistake: they cannot.
     """
+    fresh = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        if fresh:
+            # Work that fails leaves nothing behind.
+            folder.rmdir()
     except OSError as error:
         raise UserMistake(f"{folder}: cannot write there: {error.strerror}") from None

@@ -17,7 +17,7 @@ from oed.errors import UserMistake
 from oed.estimation import estimate
 from oed.files import require_writable, write_text
 from oed.quantities import parse_quantity
-from oed.record import Record
+from oed.record import FILE, Record
 from oed.runner import run
 from oed.solvers import Progress
 from oed.study import Study, parse_study, recorded_study
@@ -105,6 +105,7 @@ def next_drive(
     if wanted and all(_error(found, name) <= size for name, size in wanted.items()):
         precision = _precision(found, wanted, {})
         reason = "every parameter is as precise as wanted: no further drive is needed"
+        _forget_design(out)
         return _written(NextDrive(found, None, None, precision, None, True, reason), out)
     following = _following(study, found)
     if out is not None:
@@ -113,11 +114,21 @@ def next_drive(
     return _written(_decided(found, following, record, wanted, least_gain), out)
 
 
+def _forget_design(out: str | Path | None) -> None:
+    # A design from before must not pass for the next drive.
+    if out is not None:
+        for name in (STUDY, FILE):
+            (Path(out) / name).unlink(missing_ok=True)
+
+
 def _decided(
     found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
 ) -> NextDrive:
     predicted = _predicted(record, found)
     precision = _precision(found, wanted, predicted)
+    if record.data["interrupted"]:
+        reason = "the search was interrupted; run it again"
+        return NextDrive(found, study, record, precision, None, False, reason)
     if not predicted:
         reason = "no feasible drive was found; the record says which limit is in the way"
         return NextDrive(found, study, record, precision, None, False, reason)

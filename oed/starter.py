@@ -143,9 +143,22 @@ def _text(choice: Choice, known: Mapping[str, str], baselines: str) -> str:
         "  - {kind: ipopt, starts: 6, perturbations: 4}",
         "# Paths people drive every day, made as large as the limits allow, to compare with.",
         f"baselines: {baselines}",
+        "# Once the drive is driven and logged, `oed estimate` needs to know what stands where in the log:",
+        "# log:",
+        "#   time: t",
+        "#   inputs:",
+        *(f"#     {name}: {{column: {name}, form: speed}}" for name in _driving(choice)),
+        "#   poses: {x: x, y: y, heading: {column: heading, unit: rad}}",
         "seed: 0",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _driving(choice: Choice) -> tuple[str, ...]:
+    (kind,) = [model for model in MODELS if model.model_fields["kind"].default == _kind(choice)]
+    return (
+        tuple(entry.name for entry in kind.inputs if entry.drives) if isinstance(kind.inputs, tuple) else ()
+    )
 
 
 def _robot_lines(choice: Choice, known: Mapping[str, str]) -> list[str]:

@@ -46,6 +46,8 @@ ASKEW = 0.5
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
 )
+ODD_WHEEL = 0.3
+"""Change of a wheel's radius that looks like a mistake."""
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
@@ -65,6 +67,7 @@ class Calibration:
         untold: what the logs do not tell.
         left_out: every log against the others.
         held_out: logs that were kept apart, or None.
+        own: the logs themselves where there are no others to judge by, or None.
         notes: what was decided on the way.
     """
 
@@ -78,6 +81,7 @@ class Calibration:
     untold: tuple[str, ...]
     left_out: tuple[HeldOut, ...]
     held_out: HeldOut | None
+    own: HeldOut | None
     notes: tuple[str, ...]
 
     @property
@@ -189,8 +193,10 @@ class _Work:
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
+        notes += _odd_wheels(fit)
         self.told("checks")
         logs = _with_clocks(found.logs, fit)
+        fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
         return Calibration(
             robot=self.problem.robot,
             integration=self._integration,
@@ -201,7 +207,8 @@ class _Work:
             diagnostics=diagnostics(fit, stated_noise(self.problem.measurement)),
             untold=untold(fit, covariances[0].matrix),
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
-            held_out=None if other is None else self._held_out(other, fit),
+            held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
+            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _reckonable(logs) else None,
             notes=(*notes, *fit.notes),
         )
 
@@ -308,9 +315,9 @@ class _Work:
             raise ProblemError([Flaw(("calibration", "covariance"), text)])
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
-    def _held_out(self, apart: ReadyLogs, fit: Fit) -> HeldOut:
+    def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
         parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(self.problem.robot, self._integration, apart.logs, parameters, place, apart.clocks)
+        return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
 
 
 def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
@@ -318,6 +325,18 @@ def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
     if not {"x", "y"} <= set(quantities):
         return ()
     return PLACE if "heading" in quantities else PLACE[:2]
+
+
+def _odd_wheels(fit: Fit) -> list[str]:
+    # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
+    table = {parameter.name: parameter.nominal for parameter in fit.unknowns.robot.parameters}
+    found = zip(fit.unknowns.parameters, fit.values, strict=False)
+    changes = {name: value / table[name] - 1 for name, value in found if name.startswith("wheel_radius")}
+    return [
+        f"{name} is {change:+.0%} off its nominal value: check ticks_per_turn, gear and units"
+        for name, change in changes.items()
+        if abs(change) > ODD_WHEEL
+    ]
 
 
 def _hidden_by_place(fit: Fit) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student
 
-from oed.calibration.joint import Fit, inverse_of_sum
+from oed.calibration.joint import Fit
 from oed.calibration.options import CovarianceName
 
 Array = npt.NDArray[np.float64]
@@ -121,10 +121,10 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     """Covariance of estimates from logs put together of blocks drawn at random.
 
     [Kunsch, The jackknife and the bootstrap for general stationary observations, 1989]. Each replicate is
-    the Gauss-Newton step to the solution of its own normal equations.
+    the step that the curvature of all logs takes with its own scores: a few blocks that happen to tell little
+    of a parameter would throw steps of their own curvature anywhere.
     """
     sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
-    curvature = _sums(fit.curvature, blocks.ranges)
     scores = _sums(fit.scores, blocks.ranges)
     draws = round(len(fit.scores) / float(sizes.mean()))
     # At the solution what was known before pulls as hard as all scores together.
@@ -132,8 +132,7 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     found = np.empty((replicates, fit.scores.shape[1]))
     for index in range(replicates):
         chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
-        inverse = inverse_of_sum(curvature[chosen].sum(axis=0), fit.knowledge)
-        found[index] = inverse @ (scores[chosen].sum(axis=0) + pull)
+        found[index] = fit.response @ (scores[chosen].sum(axis=0) + pull)
     few = blocks.independent / max(blocks.independent - 1, 1)
     # What was known before is as uncertain as it says; no drawing of blocks shows that.
     before = fit.response @ fit.knowledge @ fit.response

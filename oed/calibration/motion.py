@@ -93,6 +93,14 @@ class Moves:
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
         return -float(np.angle(np.vdot(own, rest))) if np.any(own) else 0.0
 
+    def lengthening(self, offsets: Array) -> float:
+        """Measured distances over those that the wheels tell; not a number where these are 0."""
+        distances = []
+        for moves in (self.measured(), self.predicted(offsets)):
+            own = moves.get("distance", np.hypot(moves.get("forward", 0.0), moves.get("left", 0.0)))
+            distances.append(float(np.sum(own)))
+        return distances[0] / distances[1] if distances[1] > 0 else np.nan
+
     def _told(self, moves: dict[str, Array]) -> dict[str, Array]:
         # What the poses can be compared with.
         quantities = self.layout.quantities

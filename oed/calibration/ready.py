@@ -11,12 +11,15 @@ import numpy.typing as npt
 from oed.calibration.clocks import clock_offsets
 from oed.calibration.layout import stretches
 from oed.calibration.motion import Moves
-from oed.calibration.suspicion import poorly_explained, suspicion
+from oed.calibration.suspicion import explained_by_other_sizes, poorly_explained, suspicion
 from oed.errors import FileFlaw, LogError
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
+
+HOPELESS = 0.9
+"""Share of the motion left unexplained from which on an estimate would be nonsense."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,13 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
         wrong, left = suspicion(own, offsets), poorly_explained(own, offsets)
         if wrong is not None:
             flaws.append(FileFlaw(file, 0, 0, "", wrong))
+        elif left is not None and left > HOPELESS and not explained_by_other_sizes(own, offsets):
+            text = (
+                f"the wheels explain next to nothing of the measured motion (measured distances are "
+                f"{own.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
+                "per turn and units right?"
+            )
+            flaws.append(FileFlaw(file, 0, 0, "", text))
         elif left is not None:
             doubts[file] = f"the wheels leave {left:.0%} of the measured motion unexplained"
     if flaws:

@@ -36,17 +36,21 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
     inputs = moves.layout.inputs(offsets)
     # A sensor may look backwards; what is suspected instead has to do without such an excuse.
     as_given = _worst(moves, offsets, inputs, any_side=True)
-    if as_given < BAD or _explained_by_other_sizes(moves, offsets, inputs):
+    if as_given < BAD or explained_by_other_sizes(moves, offsets):
         return None
     tried = [(_worst(moves, offsets, *what), text) for text, what in _possibilities(moves, inputs)]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
-    if left < BETTER * as_given:
+    if left < min(BETTER * as_given, BAD):
         return f"{text}: that leaves {left:.0%} of the motion unexplained instead of {as_given:.0%}"
     return None
 
 
-def _explained_by_other_sizes(moves: Moves, offsets: Array, inputs: Array) -> bool:
-    # Nominal sizes far off do as much harm on gentle turns as exchanged wheels: they are to be estimated.
+def explained_by_other_sizes(moves: Moves, offsets: Array) -> bool:
+    """Whether wheels of other sizes would move as measured.
+
+    Nominal sizes far off do as much harm on gentle turns as exchanged wheels: they are to be estimated.
+    """
+    inputs = moves.layout.inputs(offsets)
     driving = [place for place, entry in enumerate(moves.robot.inputs) if entry.drives]
     for pair in combinations(driving, min(2, len(driving))):
         for factors in product(SIZES, repeat=len(pair)):

@@ -158,7 +158,8 @@ def _jump(
     row = int(np.argmax(np.where(far, sizes, 0)))
     text = (
         f"the {what} jumps {_times(int(far.sum()), 'time')}, most by {sizes[row]:.3g} {unit} "
-        f"after {poses.at(row)}: the reference may have lost track"
+        f"after {poses.at(row)}: the reference may have lost track; a robust loss "
+        "(loss: huber) bounds what that does"
     )
     return Finding("pose_jump", text, doubtful=True)
 

@@ -137,6 +137,8 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     comment = next((line for number, line in numbered if number == lines[0] - 1), "")
     names, first = _header(rows, _comment_cells(comment, delimiter), header)
     rows, lines = rows[first:], lines[first:]
+    if not rows:
+        raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows after its header")])
     # A robot that is switched off leaves half a line.
     cut_off = len(rows) > 1 and len(rows[-1]) < min(len(rows[-2]), len(rows[0]))
     kept = len(rows) - cut_off

@@ -113,8 +113,8 @@ def test_warnings_come_first():
     notices = section(data, "Summary").notices
     assert notices[0].startswith("The search did not converge")
     assert notices[1] == "The logs do not tell track: fix it."
-    assert "is worse: drift over 1 m of path, position error (RMS) and heading error (RMS)" in notices[2]
-    assert notices[3] == f"{ODD}: 1 gap in the inputs; the longest is 2 s from row 7."
+    assert "is worse: drift over 1 m of path, position error (RMS) and heading error (RMS)" in notices[3]
+    assert notices[2] == f"{ODD}: 1 gap in the inputs; the longest is 2 s from row 7."
     assert notices[4] == "Sensor_y is hidden."
 
 

@@ -69,7 +69,7 @@ def warnings(data: Data) -> list[str]:
     if not data.get("converged", True):
         found.append("The search did not converge: take the estimates with care.")
     found += [_sentence(str(text)) for text in data.get("untold") or []]
-    return [*found, *_worse(data), *_failed(data), *_doubts(data)]
+    return [*found, *_doubts(data), *_worse(data), *_failed(data)]
 
 
 def notes(data: Data) -> list[str]:

@@ -38,7 +38,7 @@ class Reckoned:
 
 
 def reckoned(data: Data) -> Section | None:
-    """Paths of logs that the estimate did not know; None where no positions were measured."""
+    """Paths of logs that the estimate did not know, else of its own; None where there are no positions."""
     drawn = [one for one in map(_paths, entries(data, "paths")) if one is not None][:MOST_PATHS]
     if not drawn:
         return None
@@ -56,7 +56,11 @@ def reckoned(data: Data) -> Section | None:
 
 def _which(drawn: Sequence[Mapping[str, Any]]) -> str:
     roles = {str(one.get("role")) for one in drawn}
-    if roles == {"held out"}:
+    if roles == {"fitted"}:
+        what = "of the log that was fitted"
+    elif roles == {"held out", "fitted"}:
+        what = "of logs kept apart, and of the one that was fitted"
+    elif roles == {"held out"}:
         what = "of logs that were kept apart"
     elif roles == {"left out"}:
         what = "of logs, each by the estimate from the others"
