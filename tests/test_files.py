@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from oed.errors import UserMistake
-from oed.files import write_text
+from oed.files import require_writable, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -86,3 +86,10 @@ def test_a_folder_where_the_file_should_be_is_the_users_mistake(tmp_path: Path):
     with pytest.raises(UserMistake):
         write_text(tmp_path / "a.txt", "x")
     assert names(tmp_path) == ["a.txt"]
+
+
+def test_asking_whether_a_folder_can_be_written_to_leaves_none(tmp_path: Path):
+    require_writable(tmp_path / "new")
+    assert names(tmp_path) == []
+    require_writable(tmp_path)
+    assert tmp_path.is_dir()

@@ -20,6 +20,8 @@ Array = npt.NDArray[np.float64]
 
 HOPELESS = 0.9
 """Share of the motion left unexplained from which on an estimate would be nonsense."""
+TENFOLD = 10.0
+"""Factor between measured distances and those of the wheels that no robot's sizes account for."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
         wrong, left = suspicion(own, offsets), poorly_explained(own, offsets)
         if wrong is not None:
             flaws.append(FileFlaw(file, 0, 0, "", wrong))
-        elif left is not None and left > HOPELESS and not explained_by_other_sizes(own, offsets):
+        elif left is not None and _hopeless(own, offsets, left):
             text = (
                 f"the wheels explain next to nothing of the measured motion (measured distances are "
                 f"{own.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
@@ -86,6 +88,14 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
         for log in logs
     )
     return ReadyLogs(found, offsets, moves.mounting(offsets))
+
+
+def _hopeless(moves: Moves, offsets: Array, left: float) -> bool:
+    # A sensor far off the robot can be made to explain any distances: their sum cannot.
+    longer = moves.lengthening(offsets)
+    if longer > TENFOLD or longer < 1 / TENFOLD:
+        return True
+    return left > HOPELESS and not explained_by_other_sizes(moves, offsets)
 
 
 def _require_alike(logs: Sequence[Log]) -> None:

@@ -138,3 +138,23 @@ def test_what_is_known_of_the_sensors_place_counts_once(method):
     moved, narrower = sensor_x(LeverArm(x=value + error, known=False, deviation=error))
     assert (moved - value) / error == pytest.approx(0.5, abs=0.12)
     assert narrower / error == pytest.approx(np.sqrt(0.5), rel=0.1)
+
+
+def test_poses_in_another_unit_are_refused():
+    log = log_of(course(seconds=10.0), noise=NOISE)
+    wide = replace(log, poses=log.poses * [1000.0, 1000.0, 1.0])
+    with pytest.raises(LogError, match=r"drive\.csv: .*next to nothing.* times theirs"):
+        calibrate(problem_of(), [wide], options(segment="log"))
+
+
+def test_a_wheel_far_off_its_nominal_size_is_asked_about():
+    log = log_of(course(seconds=10.0), noise=NOISE)
+    geared = replace(log, integrals=log.integrals * 2)
+    found = calibrate(problem_of(), [geared], options(segment="log"))
+    assert sum("check ticks_per_turn, gear and units" in note for note in found.notes) == 2
+
+
+def test_a_single_log_is_reckoned_by_its_own_estimate():
+    found = calibrate(problem_of(), [log_of(course(seconds=10.0), noise=NOISE)], options(segment="log"))
+    (before,), (after,) = found.own.before, found.own.after
+    assert after.rmse_position < 0.5 * before.rmse_position

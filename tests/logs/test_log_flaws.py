@@ -9,7 +9,7 @@ import pytest
 from logged import HEADER, INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, write
 from pydantic import ValidationError
 
-from oed.errors import ProblemError
+from oed.errors import LogError, ProblemError
 from oed.logs import read_logs
 from oed.models import Tricycle
 
@@ -358,3 +358,9 @@ class TestForms:
     def test_a_form_can_be_written_and_read_again(self, keys: dict):
         plain = form(**keys).model_dump(mode="json", exclude_none=True)
         assert form(**plain) == form(**keys)
+
+
+def test_nothing_after_the_header(file: Path):
+    file.write_text(f"{','.join(HEADER)}\n", encoding="utf-8")
+    with pytest.raises(LogError, match=r"a\.csv: the file has no rows after its header"):
+        read_logs([file], form(), ROBOT)
