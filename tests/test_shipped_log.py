@@ -6,8 +6,11 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
 
+from oed.calibration_record import save_estimate
+from oed.cli import main
 from oed.estimation import estimate
 from oed.record import Record
 from oed.study import load_study, recorded_study
@@ -52,3 +55,15 @@ def test_a_study_out_of_a_record_estimates_the_same(found):
     study = load_study(STUDY)
     again = recorded_study(Record({"study": json.loads(json.dumps(study.echo()))}))
     assert estimate(again, [FILE]).parameters == found.parameters
+
+
+def test_an_estimate_alone_is_enough_for_the_controller_and_its_page(tmp_path, found, capsys):
+    save_estimate(found, tmp_path)
+    assert main(["export", str(tmp_path), "--to", "ros2_yaml"]) == 0
+    controller = yaml.safe_load((tmp_path / "diff_drive_controller.yaml").read_text())
+    told = controller["diff_drive_controller"]["ros__parameters"]
+    radius = told["wheel_radius"] * told["left_wheel_radius_multiplier"]
+    assert radius == pytest.approx(found.values["wheel_radius_left"])
+    assert main(["report", str(tmp_path), "--json"]) == 0
+    assert (tmp_path / "estimate.html").is_file()
+    assert not (tmp_path / "report.html").exists()

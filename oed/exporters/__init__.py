@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from oed.calibration_record import FILE as ESTIMATE
+from oed.calibration_record import load_estimate
 from oed.errors import UserMistake
 from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
 from oed.exporters.diff_drive import write_parameters
@@ -12,7 +14,8 @@ from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
-from oed.record import load_record
+from oed.record import FILE as RECORD
+from oed.record import Record, load_record
 
 EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,
@@ -40,7 +43,7 @@ def export(
     last command of every run stops the robot.
 
     Args:
-        record_folder: folder of a saved record.
+        record_folder: folder of a saved record; for `ros2_yaml` an estimate will do.
         to: one of `EXPORTERS`: `csv` and `json` (commands, twists and poses), `rosbag2` (a ROS 2 bag),
             `ros2_yaml` (parameters of ros2_control's diff_drive_controller: of the robot, not of a drive;
             with estimated values where `estimate.json` lies in the folder).
@@ -64,7 +67,8 @@ def export(
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
     require_rate(rate)
-    record, place = load_record(record_folder), Path(record_folder)
+    place = Path(record_folder)
+    record = _record_in(place, to)
     request = Request(
         folder=place if place.is_dir() else place.parent,
         record=record,
@@ -75,3 +79,10 @@ def export(
         force=force,
     )
     return EXPORTERS[to](request)
+
+
+def _record_in(place: Path, to: str) -> Record:
+    # The robot's parameters need no design: an estimate knows its study as well.
+    if to == "ros2_yaml" and not (place / RECORD).is_file() and (place / ESTIMATE).is_file():
+        return Record({"study": load_estimate(place).data["study"], "results": []})
+    return load_record(place)

@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 
+from oed.calibration_record import FILE as ESTIMATE
 from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.commands import joint_name
 from oed.exporters.controller_limits import controller_limits
@@ -34,8 +35,6 @@ from oed.models import (
 )
 
 CONTROLLER = "diff_drive_controller"
-ESTIMATE = "estimate.json"
-"""Estimated values beside a record: {"parameters": [{"name": ..., "value": ...}, ...]}, SI."""
 
 Values = Mapping[str, float]
 
