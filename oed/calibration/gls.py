@@ -73,7 +73,8 @@ class WeighedWindows:
             white = whitened(root, np.column_stack([motions.residuals.ravel(), _flat(motions.slopes)]))
             return white[:, 0], white[:, 1:]
 
-        return solved(rows, values, self.windows.unknowns.scale, self._known)
+        unknowns = self.windows.unknowns
+        return solved(rows, values, unknowns.scale, self._known, unknowns.clocks)
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
         # The parts of the variance, and the motions' covariance as a band.

@@ -31,7 +31,7 @@ class _Point:
     misfit: float
 
 
-def solved(rows: Rows, start: Array, scale: Array, known: Knowledge) -> tuple[Array, bool]:
+def solved(rows: Rows, start: Array, scale: Array, known: Knowledge, clocks: int = 0) -> tuple[Array, bool]:
     """The unknowns (q,) of least squares, and whether the search has arrived.
 
     Args:
@@ -39,14 +39,21 @@ def solved(rows: Rows, start: Array, scale: Array, known: Knowledge) -> tuple[Ar
         start: where the search begins.
         scale: sizes of the unknowns.
         known: of them from before.
+        clocks: how many of the last are clock offsets. Motion is piecewise linear in these, and the least
+            squares may lie in a corner: the search then goes on with the others.
     """
-    point = _point(rows, start, known)
+    point, free = _point(rows, start, known), np.ones(len(start), dtype=bool)
     for _ in range(STEPS):
-        step, inverse = _step(point, known)
+        step, inverse = _step(point, known, free)
         following = _following(rows, point, known, step)
         # Where no part of a step makes it better, the search has arrived only if the step is of no size.
+        if following is point and not np.all(np.abs(step) <= NEAR * np.sqrt(np.diag(inverse))):
+            if not clocks or not free.all():
+                return point.values, False
+            free[len(start) - clocks :] = False
+            continue
         if following is point:
-            return point.values, bool(np.all(np.abs(step) <= NEAR * np.sqrt(np.diag(inverse))))
+            return point.values, True
         change = float((np.abs(following.values - point.values) / scale).max(initial=0.0))
         point = following
         if change < CLOSE:
@@ -65,9 +72,12 @@ def _point(rows: Rows, values: Array, known: Knowledge) -> _Point:
     return _Point(values, residuals, slopes, float(residuals @ residuals + off @ known.information @ off))
 
 
-def _step(point: _Point, known: Knowledge) -> tuple[Array, Array]:
+def _step(point: _Point, known: Knowledge, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+    # Of the free unknowns, the others held; and the inverse of their information.
     gradient = point.slopes.T @ point.residuals + known.information @ (known.centre - point.values)
-    inverse = inverse_of_sum(point.slopes.T @ point.slopes, known.information)
+    own = np.ix_(free, free)
+    inverse = np.zeros((len(free),) * 2)
+    inverse[own] = inverse_of_sum((point.slopes.T @ point.slopes)[own], known.information[own])
     return inverse @ gradient, inverse
 
 
