@@ -27,7 +27,7 @@ def test_every_robot_has_a_study_that_can_be_told(robot: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["create_3", "ackermann"])
+@pytest.mark.parametrize("robot", ["create_3"])
 def test_it_solves(robot: str):
     problem = parse_study(starter(Choice(robot, room=LARGE))).problem
     options = Ipopt(starts=1, perturbations=0, second_stage="none", max_iterations=200)

@@ -347,7 +347,7 @@ def test_beacons_are_drawn_as_far_as_they_are_near():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["sensors", "absolute", "by_D", "by_A", "by_modified_E", "by_G", "by_I"])
+@pytest.mark.parametrize("kind", ["by_D", "by_A", "by_modified_E", "by_G", "by_I"])
 def test_nothing_undefined_is_shown(kind: str, tmp_path: Path):
     write_report(record(kind), tmp_path)
     for name in ("report.md", "report.html"):
