@@ -9,7 +9,7 @@ from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
 from oed.errors import FileFlaw, LogError
 from oed.files import require_writable
-from oed.logs import read_logs
+from oed.logs import Log, read_logs
 from oed.runner import package_version, provenance
 from oed.solvers import Progress, Silent
 from oed.study import Study
@@ -61,9 +61,9 @@ def estimate(
     told("reading logs")
     found = calibrate(
         study.problem,
-        read_logs(logs, study.log, study.problem.model),
+        _read(study, logs),
         study.calibration,
-        apart=read_logs(apart, study.log, study.problem.model) if apart else (),
+        apart=_read(study, apart) if apart else (),
         seed=chosen,
         told=told,
     )
@@ -95,3 +95,13 @@ def _require_different(files: Sequence[str | Path]) -> None:
         known.add(path)
     if flaws:
         raise LogError(flaws)
+
+
+def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
+    try:
+        return read_logs(files, study.log, study.problem.model)
+    except LogError as error:
+        if study.file.log is not None:
+            raise
+        hint = "the study has no key `log`, which says what stands in which column of a log"
+        raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None

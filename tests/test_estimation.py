@@ -135,3 +135,9 @@ class TestTwice:
             estimate(study, [file, tmp_path / "." / "run.csv"])
         with pytest.raises(LogError, match=r"run\.csv: given twice"):
             estimate(study, [file], apart=[file])
+
+
+def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
+    (tmp_path / "run.csv").write_text("time,left,right\n0,1,1\n1,1,1\n2,1,1\n")
+    with pytest.raises(LogError, match=r"study\.yaml: log: the study has no key `log`"):
+        estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
