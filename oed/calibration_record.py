@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration import Calibration, HeldOut, Reckoning, correlations
-from oed.calibration.noise import group_of, groups
+from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
 from oed.files import write_text
 from oed.record import Record, finite, finite_rows
@@ -293,7 +293,7 @@ def _correlations(found: Calibration) -> list[dict[str, Any]]:
     quantities = found.fit.layout.quantities
     entries = []
     for group in groups(quantities):
-        places = [place for place, name in enumerate(quantities) if group_of(name) == group]
+        places = places_of(group, quantities)
         values, pairs = correlations(found.fit, places)
         bound = 1.96 / np.sqrt(max(pairs, 1))
         entries.append({"about": group, "values": _rounded(values), "bound": finite(bound)})

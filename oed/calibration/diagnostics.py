@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.stats import chi2, norm
 
 from oed.calibration.joint import Fit
-from oed.calibration.noise import Noise, group_of, groups
+from oed.calibration.noise import Noise, groups, places_of
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]
     """
     found = []
     for group in groups(fit.layout.quantities):
-        places = [place for place, name in enumerate(fit.layout.quantities) if group_of(name) == group]
+        places = places_of(group, fit.layout.quantities)
         found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
         if group in stated and not fit.motions:
             found.append(_stated(fit, group, stated[group]))
@@ -124,7 +124,7 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 
 def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
     # Chi-square of the residuals against the noise stated, at the speeds driven.
-    places = [place for place, name in enumerate(fit.layout.quantities) if group_of(name) == group]
+    places = places_of(group, fit.layout.quantities)
     valid = fit.layout.valid
     size = stated.deviation(fit.speeds)[..., None]
     squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())

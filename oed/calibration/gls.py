@@ -110,23 +110,15 @@ class WeighedWindows:
         information = np.einsum("sia,sib->sab", rows, rows)
         inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
         leverage = np.einsum("sia,ab,sib->si", rows, inverse, rows)
-        return Fit(
-            unknowns=windows.unknowns,
-            values=values,
-            offsets=windows.offsets,
-            starts=windows.first_poses,
-            layout=windows.as_readings,
-            residuals=windows.at_ends(motions.residuals),
-            white=windows.at_ends(white),
-            weights=windows.at_ends(np.ones_like(white)),
-            freedom=windows.at_ends(1 - leverage),
+        return windows.fit(
+            values,
+            white=white,
+            leverage=leverage,
             noises=self._noises(variances),
-            speeds=windows.speeds(motions.path),
             information=information,
             scores=np.einsum("sia,si->sa", rows, white),
-            knowledge=self._known.information,
+            known=self._known,
             converged=converged,
-            motions=True,
             notes=self._drift(variances, motions),
         )
 

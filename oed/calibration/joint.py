@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.layout import Layout
-from oed.calibration.noise import Noise, deviations, estimated, group_of, groups
+from oed.calibration.noise import Noise, deviations, estimated, groups, places_of
 from oed.calibration.starts import first_starts
 from oed.calibration.unknowns import Unknowns
 from oed.estimators import Loss
@@ -35,8 +35,6 @@ NEAR = 0.05
 piecewise linear in a clock's offset, and the least squares may lie in a corner."""
 HALVINGS = 8
 """How often a step that makes the misfit worse is halved."""
-CLOCK_STEP = 1e-3
-"""Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 RANK = 1e-12
@@ -96,11 +94,6 @@ class Fit:
     notes: tuple[str, ...] = ()
     bend: float = 1.0
     swing: float = 1.0
-
-    @property
-    def predicted(self) -> Array:
-        """The readings as predicted, SI, (S, n + 1, quantities)."""
-        return np.asarray(self.layout.readings - self.residuals)
 
     @property
     def total(self) -> Array:
@@ -233,8 +226,7 @@ class JointSearch:
     def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
         # The same with another noise: the drive is as it was.
         fit = state.fit
-        residuals = self.layout.readings - fit.predicted
-        found = self._fit(fit.values, fit.starts, noises, residuals, state.slopes, state.own, fit.speeds)
+        found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, fit.speeds)
         return replace(state, fit=found)
 
     def _fit(
@@ -301,13 +293,10 @@ class JointSearch:
         return residuals, np.concatenate(columns, axis=-1), own, self._speeds(found)
 
     def _clock_slopes(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
-        ends = [
-            self._readings(starts, self.layout.inputs(moved), self.layout.steps, parameters, place)
-            for moved in (offsets + CLOCK_STEP, offsets - CLOCK_STEP)
-        ]
-        slope = (ends[0] - ends[1]) / (2 * CLOCK_STEP)
-        own = self.layout.clock[:, None] == np.arange(self.unknowns.clocks)
-        return np.asarray(slope[..., None] * own[:, None, None, :])
+        def read(moved: Array) -> Array:
+            return self._readings(starts, self.layout.inputs(moved), self.layout.steps, parameters, place)
+
+        return self.layout.clock_slopes(read, offsets)
 
     def _speeds(self, found: Array) -> Array:
         # Of the predicted readings, by the steps before and after each; 0 where positions are not read.
@@ -329,7 +318,7 @@ class JointSearch:
             return self.stated
         valid, quantities, found = self.layout.valid, self.layout.quantities, {}
         for group in groups(quantities):
-            own = [place for place, name in enumerate(quantities) if group_of(name) == group]
+            own = places_of(group, quantities)
             speeds = np.repeat(state.speeds[valid][:, None], len(own), axis=1)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),

@@ -6,7 +6,7 @@ what went wrong before matters. Neighbours share the pose between them, and no m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +20,8 @@ from oed.logs.log import Log
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+CLOCK_STEP = 1e-3
+"""Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
 GAP = 5.0
 """How many times the usual period a step in time has to be to count as a gap."""
 
@@ -93,6 +95,17 @@ class Layout:
             found[own] = _means(turned, steps[own])
         return found
 
+    def clock_slopes(self, read: Callable[[Array], Array], offsets: Array) -> Array:
+        """Derivatives of readings by every clock's offset, (S, ..., clocks).
+
+        Args:
+            read: readings (S, ...) with clocks at offsets (clocks,) [s].
+            offsets: where the derivatives are taken.
+        """
+        slope = (read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)) / (2 * CLOCK_STEP)
+        own = self.clock[:, None] == np.arange(len(offsets))
+        return np.asarray(slope[..., None] * own.reshape(len(own), *[1] * (slope.ndim - 1), -1))
+
 
 def _means(turned: Array, steps: Array) -> Array:
     lengths = steps[..., None]
@@ -146,10 +159,11 @@ def stretches(log: Log, offset: float) -> list[Indices]:
 
 def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
     # Between which poses one of the two clocks jumps.
-    steps = np.diff(log.pose_times[inside])
-    found = (steps > GAP * np.median(steps)) | (np.diff(inside) > 1)
-    own = np.diff(log.input_times)
-    late = np.flatnonzero(own > GAP * max(float(np.median(own)), float(np.median(steps))))
+    steps, own = np.diff(log.pose_times[inside]), np.diff(log.input_times)
+    usual = float(np.median(steps))
+    longest = GAP * usual if log.gap is None else log.gap
+    found = (steps > longest) | (np.diff(inside) > 1)
+    late = np.flatnonzero(own > (GAP * max(float(np.median(own)), usual) if log.gap is None else log.gap))
     for index in late:
         first, last = log.input_times[index] - offset, log.input_times[index + 1] - offset
         times = log.pose_times[inside]

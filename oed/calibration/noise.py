@@ -44,6 +44,11 @@ def group_of(quantity: str) -> str:
     return GROUPS.get(quantity, quantity)
 
 
+def places_of(group: str, quantities: Sequence[str]) -> list[int]:
+    """Which of the quantities have that noise."""
+    return [place for place, name in enumerate(quantities) if group_of(name) == group]
+
+
 def groups(quantities: Sequence[str]) -> tuple[str, ...]:
     """The noises of those quantities."""
     return tuple(dict.fromkeys(map(group_of, quantities)))

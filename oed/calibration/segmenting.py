@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.calibration.joint import Fit
 from oed.calibration.layout import Layout
-from oed.calibration.noise import LEAST, group_of, groups
+from oed.calibration.noise import LEAST, groups, places_of
 
 SHORTEST = 1.0
 """Length of the shortest segments tried [s]."""
@@ -64,7 +64,7 @@ def spread(fit: Fit) -> dict[str, float]:
     quantities, valid = fit.layout.quantities, fit.layout.valid
     found = {}
     for group in groups(quantities):
-        own = [place for place, name in enumerate(quantities) if group_of(name) == group]
+        own = places_of(group, quantities)
         squares = (fit.residuals[valid][:, own] ** 2).sum()
         size = float(np.sqrt(squares / max(fit.freedom[valid][:, own].sum(), 1e-12)))
         # Rounding of exact readings is no drift.

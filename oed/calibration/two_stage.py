@@ -120,7 +120,7 @@ class TwoStage:
 
         def rows(part: Array) -> tuple[Array, Array]:
             motions = self._seen.motions(whole(part))
-            slopes = motions.slopes[:, stage.rows][..., stage.columns]
+            slopes = self._slopes(stage, whole(part))
             return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
 
         own = np.ix_(stage.columns, stage.columns)
@@ -190,23 +190,15 @@ class TwoStage:
         leverage = [
             np.einsum("sia,ab,sib->si", one.slopes, one.inverse, one.slopes) for one in reversed(stages)
         ]
-        return Fit(
-            unknowns=windows.unknowns,
-            values=values,
-            offsets=windows.offsets,
-            starts=windows.first_poses,
-            layout=windows.as_readings,
-            residuals=windows.at_ends(motions.residuals),
-            white=windows.at_ends(white),
-            weights=windows.at_ends(np.ones_like(white)),
-            freedom=windows.at_ends(1 - np.concatenate(leverage, axis=1)),
+        return windows.fit(
+            values,
+            white=white,
+            leverage=np.concatenate(leverage, axis=1),
             noises=self._noises(turns, moves),
-            speeds=windows.speeds(motions.path),
             information=slopes.T @ information @ slopes,
             scores=scores @ slopes,
-            knowledge=self._known.information,
+            known=self._known,
             converged=converged,
-            motions=True,
         )
 
     def _normal(self, seen: Array, residuals: Array, stages: list[_Solved]) -> tuple[Array, Array]:

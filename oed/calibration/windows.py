@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.joint import CLOCK_STEP
+from oed.calibration.joint import Fit, Knowledge
 from oed.calibration.layout import Layout
 from oed.calibration.noise import Noise
 from oed.calibration.options import Method
@@ -148,6 +148,53 @@ class Windows:
         own = values[:, order]
         return np.stack([np.zeros_like(own), own], axis=1)
 
+    def fit(
+        self,
+        values: Array,
+        *,
+        white: Array,
+        leverage: Array,
+        noises: Mapping[str, Noise],
+        information: Array,
+        scores: Array,
+        known: Knowledge,
+        converged: bool,
+        notes: tuple[str, ...] = (),
+    ) -> Fit:
+        """A solution over windows.
+
+        Args:
+            values: of the unknowns, (q,).
+            white: residuals of the motions in units of their noise, (S, 3).
+            leverage: share of each motion's variance that the fit takes, (S, 3).
+            noises: of the poses.
+            information: of every window, (S, q, q).
+            scores: alike, (S, q).
+            known: of the unknowns from before.
+            converged: whether the search has arrived.
+            notes: what else was found, in words.
+        """
+        motions = self.motions(values)
+        return Fit(
+            unknowns=self.unknowns,
+            values=values,
+            offsets=self.offsets,
+            starts=self.first_poses,
+            layout=self.as_readings,
+            residuals=self.at_ends(motions.residuals),
+            white=self.at_ends(white),
+            weights=self.at_ends(np.ones_like(white)),
+            freedom=self.at_ends(1 - leverage),
+            noises=noises,
+            speeds=self.speeds(motions.path),
+            information=information,
+            scores=scores,
+            knowledge=known.information,
+            converged=converged,
+            motions=True,
+            notes=notes,
+        )
+
     @property
     def first_poses(self) -> Array:
         """The states (S, states) that windows begin with, as measured; those that no log holds are 0."""
@@ -183,10 +230,7 @@ class Windows:
         return self._readings(self._starts(place), inputs, self.layout.steps, parameters, place)
 
     def _clock_slopes(self, parameters: Array, place: Array, offsets: Array) -> Array:
-        ends = [self._path(parameters, place, offsets + sign * CLOCK_STEP)[:, -1] for sign in (1, -1)]
-        slope = (ends[0] - ends[1]) / (2 * CLOCK_STEP)
-        own = self.layout.clock[:, None] == np.arange(self.unknowns.clocks)
-        return np.asarray(slope[..., None] * own[:, None, :])
+        return self.layout.clock_slopes(lambda moved: self._path(parameters, place, moved)[:, -1], offsets)
 
 
 def seen_from_first(poses: Array) -> Array:

@@ -97,7 +97,7 @@ def to_log(drive: Drive, handling: Handling) -> Log:
     if handling.skip_stationary:
         drive = _without_standing(drive)
     drive = _with_gaps_found(drive, handling.gap)
-    return _log(_with_poses_checked(_with_running_heading(drive)))
+    return replace(_log(_with_poses_checked(_with_running_heading(drive))), gap=handling.gap)
 
 
 def _clock_flaws(drive: Drive) -> Iterator[FileFlaw]:

@@ -39,6 +39,7 @@ class Log:
         poses: (m, quantities).
         quantities: which of the robot's states they are, "x", "y", "heading", ...; headings run on.
         findings: what was found while reading.
+        gap: longer steps of either clock are gaps [s]; five usual steps if None.
     """
 
     name: str
@@ -49,15 +50,12 @@ class Log:
     poses: Array
     quantities: tuple[str, ...] = ("x", "y", "heading")
     findings: tuple[Finding, ...] = ()
+    gap: float | None = None
 
     @property
     def duration(self) -> float:
         """From the first pose to the last [s]."""
         return float(self.pose_times[-1] - self.pose_times[0])
-
-    def quantity(self, name: str) -> Array:
-        """One measured state at the pose times, (m,)."""
-        return np.asarray(self.poses[:, self.quantities.index(name)])
 
     def inputs_between(self, edges: Array, offset: float = 0.0) -> Array:
         """Mean inputs (len(edges) - 1, inputs) between successive times on the poses' clock.
@@ -76,22 +74,6 @@ class Log:
         moments = np.asarray(times) + offset
         columns = [np.interp(moments, self.input_times, column) for column in self.integrals.T]
         return np.column_stack(columns)
-
-    def common_span(self, offset: float = 0.0) -> tuple[float, float]:
-        """From when to when both inputs and poses were logged, on the poses' clock [s]."""
-        start = max(self.pose_times[0], self.input_times[0] - offset)
-        return float(start), float(min(self.pose_times[-1], self.input_times[-1] - offset))
-
-    def gaps(self, longer_than: float | None = None) -> Array:
-        """Starts and ends (gaps, 2) of steps of the inputs' clock that are too long [s].
-
-        Args:
-            longer_than: what is too long [s]; five median steps by default.
-        """
-        steps = np.diff(self.input_times)
-        limit = 5 * np.median(steps) if longer_than is None else longer_than
-        rows = np.flatnonzero(steps > limit * (1 + 1e-9))
-        return np.column_stack([self.input_times[rows], self.input_times[rows + 1]])
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
         """The same log with one finding more."""

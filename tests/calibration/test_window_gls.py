@@ -88,7 +88,6 @@ def test_a_fit_is_made_of_what_everything_after_it_needs(noisy):
     assert noisy.information.shape == (count, size, size)
     assert noisy.scores.shape == (count, size)
     assert noisy.speeds.shape == (count, 2)
-    np.testing.assert_allclose(noisy.predicted[:, 0], 0.0)
     # Each unknown takes up one of the rows' freedoms.
     assert noisy.freedom[:, 1].sum() == pytest.approx(3 * count - size, abs=0.01)
 

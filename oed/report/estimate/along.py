@@ -94,5 +94,5 @@ def _noise_cells(one: Mapping[str, Any]) -> tuple[Cell, ...]:
 
 
 def _coefficients(data: Data) -> Table | None:
-    rows = tuple(_estimated(str(one["name"]), one) for one in entries(data, "coefficients"))
+    rows = tuple(_estimated(words(str(one["name"])), one) for one in entries(data, "coefficients"))
     return Table((Column("coefficient"), *NUMBERS), rows, "Coefficients that these give") if rows else None
