@@ -67,6 +67,20 @@ class Limit(Component, ABC):
         return {}
 
 
+class PathLimit(Limit, ABC):
+    """A limit on where the robot is: on each point of its path by itself."""
+
+    @abstractmethod
+    def rows_at(self, path: Expression, model: Model) -> Rows:
+        """The limit on points of a path (G, states): what it asks of all the points, one thing after the
+        other, (k * G,).
+        """
+
+    def rows(self, drive: Drive) -> Rows:
+        """The limit on every point of the path."""
+        return self.rows_at(drive.path, drive.model)
+
+
 class BareLimit(Limit, ABC):
     """A limit given by one value: in YAML, the value alone stands for {"bounds": value}."""
 

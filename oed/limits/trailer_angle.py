@@ -7,23 +7,23 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from oed.errors import Flaw
-from oed.limits.limit import BareLimit, Rows, TwoSided
+from oed.expression import Expression
+from oed.limits.limit import BareLimit, PathLimit, Rows, TwoSided
 from oed.models.model import Model
-from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
 STATE = "trailer_angle"
 
 
-class TrailerAngle(BareLimit):
+class TrailerAngle(BareLimit, PathLimit):
     """The trailer's angle within `bounds` [rad]: 0 straight behind, before the trailer jackknifes."""
 
     name: ClassVar[str] = "trailer_angle"
     bounds: Annotated[tuple[float, float], TwoSided("rad", "60 deg")]
 
-    def rows(self, drive: Drive) -> Rows:
-        """The angle at every point of the path."""
-        angle = drive.path[:, drive.model.states.index(STATE)]
+    def rows_at(self, path: Expression, model: Model) -> Rows:
+        """The angle at every point."""
+        angle = path[:, model.states.index(STATE)]
         count, (low, high) = angle.shape[0], self.bounds
         return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
 

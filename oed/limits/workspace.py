@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from oed.component import Component, OneOf
 from oed.errors import Flaw
 from oed.expression import Expression
-from oed.limits.limit import Limit, Rows, magnitude
+from oed.limits.limit import Limit, PathLimit, Rows, magnitude
 from oed.limits.shapes import (
     ConvexShape,
     Point,
@@ -27,7 +27,6 @@ from oed.limits.shapes import (
 )
 from oed.models.model import Model
 from oed.quantities import Length
-from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
 Extent = tuple[float, float, float, float]
@@ -44,16 +43,16 @@ Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3), Afte
 """The corners of a polygon [m], in order."""
 
 
-class Area(Limit):
+class Area(PathLimit):
     """A limit on positions alone."""
 
     @abstractmethod
-    def rows_at(self, points: Expression, radius: float) -> Rows:
+    def rows_for(self, points: Expression, radius: float) -> Rows:
         """The limit on points (G, 2) [m] of the origin of a robot of that radius [m]."""
 
-    def rows(self, drive: Drive) -> Rows:
-        """The limit on every point of the path."""
-        return self.rows_at(drive.path[:, :2], drive.model.body_radius)
+    def rows_at(self, path: Expression, model: Model) -> Rows:
+        """The limit on the robot's origin at every point."""
+        return self.rows_for(path[:, :2], model.body_radius)
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """A fixed start that the limit does not allow."""
@@ -66,7 +65,7 @@ class Area(Limit):
 
     def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
         """Whether a robot of that radius may have its origin at a point [m]."""
-        rows = self.rows_at(ca.DM([[x, y]]), radius)
+        rows = self.rows_for(ca.DM([[x, y]]), radius)
         values = np.array(ca.evalf(rows.expression)).ravel()
         return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))
 
@@ -137,7 +136,7 @@ class Rectangle(Workspace):
         """The rectangle itself [m]."""
         return (*self.x, *self.y)
 
-    def rows_at(self, points: Expression, radius: float) -> Rows:
+    def rows_for(self, points: Expression, radius: float) -> Rows:
         """X and y of every point; the size is the shorter half-side."""
         count = points.shape[0]
         lower = np.repeat([self.x[0] + radius, self.y[0] + radius], count)
@@ -159,7 +158,7 @@ class Circle(Workspace):
         """The square around it [m]."""
         return self.x - self.radius, self.x + self.radius, self.y - self.radius, self.y + self.radius
 
-    def rows_at(self, points: Expression, radius: float) -> Rows:
+    def rows_for(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from the circle's line; the size is its radius."""
         away = magnitude(points[:, 0] - self.x, points[:, 1] - self.y, self.radius)
         clearance, count = self.radius - away, points.shape[0]
@@ -187,7 +186,7 @@ class Polygon(Workspace):
     def _parts(self) -> tuple[tuple[Wall, ...], tuple[ConvexShape, ...]]:
         return walls_and_pockets(self.points)
 
-    def rows_at(self, points: Expression, radius: float) -> Rows:
+    def rows_for(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from every wall and pocket; the size is half the bounding box's shorter
         side.
         """
@@ -277,7 +276,7 @@ class Obstacles(Area):
     def _bare_list(cls, value: Any) -> Any:
         return {"shapes": value} if isinstance(value, list | tuple) else value
 
-    def rows_at(self, points: Expression, radius: float) -> Rows:
+    def rows_for(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from every convex part; the size is the smallest obstacle's and the
         robot's radius together.
         """

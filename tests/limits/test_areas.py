@@ -32,7 +32,7 @@ def obstacles(*shapes) -> Obstacles:
 def slack_at(area, points, radius: float = 0.0) -> np.ndarray:
     """(points,): how far inside its bounds the tightest row of every point is."""
     points = np.reshape(np.asarray(points, dtype=float), (-1, 2))
-    rows = area.rows_at(ca.DM(points), radius)
+    rows = area.rows_for(ca.DM(points), radius)
     values = np.array(ca.evalf(rows.expression)).ravel()
     return np.minimum(values - rows.lower, rows.upper - values).reshape(-1, len(points)).min(axis=0)
 
