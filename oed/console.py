@@ -31,11 +31,17 @@ class _Bars:
         self._task: TaskID | None = None
 
     def begin(self, description: str, total: int) -> None:
+        self._bars.start()
         self._task = self._bars.add_task(description, total=total, note="")
 
     def advance(self, note: str = "") -> None:
         if self._task is not None:
             self._bars.update(self._task, advance=1, note=note)
+
+    def end(self) -> None:
+        # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
+        if self._task is not None:
+            self._bars.stop()
 
 
 @contextmanager
@@ -51,8 +57,11 @@ def progress(quiet: bool) -> Iterator[Progress]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[note]}"),
     )
-    with RichProgress(*columns, console=Console(stderr=True)) as bars:
-        yield _Bars(bars)
+    bars = _Bars(RichProgress(*columns, console=Console(stderr=True)))
+    try:
+        yield bars
+    finally:
+        bars.end()
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -442,8 +442,8 @@ def test_shares_in_percent(share, text):
 
 
 def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
-    def interrupted(options):
+    def interrupted():
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
 
-    monkeypatch.setattr("oed.cli._schema", interrupted)
+    monkeypatch.setattr("oed.study.json_schema", interrupted)
     assert call(capsys, "schema") == (1, "", "interrupted\n")

@@ -1,0 +1,75 @@
+"""`oed animate`: a film of a saved record's drives."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from oed.commands.arguments import add_quiet
+from oed.commands.command import DONE, Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="DIR")
+    parser.add_argument(
+        "--result",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="names of results, side by side, at most 4 (default: the best)",
+    )
+    parser.add_argument(
+        "--to", choices=("gif", "mp4"), help="default: as --out ends, else gif; mp4 needs ffmpeg"
+    )
+    parser.add_argument("--speed", type=float, default=1.0, help="times as fast as the robot (default: 1)")
+    parser.add_argument("--fps", type=float, help="frames a second (default: 20, of a long film fewer)")
+    parser.add_argument(
+        "--out", metavar="FILE", help="what to write (default: drive.gif or drive.mp4 in DIR)"
+    )
+    add_quiet(parser)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.console import print_json, progress
+    from oed.errors import UserMistake
+    from oed.record import load_record
+    from oed.report import animate, write_report
+    from oed.report.animation import NAME, folder_of
+
+    folder = folder_of(options.folder)
+    ending = "" if options.to is None else f".{options.to}"
+    file = Path(options.out) if options.out else (folder / NAME).with_suffix(ending or ".gif")
+    if file.suffix.lower() != (ending or file.suffix.lower()):
+        raise UserMistake(f"{file}: expected a name that ends in {ending}, as --to says")
+    with progress(options.quiet) as listener:
+        film = animate(
+            options.folder,
+            file,
+            results=options.result,
+            speed=options.speed,
+            fps=options.fps,
+            progress=listener,
+        )
+    # A report that shows the film is made again with it.
+    page = None
+    if file.resolve() == (folder / NAME).resolve() and (folder / "report.html").is_file():
+        page = write_report(load_record(folder), folder)
+    if options.json:
+        print_json(
+            {
+                **vars(film),
+                "file": str(film.file),
+                "results": list(film.results),
+                "bytes": film.file.stat().st_size,
+                "report": None if page is None else str(page),
+            }
+        )
+    else:
+        print(f"film: {film.file} ({film.seconds:.3g} s, {film.file.stat().st_size / 1e6:.2g} MB)")
+        if page is not None:
+            print(f"report: {page}")
+    return DONE
+
+
+ANIMATE = Command("animate", "make a film of a saved record's drives, for its report", _run, _arguments)

@@ -1,0 +1,62 @@
+"""Options that several commands have, and what is read of an option's text."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_working(parser: argparse.ArgumentParser) -> None:
+    """The options of a command that searches."""
+    parser.add_argument("--seed", type=whole, help="seed of every random draw, instead of the study's")
+    add_workers(parser)
+    add_quiet(parser)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """How many processes work."""
+    parser.add_argument("--workers", type=positive, help="processes (default: one per processor)")
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Whether progress is shown."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def whole(text: str) -> int:
+    """A number from 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
+    return value
+
+
+def positive(text: str) -> int:
+    """A number from 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {value}")
+    return value
+
+
+def seconds(text: str) -> float:
+    """A time above 0 [s]."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {value:g}")
+    return value
+
+
+def share(text: str) -> float:
+    """A share from 0, below 1."""
+    value = float(text)
+    if not 0 <= value < 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {value:g}")
+    return value
+
+
+def pair(text: str) -> tuple[str, str]:
+    """`KEY=VALUE`, as its two sides."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {text!r}")
+    return key.strip(), value.strip()

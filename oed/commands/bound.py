@@ -1,0 +1,36 @@
+"""`oed bound`: how good any drive could be at most."""
+
+from __future__ import annotations
+
+import argparse
+
+from oed.commands.arguments import seconds
+from oed.commands.command import DONE, Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("--time-limit", type=seconds, help="of the search for the bound [s] (default: 5)")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.bounds import LATTICE, TIME_LIMIT, bound
+    from oed.console import print_certificate, print_json
+    from oed.errors import Failure
+    from oed.runner import certified, score
+    from oed.study import load_study
+
+    study = load_study(options.study)
+    certificate = bound(study.problem, time_limit=options.time_limit or TIME_LIMIT)
+    drives = [] if certificate.drive is None else [score(study, certificate.drive, LATTICE)]
+    found = certified(study, certificate, drives)
+    if found is None:
+        raise Failure(f"{options.study}: {certificate.method}")
+    if options.json:
+        print_json(found)
+    else:
+        print_certificate(found)
+    return DONE
+
+
+BOUND = Command("bound", "prove how good any drive could be at most; solve nothing", _run, _arguments)

@@ -1,0 +1,49 @@
+"""`oed estimate`: a robot's parameters from logs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from oed.commands.arguments import add_quiet, whole
+from oed.commands.command import DONE, Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("logs", metavar="LOG", nargs="+", help="as the study's key `log` says")
+    parser.add_argument(
+        "--apart",
+        metavar="LOG",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="logs that are kept apart: dead reckoning is tried on them",
+    )
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+    parser.add_argument("--seed", type=whole, help="seed of the bootstrap, instead of the study's")
+    add_quiet(parser)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.console import print_estimate, print_json, progress
+    from oed.estimation import estimate
+    from oed.report import write_estimate
+    from oed.study import load_study
+
+    out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
+    study = load_study(options.study)
+    with progress(options.quiet) as listener:
+        record = estimate(
+            study, options.logs, apart=options.apart, out=out, seed=options.seed, progress=listener
+        )
+    page = write_estimate(record.data, out)
+    if options.json:
+        print_json({**record.data, "directory": str(out)})
+    else:
+        print_estimate(record.data)
+        print(f"report: {page}")
+    return DONE
+
+
+ESTIMATE = Command("estimate", "estimate a robot's parameters from logs of its drives", _run, _arguments)

@@ -1,0 +1,39 @@
+"""`oed evaluate`: what a path or the log of a drive is worth."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from oed.commands.command import DONE, Command
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument(
+        "path", metavar="PATH", help="a trajectory CSV, or a log as the study's key `log` says"
+    )
+    parser.add_argument(
+        "--designs", metavar="DIR", help="a record to compare with (default: reports/<file stem>/, if there)"
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.console import print_json, print_results, print_worth
+    from oed.driven import score_path
+    from oed.study import load_study
+
+    study = load_study(options.study)
+    designs = options.designs or Path("reports") / Path(options.study).stem
+    found = score_path(study, options.path, designs)
+    if options.json:
+        print_json(found.data)
+    else:
+        print_results([one.entry for one in found.paths])
+        print_worth(found)
+    return DONE
+
+
+EVALUATE = Command(
+    "evaluate", "score a path (CSV) or the log of a drive with a study's problem", _run, _arguments
+)
