@@ -1,7 +1,8 @@
 """Reports: a record in, files out. Nothing here solves or integrates."""
 
+from oed.report.animation import animate
 from oed.report.comparison import write_comparison
 from oed.report.estimate import write_estimate
 from oed.report.page import write_report
 
-__all__ = ["write_comparison", "write_estimate", "write_report"]
+__all__ = ["animate", "write_comparison", "write_estimate", "write_report"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html import escape
@@ -13,6 +14,7 @@ from markupsafe import Markup
 
 from oed.files import write_text
 from oed.record import Record
+from oed.report.animation import with_film
 from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
@@ -30,10 +32,14 @@ WIDE = 9
 def write_report(record: Record, folder: str | Path) -> Path:
     """Write report.html, report.md and figures/*.svg into `folder`; returns report.html.
 
+    A film of the drives that lies there, `drive.gif`, becomes part of it.
+
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    return render(str(record.data["study"]["name"]), sections_of(record), Path(folder))
+    target = Path(folder)
+    sections = [with_film(section, record, target) for section in sections_of(record)]
+    return render(str(record.data["study"]["name"]), sections, target)
 
 
 def render(title: str, sections: list[Section], target: Path, name: str = NAME) -> Path:
@@ -89,6 +95,7 @@ def _environment() -> jinja2.Environment:
         "markdown": markdown_text,
         "cell": table_text,
         "data": script_data,
+        "embedded": embedded,
         "fence": fence,
         "inline": inline_svg,
         "slug": slug,
@@ -128,6 +135,11 @@ def script_data(animation: Animation) -> Markup:
     """An animation as JSON that may stand inside a script element."""
     text = json.dumps(vars(animation), separators=(",", ":"), allow_nan=False)
     return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - no element can begin or end in it
+
+
+def embedded(gif: Path) -> str:
+    """A GIF as an address that holds it."""
+    return f"data:image/gif;base64,{base64.b64encode(gif.read_bytes()).decode('ascii')}"
 
 
 def inline_svg(svg: str, name: str, alt: str) -> Markup:

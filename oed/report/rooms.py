@@ -90,3 +90,11 @@ def robot_width(record: Record) -> float:
     inside = 2 * float(robot.get("body_radius") or math.inf) / SLENDER
     width = next(known, inside)
     return min(width, inside) if math.isfinite(width) else 0.0
+
+
+def trailer_of(record: Record) -> tuple[float, float] | None:
+    """From the robot's origin back to its hitch, and from there to the trailer's axle [m]; None without."""
+    robot = record.data["study"]["robot"]
+    if "trailer_length" not in robot:
+        return None
+    return float(robot.get("hitch_offset", 0.0)), float(robot["trailer_length"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from oed.report.tables import Table
@@ -51,6 +52,21 @@ class Animation:
 
 
 @dataclass(frozen=True)
+class Film:
+    """A GIF that lies beside the report.
+
+    Attributes:
+        file: it.
+        alt: what it shows, for those who cannot see it.
+        caption: how to read it.
+    """
+
+    file: Path
+    alt: str
+    caption: str
+
+
+@dataclass(frozen=True)
 class Section:
     """A titled part of a report.
 
@@ -61,6 +77,7 @@ class Section:
         figures: drawn below the paragraphs.
         tables: below the figures.
         animation: played in the HTML page, left out elsewhere.
+        film: below the animation; part of the HTML page.
         code: verbatim text, last.
     """
 
@@ -70,4 +87,5 @@ class Section:
     figures: tuple[Picture, ...] = ()
     notices: tuple[str, ...] = ()
     animation: Animation | None = None
+    film: Film | None = None
     code: str = ""

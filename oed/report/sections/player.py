@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from oed.record import Record, drive_of, rounded
-from oed.report.driven import Array, path_of, poses_of
+from oed.report.driven import Array, poses_of
+from oed.report.motion import view_of
 from oed.report.reading import Entry, with_drive
-from oed.report.rooms import Room, corners, outline, robot_width, room_of
+from oed.report.rooms import Room, outline, robot_width, room_of, trailer_of
 from oed.report.section import Animation, Section
-
-MARGIN = 0.08
-"""Room around the paths and the workspace, as a share of their size."""
 
 
 def player(record: Record) -> Section | None:
@@ -25,15 +21,14 @@ def player(record: Record) -> Section | None:
     entries.sort(key=lambda entry: best is None or entry["name"] != best["name"])
     room = room_of(record)
     floor, obstacles = outline(room.workspace), tuple(filter(None, map(outline, room.obstacles)))
-    shapes = [floor, *obstacles] if floor else list(obstacles)
     animation = Animation(
         drives=tuple(run for entry in entries for run in _runs(entry)),
-        view=_view(record, entries, [place for shape in shapes for place in corners(shape)], room),
+        view=view_of(record, entries, room),
         workspace=floor,
         obstacles=obstacles,
         width=robot_width(record),
         body_radius=room.body_radius,
-        trailer=_trailer(record),
+        trailer=trailer_of(record),
     )
     return Section("The drive, played", paragraphs=(_text(record, room),), animation=animation)
 
@@ -42,7 +37,7 @@ def _text(record: Record, room: Room) -> str:
     track = "track" in record.data["study"]["robot"]
     told = ["the triangle's base is as wide as the track" if track else "the triangle points where it heads"]
     told += ["the circle is its body"] if room.body_radius else []
-    told += ["the bar is the trailer, from the hitch to its axle"] if _trailer(record) else []
+    told += ["the bar is the trailer, from the hitch to its axle"] if trailer_of(record) else []
     return f"Press Play in `report.html` to see the robot drive; {', '.join(told)}."
 
 
@@ -62,21 +57,3 @@ def _run(name: str, duration: float, poses: Array) -> dict[str, Any]:
     keys = ("x", "y", "heading", "trailer")
     columns = {key: rounded(column, 4) for key, column in zip(keys, poses[:, :4].T, strict=False)}
     return {"name": name, "duration": duration, **columns}
-
-
-def _trailer(record: Record) -> tuple[float, float] | None:
-    robot = record.data["study"]["robot"]
-    if "trailer_length" not in robot:
-        return None
-    return float(robot.get("hitch_offset", 0.0)), float(robot["trailer_length"])
-
-
-def _view(
-    record: Record, entries: list[Entry], shapes: list[tuple[float, float]], room: Room
-) -> tuple[float, float, float, float]:
-    paths = [run.points for entry in entries for run in path_of(record, entry, sideways=False).runs]
-    own = np.vstack(paths)
-    points = np.vstack([own - room.body_radius, own + room.body_radius, np.reshape(shapes, (-1, 2))])
-    (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-    pad = MARGIN * max(right - left, top - bottom, 0.1)
-    return float(left - pad), float(right + pad), float(bottom - pad), float(top + pad)

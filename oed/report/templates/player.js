@@ -118,8 +118,9 @@ document.querySelectorAll(".player").forEach(function (player) {
     if (data.trailer) tow(now.trailer, data.trailer[0] * scale, data.trailer[1] * scale, half);
     context.beginPath();
     context.moveTo(1.3 * half, 0);
-    context.lineTo(-half, 0.9 * half);
-    context.lineTo(-half, -0.9 * half);
+    context.lineTo(-0.6 * half, half);
+    context.lineTo(-0.2 * half, 0);
+    context.lineTo(-0.6 * half, -half);
     context.closePath();
     context.fillStyle = "#e07b00";
     context.strokeStyle = "#222222";

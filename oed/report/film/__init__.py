@@ -1,0 +1,77 @@
+"""Films: frames in, a GIF or an MP4 out. A new format is an entry in `WRITERS`."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from oed.errors import UserMistake
+from oed.report.film.frame import Frame
+from oed.report.film.gif import FASTEST, write_gif
+from oed.report.film.mp4 import require_ffmpeg, write_mp4
+
+Writer = Callable[[Iterable[Frame], Path, float, Frame | None, str], int]
+WRITERS: dict[str, Writer] = {".gif": write_gif, ".mp4": write_mp4}
+"""Ending of a file -> what writes it."""
+
+
+def write_frames(
+    frames: Iterable[Frame],
+    file: str | Path,
+    fps: float,
+    *,
+    colours: Frame | None = None,
+    comment: str = "",
+) -> int:
+    """Write frames as a film, under a temporary name first: an interrupted one leaves nothing behind.
+
+    Args:
+        frames: at least one, taken one at a time; RGB images of one size, (height, width, 3) of uint8.
+        file: ends in .gif or .mp4.
+        fps: frames a second, of a GIF at most 50.
+        colours: an image with all colours of the film, from which a GIF's 255 are chosen; by default the
+            first frame.
+        comment: kept in the file.
+
+    Returns:
+        The number of frames.
+
+    Raises:
+        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4, a place
+            that cannot be written to.
+        Failure: ffmpeg could not write it.
+    """
+    target = Path(file)
+    require_format(target, fps)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        place = tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise UserMistake(f"{target.parent}: cannot write there: {error.strerror}") from None
+    with place as folder:
+        part = Path(folder) / target.name
+        count = WRITERS[target.suffix.lower()](frames, part, fps, colours, comment)
+        try:
+            os.replace(part, target)
+        except OSError as error:
+            raise UserMistake(f"{target}: cannot be written: {error.strerror}") from None
+    return count
+
+
+def require_format(file: Path, fps: float) -> None:
+    """Refuse what cannot be written, before frames are made.
+
+    Raises:
+        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4.
+    """
+    ending = file.suffix.lower()
+    if ending not in WRITERS:
+        raise UserMistake(f"{file}: expected a name that ends in {' or '.join(WRITERS)}")
+    if not 0 < fps < float("inf"):
+        raise UserMistake(f"fps: expected more than 0 frames a second, got {fps:g}")
+    if ending == ".gif" and fps > FASTEST:
+        raise UserMistake(f"fps: a GIF shows at most {FASTEST} frames a second, got {fps:g}")
+    if ending == ".mp4":
+        require_ffmpeg()

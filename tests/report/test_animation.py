@@ -1,0 +1,237 @@
+"""Films of drives: the robot is where the record says, at the time that the clock says."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sample_records
+from PIL import Image
+from sample_rooms import crab, omni, steered, towing
+
+import oed
+from oed.errors import RecordError, UserMistake
+from oed.record import Record, save_record
+from oed.report import write_report
+from oed.report.driven import poses_of
+from oed.report.film.frame import Frame
+from oed.report.motion import motion, motions_of
+from oed.report.scene import PAUSE, cast_of, scene_of
+from oed.report.section import Section
+from oed.report.stage import FACE, TRACE, Stage
+
+QUICK = {"speed": 8.0, "fps": 5.0}
+ROOT = Path(__file__).parent.parent.parent
+
+
+def empty_figures(sections: list[Section]) -> dict[str, str]:
+    return {picture.name: "<svg/>" for section in sections for picture in section.figures}
+
+
+def looks_like(frame: Frame, colour: str) -> np.ndarray:
+    """Rows and columns of the pixels of exactly a colour, (n, 2)."""
+    wanted = [int(colour[place : place + 2], 16) for place in (1, 3, 5)]
+    return np.argwhere((frame == wanted).all(axis=2))
+
+
+def stage_of(record: Record, speed: float = 1.0) -> Stage:
+    return Stage(scene_of(record, [record.best]), [cast_of(record.best)], speed)
+
+
+class TestMotion:
+    def test_it_goes_along_the_arcs_between_samples(self):
+        angle = np.linspace(0.0, 5.0, 6)
+        poses = np.column_stack([2 * np.sin(angle), 2 - 2 * np.cos(angle), angle])
+        found = motion(poses, 10.0)
+        np.testing.assert_allclose(np.hypot(found.poses[:, 0], found.poses[:, 1] - 2), 2.0, rtol=1e-12)
+        np.testing.assert_allclose(np.diff(found.poses[:, 2]), 0.05, rtol=1e-9)
+        assert found.duration == 10.0
+
+    def test_sideways_arcs_too(self):
+        angle = np.linspace(0.0, -3.0, 4)
+        poses = np.column_stack([np.cos(angle), np.sin(angle), angle + 1.0])
+        np.testing.assert_allclose(np.hypot(*motion(poses, 1.0).poses[:, :2].T), 1.0, rtol=1e-12)
+
+    @pytest.mark.parametrize("make", [crab, towing, omni])
+    def test_it_passes_every_sample(self, make):
+        entry = make().best
+        for run, poses in zip(motions_of(entry), poses_of(entry), strict=True):
+            times = np.linspace(0.0, 8.0, len(poses))
+            found = np.array([run.at(time) for time in times])
+            np.testing.assert_allclose(found, poses[:, : found.shape[1]], atol=1e-9)
+
+    def test_the_path_grows(self):
+        run = motions_of(towing().best)[0]
+        lengths = [np.hypot(*np.diff(run.until(time), axis=0).T).sum() for time in np.linspace(0, 8, 9)]
+        assert lengths[0] == 0
+        assert (np.diff(lengths) > 0).all()
+        np.testing.assert_array_equal(run.until(8.0)[-1], run.poses[-1, :2])
+
+
+class TestCast:
+    def test_runs_follow_each_other_after_a_rest(self):
+        cast = cast_of(crab().best)
+        assert cast.length(2.0) == pytest.approx(3 * 4 + 2 * PAUSE)
+        moments = [cast.moment(time, 2.0) for time in (0.0, 1.0, 4.0 + PAUSE / 2, 4.0 + PAUSE + 1.0, 99.0)]
+        assert moments == [(0, 0.0), (0, 2.0), (0, 8.0), (1, pytest.approx(2.0)), (2, 8.0)]
+
+
+class TestStage:
+    @pytest.mark.parametrize("make", [steered, towing, omni], ids=["steered", "towing", "omni"])
+    def test_the_robot_is_where_the_record_says(self, make):
+        record = make()
+        stage = stage_of(record)
+        x_min, x_max, y_min, y_max = scene_of(record, [record.best]).view
+        first = cast_of(record.best).runs[0]
+        places = {}
+        for time in (0.0, 8.0):
+            rows, columns = looks_like(stage.frame(time), FACE["facecolor"]).mean(axis=0)
+            places[time] = np.array([columns, -rows])
+        moved = places[8.0] - places[0.0]
+        expected = first.at(8.0)[:2] - first.at(0.0)[:2]
+        # One scale for both directions; the middle of the triangle is not the robot's origin.
+        box = stage._panels[0]._ax.get_window_extent()
+        scale = box.width / (x_max - x_min)
+        assert scale == pytest.approx(box.height / (y_max - y_min), rel=1e-6)
+        assert np.hypot(*(moved / scale - expected)) < 0.3 * stage._panels[0]._half
+
+    def test_the_trace_grows(self):
+        stage = stage_of(towing())
+        seen = [len(looks_like(stage.frame(time), TRACE["color"])) for time in (0.0, 2.0, 4.0, 8.0)]
+        assert seen == sorted(seen)
+        assert seen[-1] > 200
+
+    def test_a_frame_does_not_depend_on_those_before(self):
+        stage = stage_of(crab())
+        early = stage.frame(3.0)
+        stage.frame(20.0)
+        np.testing.assert_array_equal(stage.frame(3.0), early)
+
+    def test_size_is_even(self):
+        assert not any(side % 2 for side in stage_of(steered()).frame(0.0).shape[:2])
+
+
+class TestAnimate:
+    def test_the_best_drive_in_the_records_folder(self, tmp_path: Path):
+        save_record(towing(), tmp_path)
+        made = oed.animate(tmp_path, **QUICK)
+        assert (made.file, made.results) == (tmp_path / "drive.gif", ("ipopt",))
+        with Image.open(made.file) as image:
+            image.load()
+            assert image.format == "GIF"
+        # 8 s at eight times its speed, and a rest.
+        assert made.seconds == pytest.approx(1.0 + 1.5, abs=0.3)
+        assert {path.name for path in tmp_path.iterdir()} == {"record.json", "drive.gif"}
+
+    @pytest.mark.slow
+    def test_several_side_by_side(self, tmp_path: Path):
+        one = oed.animate(crab(), tmp_path / "one.gif", **QUICK)
+        two = oed.animate(crab(), tmp_path / "two.gif", results=["other", "ipopt", "other"], **QUICK)
+        assert two.results == ("other", "ipopt")
+        with Image.open(one.file) as first, Image.open(two.file) as second:
+            assert second.width > first.width
+
+    def test_progress_and_frames_agree(self, tmp_path: Path):
+        class Heard:
+            total = done = 0
+
+            def begin(self, description: str, total: int) -> None:
+                self.total = total
+
+            def advance(self, note: str = "") -> None:
+                self.done += 1
+
+        heard = Heard()
+        made = oed.animate(omni(), tmp_path / "film.gif", progress=heard, **QUICK)
+        assert heard.done == heard.total == made.frames
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"results": ["nonsense"]}, r"no drive of the name 'nonsense'; the record has ipopt, arc"),
+            ({"results": list("abcde")}, "at most 4, got 5"),
+            ({"speed": 0.0}, "speed: expected more than 0"),
+            ({"fps": 80.0}, "at most 50"),
+        ],
+    )
+    def test_mistakes(self, tmp_path: Path, options, message: str):
+        with pytest.raises(UserMistake, match=message):
+            oed.animate(towing(), tmp_path / "film.gif", **options)
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_record_from_no_folder_needs_a_name(self):
+        with pytest.raises(UserMistake, match="expected a name to write to"):
+            oed.animate(towing())
+
+    @pytest.mark.parametrize("kind", ["without_drive", "only_infeasible_drive", "empty"])
+    def test_nothing_to_show(self, kind: str, tmp_path: Path):
+        with pytest.raises(RecordError, match="no feasible result; the record has"):
+            oed.animate(sample_records.RECORDS[kind](), tmp_path / "film.gif")
+
+    def test_an_infeasible_drive_can_be_asked_for(self, tmp_path: Path):
+        record = sample_records.only_infeasible_drive()
+        name = record.results[0]["name"]
+        assert oed.animate(record, tmp_path / "film.gif", results=[name], **QUICK).results == (name,)
+
+    def test_a_long_film_has_fewer_frames_a_second(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("oed.report.animation.FRAMES", 10)
+        assert oed.animate(omni(), tmp_path / "film.gif", speed=8.0).fps == 10.0
+        assert oed.animate(omni(), tmp_path / "film.gif", speed=16.0).fps == 20.0
+
+    @pytest.mark.slow
+    def test_the_demos_film_is_small(self, tmp_path: Path):
+        made = oed.animate(ROOT / "reports" / "choi_skid_steer", tmp_path / "film.gif")
+        assert (made.fps, made.speed) == (20.0, 1.0)
+        assert made.seconds == pytest.approx(21.5, abs=0.1)
+        assert made.file.stat().st_size < 1.5e6
+
+
+class TestReport:
+    """A report shows the film that lies beside it, if it is of its drives."""
+
+    @staticmethod
+    def pages(record: Record, folder: Path) -> tuple[str, str]:
+        html = write_report(record, folder).read_text(encoding="utf-8")
+        return html, (folder / "report.md").read_text(encoding="utf-8")
+
+    @pytest.fixture(autouse=True)
+    def undrawn(self, monkeypatch: pytest.MonkeyPatch):
+        # The figures are not looked at here, and take longer than all else.
+        monkeypatch.setattr("oed.report.page._drawings", empty_figures)
+
+    def test_without_one_it_says_how_to_make_it(self, tmp_path: Path):
+        html, markdown = self.pages(towing(), tmp_path)
+        assert "`oed animate`" in markdown
+        assert "data:image/gif" not in html
+        assert "](drive.gif)" not in markdown
+
+    def test_with_one(self, tmp_path: Path):
+        film = oed.animate(towing(), tmp_path / "drive.gif", results=["arc", "ipopt"], **QUICK)
+        html, markdown = self.pages(towing(), tmp_path)
+        assert "![Film of arc and ipopt in the room](drive.gif)" in markdown
+        assert "data:image/gif;base64,R0lGOD" in html
+        assert len(html) > film.file.stat().st_size
+        assert "`oed animate`" not in markdown
+
+    def test_one_of_other_drives_is_not_shown(self, tmp_path: Path):
+        oed.animate(towing(), tmp_path / "drive.gif", **QUICK)
+        changed = copy.deepcopy(dict(towing().data))
+        changed["results"][0]["drive"]["poses"][5][0] += 0.1
+        html, markdown = self.pages(Record(changed), tmp_path)
+        assert "`drive.gif` shows other drives than this record's; `oed animate` makes it again." in markdown
+        assert "data:image/gif" not in html
+        # Of one that the record no longer has, too.
+        gone = {**towing().data, "results": towing().data["results"][1:]}
+        assert "data:image/gif" not in self.pages(Record(gone), tmp_path)[0]
+
+    def test_a_film_from_elsewhere(self, tmp_path: Path):
+        Image.new("RGB", (9, 9)).save(tmp_path / "drive.gif")
+        html, markdown = self.pages(towing(), tmp_path)
+        assert "![A film of the drive](drive.gif)" in markdown
+        assert "data:image/gif" in html
+
+    def test_what_is_no_gif_is_none(self, tmp_path: Path):
+        (tmp_path / "drive.gif").write_text("nothing of the kind")
+        assert "](drive.gif)" not in self.pages(towing(), tmp_path)[1]
