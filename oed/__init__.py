@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from oed.models import Parameter as Parameter
     from oed.models import SkidSteer as SkidSteer
     from oed.models import SkidSteerIcr as SkidSteerIcr
+    from oed.models import SkidSteerSlip as SkidSteerSlip
     from oed.models import TractorTrailer as TractorTrailer
     from oed.models import Tricycle as Tricycle
     from oed.next_drive import NextDrive as NextDrive
@@ -104,6 +105,7 @@ if TYPE_CHECKING:
     from oed.record import Record as Record
     from oed.record import load_record as load_record
     from oed.record import save_record as save_record
+    from oed.report import animate as animate
     from oed.report import write_estimate as write_estimate
     from oed.report import write_report as write_report
     from oed.rollout import Drive as Drive
@@ -230,6 +232,7 @@ _HOMES = {
         "Parameter",
         "SkidSteer",
         "SkidSteerIcr",
+        "SkidSteerSlip",
         "TractorTrailer",
         "Tricycle",
     ),
@@ -249,6 +252,7 @@ _HOMES = {
         "save_record",
     ),
     "oed.report": (
+        "animate",
         "write_estimate",
         "write_report",
     ),

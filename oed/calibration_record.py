@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration import Calibration, HeldOut, Reckoning, correlations
+from oed.calibration import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
 from oed.files import write_text
@@ -52,6 +52,18 @@ class EstimateRecord:
     def values(self) -> dict[str, float]:
         """Estimates by name, SI."""
         return {entry["name"]: float(entry["value"]) for entry in self.parameters}
+
+    @property
+    def models(self) -> list[Mapping[str, Any]]:
+        """One entry per model that was compared, the study's own first; [] where none was.
+
+        Each with name, kind, own, comparable, reason, doubt, parameters (name, unit, value, standard_error),
+        unknowns, starts, log_likelihood and scores: by `aicc`, `bic` and `held_out` [m] the value, difference
+        to the best, interval of that (95 %) and equal (whether as good as the best). What all have in common
+        stands beside them in `data["comparison"]`: readings, inflation, inflation_by, best, agree,
+        favourites (as good as the best by every measure).
+        """
+        return list((self.data.get("comparison") or {}).get("models") or [])
 
 
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
@@ -99,6 +111,7 @@ def calibration_data(found: Calibration) -> dict[str, Any]:
                 "unit": "m" if name == "position" else "rad",
                 "at_rest": finite(noise.at_rest),
                 "per_speed": finite(noise.per_speed),
+                "per_yaw_rate": finite(noise.per_yaw_rate),
             }
             for name, noise in found.fit.noises.items()
         ],
@@ -112,6 +125,7 @@ def calibration_data(found: Calibration) -> dict[str, Any]:
         "logs": _logs(found),
         "left_out": [_held_out(found, one) for one in found.left_out],
         "held_out": None if found.held_out is None else _held_out(found, found.held_out),
+        "comparison": None if found.comparison is None else _comparison(found.comparison),
         "paths": _paths(found),
         "residuals": _residuals(found),
         "correlations": _correlations(found),
@@ -235,6 +249,51 @@ def mean_numbers(each: Sequence[Reckoning]) -> dict[str, float | None]:
     return found
 
 
+def _comparison(found: Comparison) -> dict[str, Any]:
+    return {
+        "models": [_model(one, own=place == 0) for place, one in enumerate(found.models)],
+        "readings": finite(found.readings),
+        "inflation": finite(found.inflation),
+        "inflation_by": found.inflation_by,
+        "best": dict(found.best),
+        "agree": found.agree,
+        "favourites": list(found.favourites),
+    }
+
+
+def _model(one: Compared, *, own: bool) -> dict[str, Any]:
+    likelihood = one.likelihood
+    return {
+        "name": one.name,
+        "kind": one.robot.kind,
+        "own": own,
+        "comparable": not one.reason,
+        "reason": one.reason,
+        "doubt": one.doubt,
+        "parameters": _fitted_parameters(one),
+        "unknowns": None if likelihood is None else finite(likelihood.unknowns),
+        "starts": None if likelihood is None else finite(likelihood.starts),
+        "log_likelihood": None if likelihood is None else finite(likelihood.each.sum()),
+        "scores": {measure: _score(score) for measure, score in one.scores.items()},
+    }
+
+
+def _fitted_parameters(one: Compared) -> list[dict[str, Any]]:
+    if one.fit is None or one.covariance is None:
+        return [{"name": name, "unit": "", "value": None, "standard_error": None} for name in one.parameters]
+    columns = one.parameters, one.fit.unknowns.units, one.fit.values, one.covariance.deviations
+    return [
+        {"name": name, "unit": unit, "value": finite(value), "standard_error": finite(error)}
+        for name, unit, value, error in zip(*columns, strict=False)
+    ]
+
+
+def _score(one: Score) -> dict[str, Any]:
+    ends = None if one.interval is None else [finite(end) for end in one.interval]
+    own = {"value": finite(one.value), "difference": finite(one.difference)}
+    return {**own, "interval": ends, "equal": one.equal}
+
+
 def _paths(found: Calibration) -> list[dict[str, Any]]:
     # Of logs the estimate did not know first; of its own where there is nothing else.
     parts = [(one, "held out") for one in ([found.held_out] if found.held_out else [])]
@@ -284,6 +343,7 @@ def _residuals(found: Calibration) -> list[dict[str, Any]]:
                     "t": _rounded(layout.times[own][valid][::every] - log.pose_times[0], 4),
                     "value": _rounded(fit.residuals[own][valid][:, place][::every], 7),
                     "speed": _rounded(fit.speeds[own][valid][::every], 4),
+                    "yaw_rate": _rounded(fit.yaw_rates[own][valid][::every], 4),
                 }
             )
     return entries

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from oed.calibration import calibrate
+from oed.calibration import alternative_flaws, calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
-from oed.errors import FileFlaw, LogError
+from oed.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
 from oed.files import require_writable
 from oed.logs import Log, read_logs
 from oed.runner import package_version, provenance
 from oed.solvers import Progress, Silent
 from oed.study import Study
+from oed.yaml_source import parse_yaml
 
 
 class _Stages:
@@ -52,21 +53,22 @@ def estimate(
 
     Raises:
         LogError: logs that cannot be read, do not fit the robot, or are given twice.
+        StudyError: options that do not suit the robot or the logs, models that cannot be compared.
     """
     if out is not None:
         require_writable(Path(out))
     _require_different([*logs, *apart])
+    flaws = alternative_flaws(study.problem.model, study.calibration.models)
+    if flaws:
+        raise _in_the_study(study, flaws)
     chosen = study.seed if seed is None else seed
     told = _Stages(progress or Silent())
     told("reading logs")
-    found = calibrate(
-        study.problem,
-        _read(study, logs),
-        study.calibration,
-        apart=_read(study, apart) if apart else (),
-        seed=chosen,
-        told=told,
-    )
+    kept, other = _read(study, logs), _read(study, apart) if apart else ()
+    try:
+        found = calibrate(study.problem, kept, study.calibration, apart=other, seed=chosen, told=told)
+    except ProblemError as error:
+        raise _in_the_study(study, error.flaws) from None
     told.done()
     record = EstimateRecord(
         {
@@ -83,6 +85,12 @@ def estimate(
     if out is not None:
         save_estimate(record, out)
     return record
+
+
+def _in_the_study(study: Study, flaws: Sequence[Flaw]) -> StudyError:
+    # With the file and the lines that they stand in.
+    source = parse_yaml(study.text, study.source)
+    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
 
 
 def _require_different(files: Sequence[str | Path]) -> None:

@@ -136,6 +136,7 @@ Length = Annotated[float, Unit("m", "4.9 cm")]
 Angle = Annotated[float, Unit("rad", "10 deg")]
 Duration = Annotated[float, Unit("s", "20 s")]
 AngularSpeed = Annotated[float, Unit("rad/s", "10 rad/s")]
+LengthPerYawRate = Annotated[float, Unit("m*s/rad", "3 mm*s/rad")]
 Ratio = Annotated[float, Unit("", "5 %")]
 
 

@@ -10,9 +10,10 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from oed.expression import Expression
-from oed.models.model import Integration, Model, chord, step
+from oed.models.model import Integration, Model, chord, follows_state, step
 
 FINE = 10
 """How many times finer than the samples the grid is on which limits are checked."""
@@ -29,16 +30,18 @@ class Drive:
         period: sample period T [s].
         inputs: held in each period, (N, inputs).
         effective_inputs: as they act on the ground, (N, q).
-        twist: forward and lateral speed [m/s], yaw rate [rad/s] in each period, (N, 3).
+        twist: forward and lateral speed [m/s], yaw rate [rad/s] of the motion in each period, (N, 3).
         gain: displacement per unit of speed in each period [s], (N, 1).
         direction: heading of each period's displacement [rad], (N, 1).
         poses: at the samples, (N + runs, states): each run has a pose more than periods.
         path: poses where position limits apply, (G, states).
-        motion: twists where limits on the motion apply, (K, 3).
+        motion: twists where limits on the motion apply, (K, 3): those that the inputs ask for, also of a
+            robot that follows them with a lag. It never turns faster than it was asked to before.
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
         runs: how many runs of equal length the N periods are shared out to.
+        refine: points of `path` per sample.
     """
 
     model: Model
@@ -57,6 +60,7 @@ class Drive:
     input_rates: Expression
     input_jerks: Expression
     runs: int = 1
+    refine: int = 1
 
     @property
     def samples(self) -> int:
@@ -92,6 +96,47 @@ class Drive:
             parts += [begin, carry(begin, poses[:, own], inputs[:, own], parameters, periods)]
         return ca.horzcat(*parts)
 
+    @cached_property
+    def path_sensitivities(self) -> Expression:
+        """The same derivatives at every point of `path`: (states, G * (p + states))."""
+        if self.refine == 1:
+            return self.sensitivities
+        count, between = self.samples, self.refine - 1
+        width = len(self.model.parameters) + len(self.model.states)
+        carry = carrier(self.model, self.integration).map(count * between)
+        fractions = ca.DM(np.tile(np.arange(1, self.refine) / self.refine, count)).T
+        columns = np.repeat(np.arange(count), between).tolist()
+        repeated = ca.repmat(self.parameters, 1, count * between)
+        parts = []
+        for run in range(self.runs):
+            first = run * (count + 1)
+            known = self.sensitivities[:, first * width : (first + count + 1) * width]
+            poses = self.poses[first : first + count, :].T
+            held = self.inputs[run * count : (run + 1) * count, :].T
+            wide = (np.array(columns)[:, None] * width + np.arange(width)).ravel().tolist()
+            inner = carry(
+                known[:, wide], poses[:, columns], held[:, columns], repeated, self.period * fractions
+            )
+            order = _interleaved(count, self.refine)
+            wide = (order[:, None] * width + np.arange(width)).ravel().tolist()
+            parts.append(ca.horzcat(known, inner)[:, wide])
+        return ca.horzcat(*parts)
+
+    def again(self, parameters: Expression, start: Expression) -> Drive:
+        """The drive that the same inputs give a robot with other parameters (p,) from other starts
+        (runs, states).
+        """
+        return roll_out(
+            self.model,
+            self.integration,
+            inputs=self.inputs,
+            start=start,
+            parameters=parameters,
+            period=self.period,
+            refine=self.refine,
+            runs=self.runs,
+        )
+
     def path_length(self, softening: float = 1e-9) -> Expression:
         """Distance travelled by the robot's origin [m].
 
@@ -106,7 +151,7 @@ def _sample(model: Model, integration: Integration) -> ca.Function:
     # Everything a measurement may need of one period, as one function to map over the periods.
     pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
     inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    twist = model.twist(inputs, parameters)
+    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
     gain, direction = chord(twist[2], pose[2], period, integration)
     effective = model.effective_inputs(inputs, parameters)
     return ca.Function("sample", [pose, inputs, parameters, period], [twist, effective, gain, direction])
@@ -179,6 +224,7 @@ def roll_out(
     poses = [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
     begun = ca.horzcat(*(part[:, :each] for part in poses))
     twist, effective, gain, direction = _sample(model, integration).map(count)(begun, held, repeated, periods)
+    asked = inputs if motion_inputs is None and follows_state(model) else motion_inputs
     path = [
         _refined_path(advance, part, held[:, own], parameters, period, refine)
         for part, own in zip(poses, slices, strict=True)
@@ -195,11 +241,12 @@ def roll_out(
         direction=direction.T,
         poses=ca.horzcat(*poses).T,
         path=ca.horzcat(*path).T,
-        motion=twist.T if motion_inputs is None else _motion(model, motion_inputs, parameters),
+        motion=twist.T if asked is None else _motion(model, asked, parameters),
         input_values=inputs if input_values is None else input_values,
         input_rates=inputs if input_rates is None else input_rates,
         input_jerks=inputs if input_jerks is None else input_jerks,
         runs=runs,
+        refine=refine,
     )
 
 
@@ -224,7 +271,12 @@ def _refined_path(
     fractions = ca.DM(np.tile(np.arange(1, refine) / refine, count)).T
     repeated = ca.repmat(parameters, 1, count * between)
     inner = advance.map(count * between)(poses[:, columns], held[:, columns], repeated, period * fractions)
+    return ca.horzcat(poses, inner)[:, _interleaved(count, refine).tolist()]
+
+
+def _interleaved(count: int, refine: int) -> npt.NDArray[np.int_]:
+    # Where the points of the fine grid stand behind each other among the samples, then those between.
     order = np.empty(count * refine + 1, dtype=int)
     order[::refine] = np.arange(count + 1)
-    order[np.arange(len(order)) % refine > 0] = count + 1 + np.arange(count * between)
-    return ca.horzcat(poses, inner)[:, order.tolist()]
+    order[np.arange(len(order)) % refine > 0] = count + 1 + np.arange(count * (refine - 1))
+    return order

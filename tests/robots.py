@@ -23,6 +23,7 @@ from oed.models import (
     PythonRobot,
     SkidSteer,
     SkidSteerIcr,
+    SkidSteerSlip,
     TractorTrailer,
     Tricycle,
 )
@@ -34,7 +35,9 @@ RADIUS, TRACK = 0.049, 0.18
 class Example:
     """A robot, and its twist (and effective inputs, and further states) written independently of the package.
 
-    `ambiguities` counts combinations of parameters that no poses (and no trailer's angle) tell apart.
+    `internal` and `mean` are further states after a period, and what the twist of the inputs comes to in it,
+    of state, twist, period and parameters. `ambiguities` counts combinations of parameters that no poses (and
+    no trailer's angle) tell apart.
     """
 
     name: str
@@ -42,7 +45,14 @@ class Example:
     twist: Callable[[np.ndarray], np.ndarray]
     effective: Callable[[np.ndarray], np.ndarray] = np.asarray
     internal: Callable[..., np.ndarray] | None = None
+    mean: Callable[..., np.ndarray] | None = None
     ambiguities: int = 0
+
+    def moved(self, state: np.ndarray, inputs: np.ndarray, period: float) -> np.ndarray:
+        """The twist (3,) that stands for a period from a state on."""
+        twist = self.twist(inputs)
+        parameters = np.array(self.model.nominal)
+        return twist if self.mean is None else self.mean(state, twist, period, parameters)
 
 
 def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 0.0)) -> Example:
@@ -118,6 +128,54 @@ def _trailer_angle(
     return np.array([angle])
 
 
+def _slip_twist(inputs: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """Of all effects: track + k |yaw rate| + k s, s by the angle whose tangent is turning over driving."""
+    right, left = np.array(parameters[:2]) * inputs
+    track, per_yaw_rate, per_curvature, ahead = parameters[-4:]
+    turning, driving = np.abs(np.subtract(*inputs)) / 2, np.hypot(np.sum(inputs) / 2, 0.1 / np.sqrt(2))
+    tightness = np.sin(np.arctan2(turning, driving)) ** 2
+    asked = np.hypot((right - left) / track, 0.05) - 0.05
+    yaw_rate = (right - left) / (track + per_yaw_rate * asked + per_curvature * tightness)
+    return np.array([(right + left) / 2, -ahead * yaw_rate, yaw_rate])
+
+
+def _lagging(
+    state: np.ndarray, twist: np.ndarray, period: float, lag: float, steps: int
+) -> tuple[float, float]:
+    """Yaw rate after a period, and the angle turned in it, by small steps of its differential equation."""
+    rate, turned, step = float(state[3]), 0.0, period / steps
+    for _ in range(steps):
+        slopes = [(twist[2] - rate) / lag]
+        for share in (step / 2, step / 2, step):
+            slopes.append((twist[2] - rate - share * slopes[-1]) / lag)
+        turned += step * (rate + step / 6 * (slopes[0] + slopes[1] + slopes[2]))
+        rate += step / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
+    return rate, turned
+
+
+def _lagging_yaw_rate(
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+) -> np.ndarray:
+    return np.array([_lagging(state, twist, period, parameters[3], steps)[0]])
+
+
+def _lagging_twist(
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
+) -> np.ndarray:
+    turned = _lagging(state, twist, period, parameters[3], steps)[1]
+    mean = turned / period if period else state[3]
+    return np.array([twist[0], -parameters[6] * mean, mean])
+
+
+SLIP = {
+    "wheel_radius_right": 0.051,
+    "wheel_radius_left": 0.047,
+    "track": TRACK,
+    "track_per_yaw_rate": 0.02,
+    "track_per_curvature": 0.07,
+    "x_icr": -0.03,
+}
+
 EXAMPLES: dict[str, tuple[Example, ...]] = {
     "differential_drive": (
         _two_sided("differential", DifferentialDrive(wheel_radius=RADIUS, track=TRACK), (RADIUS, RADIUS)),
@@ -155,6 +213,20 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
                 alpha_left=0.9,
             ),
             lambda speeds: _icr_twist(speeds, 0.17, -0.15, -0.02, (0.95, 0.9)),
+        ),
+    ),
+    "skid_steer_slip": (
+        Example(
+            "slip",
+            SkidSteerSlip(**SLIP),
+            lambda inputs: _slip_twist(inputs, np.array(list(SLIP.values()))),
+        ),
+        Example(
+            "slip_with_lag",
+            SkidSteerSlip(**SLIP, yaw_lag=0.25),
+            lambda inputs: _slip_twist(inputs, np.array(list(SLIP.values()))),
+            internal=_lagging_yaw_rate,
+            mean=_lagging_twist,
         ),
     ),
     "tricycle": (
@@ -252,6 +324,10 @@ def motion_by_parameters(robot: Example) -> Motion:
             return oracle.differential_twist(speeds, right, left, track)
 
         return motion
+    if robot.model.kind == "skid_steer_slip":
+        return lambda inputs, parameters: _slip_twist(
+            inputs, np.concatenate([parameters[:3], parameters[-3:]])
+        )
     inputs, parameters = ca.SX.sym("u", len(robot.model.inputs)), ca.SX.sym("p", len(robot.model.nominal))
     twist = ca.Function("twist", [inputs, parameters], [robot.model.twist(inputs, parameters)])
     return lambda inputs, parameters: np.array(twist(inputs, parameters)).ravel()

@@ -85,6 +85,30 @@ def test_path_length_is_the_sum_of_speeds(example: Example):
     assert numeric_drive(example, "arc")["path_length"].item() == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.parametrize("given", [False, True])
+def test_limits_on_motion_see_what_is_asked_of_a_robot_that_lags(given: bool):
+    (example,) = [one for one in ROBOTS if one.mean is not None]
+    inputs = held_inputs(example)
+    drive = roll_out(
+        example.model,
+        "arc",
+        inputs=ca.DM(inputs),
+        start=ca.DM([*START, 0.0]),
+        parameters=ca.DM(example.model.nominal),
+        period=ca.DM(PERIOD),
+        motion_inputs=ca.DM(inputs) if given else None,
+    )
+    asked = np.array([example.twist(row) for row in inputs])
+    np.testing.assert_allclose(np.array(drive.motion), asked, rtol=0, atol=1e-12)
+    states = np.array(drive.poses)
+    made = [example.moved(state, row, PERIOD) for state, row in zip(states, inputs, strict=False)]
+    np.testing.assert_allclose(np.array(drive.twist), made, rtol=0, atol=1e-9)
+    turns = PERIOD * np.array(drive.twist)[:, 2]
+    np.testing.assert_allclose(np.diff(states[:, 2]), turns, rtol=0, atol=1e-13)
+    # It never turns faster than it is asked to.
+    assert np.abs(states[:, 3]).max() <= np.abs(asked[:, 2]).max()
+
+
 @robots
 @rules
 def test_path_meets_the_samples(example: Example, rule: str):

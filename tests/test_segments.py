@@ -39,9 +39,10 @@ def plain(robot: Example, rule: str, starts, inputs, times, parameters, place) -
     for start, held, steps in zip(starts, inputs, times, strict=True):
         states = [start]
         for values, step in zip(held, steps, strict=True):
-            twist = motion(values, parameters)
+            asked = motion(values, parameters)
+            twist = robot.mean(states[-1], asked, step, parameters) if robot.mean else asked
             pose = oracle.advance(states[-1], twist, step, rule)
-            inner = robot.internal(states[-1], twist, step, parameters) if robot.internal else []
+            inner = robot.internal(states[-1], asked, step, parameters) if robot.internal else []
             states.append(np.concatenate([pose, inner]))
         x, y, heading, *rest = np.array(states).T
         ahead, left, turned = place

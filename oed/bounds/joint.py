@@ -88,7 +88,8 @@ def _circle_cap(
 def _size_caps(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Cap]:
-    lengths = [entry.name for entry in problem.robot.parameters if entry.unit == "m"]
+    # In m, or in m per something else.
+    lengths = [entry.name for entry in problem.robot.parameters if entry.unit.startswith("m")]
     bounds = room(problem)
     if bounds is None or not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
         return

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from oed.limits.path_length import PathLength
 from oed.limits.workspace import workspace_of
 from oed.models.coefficient_robot import CoefficientRobot
+from oed.models.model import follows_state, step
 from oed.models.skid_steer import SkidSteer
 from oed.problem import Problem
 
@@ -40,8 +41,12 @@ def largest_rates(problem: Problem) -> Array:
 
 
 def grip(problem: Problem) -> float | None:
-    """A factor that no effective input exceeds its input by; None where the robot gives none."""
+    """A factor that no effective input exceeds its input by; None where the robot gives none, and where its
+    motion does not follow from its inputs alone.
+    """
     model = problem.model
+    if follows_state(model):
+        return None
     if isinstance(model, SkidSteer):
         return max(abs(1 - model.slip_outer), abs(1 - model.slip_inner))
     # Robots that do not redefine them act with their inputs themselves.
@@ -60,11 +65,11 @@ def unslipped(problem: Problem) -> bool:
 
 
 def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
-    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c, and for
-    one that also moves sideways.
+    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c, for one
+    that also moves sideways, and for one whose motion does not follow from its inputs alone.
     """
     model = problem.model
-    if len(model.coefficient_names) != 2:
+    if len(model.coefficient_names) != 2 or follows_state(model):
         return None
     matrix = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal))))
     return matrix[0], matrix[1]
@@ -95,21 +100,28 @@ def path_budget(problem: Problem) -> float | None:
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
-    """Whether growing the parameters `names` by one factor makes the same path larger by that factor."""
+    """Whether growing the parameters `names` by one factor makes the same path larger by that factor.
+
+    Then a step from a place farther out by the factor ends farther out by it, and nothing else changes:
+    neither the heading nor any further state.
+    """
     robot = problem.robot
     if isinstance(robot, CoefficientRobot):
         return False
     rng = np.random.default_rng(0)
-    nominal = np.array(robot.nominal)
+    nominal, states = np.array(robot.nominal), len(robot.states)
     grown = np.array([entry.name in names for entry in robot.parameters])
-    inputs, parameters = ca.SX.sym("u", len(robot.inputs)), ca.SX.sym("p", len(nominal))
-    twist = robot.twist(inputs, parameters)
-    change = ca.jtimes(twist, parameters, ca.DM(np.where(grown, nominal, 0.0)))
-    function = ca.Function("change", [inputs, parameters], [twist, change])
+    inputs, state = ca.SX.sym("u", len(robot.inputs)), ca.SX.sym("x", states)
+    parameters, period = ca.SX.sym("p", len(nominal)), ca.SX.sym("T")
+    following = step(robot, problem.design.integration)(state, inputs, parameters, period)
+    direction = ca.vertcat(state[:2], ca.SX(states - 2, 1), ca.DM(np.where(grown, nominal, 0.0)))
+    change = ca.jtimes(following, ca.vertcat(state, parameters), direction)
+    function = ca.Function("change", [state, inputs, parameters, period], [following, change])
     low, high = problem.input_bounds.T
     for _ in range(20):
-        now, changed = (np.array(one).ravel() for one in function(rng.uniform(low, high), nominal))
-        expected = np.array([now[0], now[1], 0.0])
+        drawn = rng.uniform(-1, 1, states), rng.uniform(low, high), nominal, rng.uniform(0.5, 2)
+        now, changed = (np.array(one).ravel() for one in function(*drawn))
+        expected = np.concatenate([now[:2], np.zeros(states - 2)])
         if not np.allclose(changed, expected, rtol=1e-9, atol=1e-12 + 1e-9 * np.abs(now).max()):
             return False
     return True

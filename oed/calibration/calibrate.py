@@ -2,45 +2,41 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.calibration.covariance import Covariance, blocks_of, bootstrap, information, sandwich
+from oed.calibration.alternatives import alternative_flaws
+from oed.calibration.comparison import Comparison
+from oed.calibration.contest import Contest
+from oed.calibration.covariance import (
+    Covariance,
+    blocks_of,
+    bootstrap,
+    information,
+    judgeable,
+    sandwich,
+)
 from oed.calibration.diagnostics import Diagnostic, diagnostics
-from oed.calibration.joint import Fit, JointSearch, Knowledge
-from oed.calibration.layout import Layout, cut
+from oed.calibration.fitting import Fitting
+from oed.calibration.joint import Fit
 from oed.calibration.left_out import HeldOut, held_out, leave_out
-from oed.calibration.noise import Noise, group_of
 from oed.calibration.options import CalibrationOptions
 from oed.calibration.ready import ReadyLogs, ready
-from oed.calibration.segmenting import Segmenting, longest_without_drift
-from oed.calibration.stated import Mount, stated_mount, stated_noise
-from oed.calibration.unknowns import Unknowns
+from oed.calibration.segmenting import Segmenting
+from oed.calibration.stated import stated_noise
 from oed.calibration.untold import untold
-from oed.calibration.window_fit import window_fit
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.logs.log import Log
 from oed.models.coefficient_robot import coefficient_values
 from oed.models.model import Integration, Model
 from oed.problem import Problem, prior_of
-from oed.segments import PLACE
 
 Array = npt.NDArray[np.float64]
 
-LOOSE = 1.0
-"""Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
-search in bounds where the logs tell nothing, and is nothing beside what they tell."""
-LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
-"""The same of the sensor's place [m, rad] and of a clock's offset [s]."""
-TOLD = 1e-8
-"""Share of what is told of a parameter alone, below which the sensor's place hides it."""
-FEWEST_BLOCKS = 4
-"""Blocks that do not overlap, without which neither sandwich nor bootstrap means anything."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 TOO_SHORT = (
@@ -68,6 +64,7 @@ class Calibration:
         left_out: every log against the others.
         held_out: logs that were kept apart, or None.
         own: the logs themselves where there are no others to judge by, or None.
+        comparison: of other models with the study's robot, None where none are named.
         notes: what was decided on the way.
     """
 
@@ -82,6 +79,7 @@ class Calibration:
     left_out: tuple[HeldOut, ...]
     held_out: HeldOut | None
     own: HeldOut | None
+    comparison: Comparison | None
     notes: tuple[str, ...]
 
     @property
@@ -175,20 +173,17 @@ class _Work:
     told: Callable[[str], None]
 
     def calibration(self, apart: tuple[Log, ...]) -> Calibration:
+        flaws = alternative_flaws(self.problem.model, self.options.models)
+        if flaws:
+            raise ProblemError(flaws)
         self.told("comparing wheels and poses")
         found, other = self._ready(self.logs), self._ready(apart) if apart else None
         if other is not None and not _reckonable(other.logs):
             text = "dead reckoning needs positions to compare with"
             raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
-        unknowns, notes = self._unknowns(found), list[str]()
         self.told("fitting")
-        segmenting, fit = self._fitted(found, unknowns)
-        _require_enough(fit)
-        hidden = _hidden_by_place(fit)
-        if hidden:
-            notes.append(f"{', '.join(hidden)} cannot be told from the parameters: taken as the study has it")
-            unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
-            segmenting, fit = self._fitted(found, unknowns)
+        fitted = self._fitting.fitted(found)
+        segmenting, fit, notes = fitted.segmenting, fitted.fit, list(fitted.notes)
         self.told("error bars")
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
@@ -209,8 +204,18 @@ class _Work:
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
             own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _reckonable(logs) else None,
+            comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
         )
+
+    def _comparison(self, found: ReadyLogs, fit: Fit, segmenting: Segmenting | None) -> Comparison | None:
+        if not self.options.models:
+            return None
+
+        def covariance(other: Fit) -> Covariance:
+            return self._covariances(other, segmenting)[0]
+
+        return Contest(self._fitting, found, covariance, self.told).compared(fit)
 
     @property
     def _integration(self) -> Integration:
@@ -220,89 +225,31 @@ class _Work:
         return ready(self.problem.robot, self._integration, logs, compare_clocks=self.options.clock_offset)
 
     @cached_property
-    def _mount(self) -> Mount:
-        return stated_mount(self.problem.measurement)
+    def _fitting(self) -> Fitting:
+        robot = self.problem.robot
+        names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
+        prior, measurement = self._prior(names), self.problem.measurement
+        return Fitting(robot, names, self._integration, measurement, self.options, prior)
 
-    def _unknowns(self, found: ReadyLogs) -> Unknowns:
-        robot, mount = self.problem.robot, self._mount
-        known = tuple(parameter.name for parameter in robot.parameters)
-        free = [name for name in self.options.sensor_place if name in _told_places(found.logs[0].quantities)]
-        if mount.fixed:
-            free = [name for name in free if name == "sensor_heading"]
-        clocks = len(found.files) if self.options.clock_offset else 0
-        # A sensor that looks backwards is found from there only.
-        turned = found.mounting if "sensor_heading" in free and abs(found.mounting) > ASKEW else 0.0
-        sits = (*mount.sits[:2], turned)
-        return Unknowns(robot, self.problem.estimate or known, tuple(free), clocks, sits)
-
-    def _fitted(self, ready_logs: ReadyLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
-        logs, offsets = ready_logs.logs, ready_logs.offsets
-        last: list[Array] = []
-
-        def layout(seconds: float) -> Layout:
-            return cut(logs, seconds, ready_logs.clocks)
-
-        def fit(segments: Layout) -> Fit:
-            found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
-            last.append(found.values)
-            return found
-
-        if self.options.method != "joint":
-            known, stated = self._known(unknowns), self._stated(logs[0].quantities)
-            found = window_fit(self.options, layout, unknowns, self._integration, offsets, known, stated)
-            return None, found
-        if self.options.segment == "auto":
-            segmenting = longest_without_drift(layout, fit)
-            return segmenting, segmenting.fit
-        seconds = math.inf if self.options.segment == "log" else self.options.segment
-        return None, fit(layout(seconds))
-
-    def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
-        return JointSearch(
-            layout,
-            unknowns,
-            self._integration,
-            offsets,
-            self.options.loss,
-            grows=self.options.noise == "estimated",
-            known=self._known(unknowns),
-            stated=self._stated(layout.quantities),
-        )
-
-    def _stated(self, quantities: Sequence[str]) -> dict[str, Noise] | None:
-        # The noise that is not to be estimated.
-        if self.options.noise != "stated":
+    def _prior(self, parameters: Sequence[str]) -> Array | None:
+        # Information on the parameters had beforehand, (p, p).
+        if self.problem.prior is None:
             return None
-        stated = stated_noise(self.problem.measurement)
-        missing = [name for name in quantities if group_of(name) not in stated]
-        if missing:
-            text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
-            raise ProblemError([Flaw(("calibration", "noise"), text)])
-        return stated
-
-    def _known(self, unknowns: Unknowns) -> Knowledge:
-        count = len(unknowns.parameters)
-        loose = LOOSE * unknowns.scale
-        for index, name in enumerate(unknowns.place):
-            loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
-        loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
-        matrix = np.diag(loose**-2)
-        if self.problem.prior is not None:
-            for one in self.problem.any_estimations:
-                names = [name for name in one.parameters if name in unknowns.parameters]
-                prior = prior_of(self.problem.prior, one.block, names)
-                if prior is not None:
-                    places = [unknowns.parameters.index(name) for name in names]
-                    matrix[np.ix_(places, places)] += prior
-        return Knowledge(matrix, unknowns.nominal)
+        matrix = np.zeros((len(parameters),) * 2)
+        for one in self.problem.any_estimations:
+            names = [name for name in one.parameters if name in parameters]
+            prior = prior_of(self.problem.prior, one.block, names)
+            if prior is not None:
+                places = [parameters.index(name) for name in names]
+                matrix[np.ix_(places, places)] += prior
+        return matrix
 
     def _covariances(self, fit: Fit, segmenting: Segmenting | None) -> tuple[Covariance, ...]:
         block = None if self.options.block == "auto" else float(self.options.block)
         blocks, rng = blocks_of(fit, block), np.random.default_rng(self.seed)
         found = [information(fit)]
         # From very few parts their disagreement cannot be judged.
-        common = fit.unknowns.size - fit.unknowns.clocks
-        if blocks.independent >= FEWEST_BLOCKS and len(blocks.ranges) > common:
+        if judgeable(fit, blocks):
             found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
         wanted = self.options.covariance
         if wanted == "auto":
@@ -320,13 +267,6 @@ class _Work:
         return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
 
 
-def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
-    # Without positions a lever arm shows in nothing; without a heading nothing tells how it is turned.
-    if not {"x", "y"} <= set(quantities):
-        return ()
-    return PLACE if "heading" in quantities else PLACE[:2]
-
-
 def _odd_wheels(fit: Fit) -> list[str]:
     # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
     table = {parameter.name: parameter.nominal for parameter in fit.unknowns.robot.parameters}
@@ -337,31 +277,6 @@ def _odd_wheels(fit: Fit) -> list[str]:
         for name, change in changes.items()
         if abs(change) > ODD_WHEEL
     ]
-
-
-def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
-    # Coordinates of the sensor that exactly make up for parameters: c21, c22 and a sensor off to the side.
-    count, names = len(fit.unknowns.parameters), fit.unknowns.place
-    matrix = fit.information.sum(axis=0)
-    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    unit = matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(unit)
-    lost = vectors[:, values < TOLD]
-    if not np.any(np.abs(lost[:count]) > 1e-3):
-        return ()
-    shares = np.abs(lost[count : count + len(names)]).max(axis=1, initial=0.0)
-    return tuple(name for name, share in zip(names, shares, strict=True) if share > 1e-3)
-
-
-def _require_enough(fit: Fit) -> None:
-    # As many unknowns as readings fit anything without error.
-    told, starts = int(fit.layout.valid.sum()), fit.layout.count
-    readings, states = told * len(fit.layout.quantities), starts * fit.starts.shape[1]
-    if fit.motions:
-        readings, states = starts * len(fit.layout.quantities), 0
-    if readings <= states + fit.unknowns.size:
-        text = f"{readings} readings cannot tell {states + fit.unknowns.size} unknowns; log more poses"
-        raise LogError([FileFlaw(fit.layout.logs[0].file, 0, 0, "", text)])
 
 
 def _reckonable(logs: Sequence[Log]) -> bool:

@@ -17,6 +17,8 @@ PARTS = 5
 """Blocks that a log is cut into, where logs are few."""
 ENOUGH_LOGS = 8
 """Logs from which on each is a block by itself: what goes wrong in a run may last as long as the run."""
+FEWEST_BLOCKS = 4
+"""Blocks that do not overlap, without which neither sandwich nor bootstrap means anything."""
 LEVEL = 0.95
 """Of intervals."""
 
@@ -81,6 +83,12 @@ def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
         sizes.append(size)
         independent += len(own) // size
     return Blocks(np.array(ranges), int(np.median(sizes)), independent, parts == 1)
+
+
+def judgeable(fit: Fit, blocks: Blocks) -> bool:
+    """Whether there are enough blocks for their disagreement to be judged."""
+    common = fit.unknowns.size - fit.unknowns.clocks
+    return blocks.independent >= FEWEST_BLOCKS and len(blocks.ranges) > common
 
 
 def information(fit: Fit) -> Covariance:

@@ -126,7 +126,7 @@ def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
     # Chi-square of the residuals against the noise stated, at the speeds driven.
     places = places_of(group, fit.layout.quantities)
     valid = fit.layout.valid
-    size = stated.deviation(fit.speeds)[..., None]
+    size = stated.deviation(fit.speeds, fit.yaw_rates)[..., None]
     squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
     freedom = float(fit.freedom[..., places][valid].sum())
     ratio = float(np.sqrt(squares / freedom))

@@ -35,7 +35,7 @@ class WeighedWindows:
         windows: with what is to be estimated.
         known: of it from before.
         stated: noise of the poses that is not to be estimated; drift always is.
-        grows: whether noise of poses may grow with speed.
+        grows: whether noise of poses may grow with speed and yaw rate.
     """
 
     windows: Windows
@@ -85,7 +85,7 @@ class WeighedWindows:
         if not self.grows:
             parts[TIMING] = 0.0
         if self.stated is not None:
-            variances = pose_variances(self.stated, self.windows.speeds(motions.path))
+            variances = pose_variances(self.stated, *self.windows.rates(motions.path))
             parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
         known = self._known
         pull = known.information @ (known.centre - values) * scale
@@ -120,13 +120,15 @@ class WeighedWindows:
             known=self._known,
             converged=converged,
             notes=self._drift(variances, motions),
+            volumes=2 * np.log(root[0]).reshape(-1, 3).sum(axis=1),
         )
 
     def _noises(self, variances: Array) -> Mapping[str, Noise]:
         if self.stated is not None:
             return self.stated
         position, heading, timing = map(float, np.sqrt(variances[:OF_POSES]))
-        return {"position": Noise(position, timing), "heading": Noise(heading)}
+        # Jitter of the poses' times moves positions by the speed, and headings by the yaw rate.
+        return {"position": Noise(position, timing), "heading": Noise(heading, per_yaw_rate=timing)}
 
     def _drift(self, variances: Array, motions: Motions) -> tuple[str, ...]:
         ahead, sideways, by_path, by_turning = np.sqrt(variances[-(len(PARTS) - OF_POSES) :])

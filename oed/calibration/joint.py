@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.layout import Layout
-from oed.calibration.noise import Noise, deviations, estimated, groups, places_of
-from oed.calibration.starts import first_starts
+from oed.calibration.noise import Noise, deviations, estimated, groups, jumps, places_of
+from oed.calibration.starts import first_starts, further_starts
 from oed.calibration.unknowns import Unknowns
 from oed.estimators import Loss
 from oed.estimators.nonlinear import robust_loss
@@ -65,6 +65,7 @@ class Fit:
         freedom: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
         noises: of the readings.
         speeds: at the readings, (S, n + 1) [m/s].
+        yaw_rates: alike [rad/s].
         information: F of every segment with its start eliminated, SI, (S, q, q).
         scores: J' r of every segment alike, in units of the noise, (S, q).
         knowledge: from before, information (q, q).
@@ -73,6 +74,8 @@ class Fit:
         notes: what else was found, in words.
         bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
         swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
+        volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
+            (S,), where windows' noise is correlated; None where every reading's is its own.
     """
 
     unknowns: Unknowns
@@ -86,6 +89,7 @@ class Fit:
     freedom: Array
     noises: Mapping[str, Noise]
     speeds: Array
+    yaw_rates: Array
     information: Array
     scores: Array
     knowledge: Array
@@ -94,6 +98,7 @@ class Fit:
     notes: tuple[str, ...] = ()
     bend: float = 1.0
     swing: float = 1.0
+    volumes: Array | None = None
 
     @property
     def total(self) -> Array:
@@ -162,7 +167,7 @@ class JointSearch:
         integration: rule by which poses follow from twists.
         offsets: of the clocks, as far as known, (clocks,) [s].
         loss: of a residual in units of the noise.
-        grows: whether noise may grow with speed.
+        grows: whether noise may grow with speed and yaw rate.
         known: of the unknowns from before.
         stated: noise that is not to be estimated.
     """
@@ -202,14 +207,22 @@ class JointSearch:
             self.unknowns.robot, self.integration, layout.quantities, layout.count, layout.periods
         )
 
+    @cached_property
+    def _headings(self) -> SegmentReadings:
+        # Of robots whose headings are not read.
+        return replace(self._readings, quantities=("heading",))
+
     def _first_starts(self, values: Array) -> Array:
         parameters, place, clocks = self.unknowns.parts(values)
-        inputs = self.layout.inputs(self._offsets(clocks))
+        offsets = self._offsets(clocks)
+        inputs = self.layout.inputs(offsets)
 
         def paths(starts: Array) -> Array:
             return self._readings(starts, inputs, self.layout.steps, parameters, place)
 
-        return first_starts(self.unknowns.robot, self.layout, paths, place)
+        robot = self.unknowns.robot
+        further = further_starts(robot, self.integration, self.layout, offsets, parameters)
+        return first_starts(robot, self.layout, paths, place, further)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
@@ -219,14 +232,15 @@ class JointSearch:
         return dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
 
     def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
-        residuals, slopes, own, speeds = self._linearised(values, starts)
-        fit = self._fit(values, starts, noises, residuals, slopes, own, speeds)
+        residuals, slopes, own, rates = self._linearised(values, starts)
+        fit = self._fit(values, starts, noises, residuals, slopes, own, rates)
         return _State(fit, slopes, own)
 
     def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
         # The same with another noise: the drive is as it was.
         fit = state.fit
-        found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, fit.speeds)
+        rates = fit.speeds, fit.yaw_rates
+        found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, rates)
         return replace(state, fit=found)
 
     def _fit(
@@ -237,10 +251,10 @@ class JointSearch:
         residuals: Array,
         slopes: Array,
         own: Array,
-        speeds: Array,
+        rates: tuple[Array, Array],
     ) -> Fit:
         present = self.layout.valid[..., None]
-        size = deviations(noises, self.layout.quantities, speeds)
+        size = deviations(noises, self.layout.quantities, *rates)
         white = np.where(present, residuals / size, 0.0)
         squares = (white**2).ravel()
         _, slope, second = robust_loss(self.loss, squares)
@@ -269,7 +283,8 @@ class JointSearch:
             weights=np.where(present, weights, 0.0),
             freedom=np.where(present, 1 - leverage.reshape(white.shape), 0.0),
             noises=dict(noises),
-            speeds=speeds,
+            speeds=rates[0],
+            yaw_rates=rates[1],
             information=information,
             scores=scores,
             knowledge=known,
@@ -278,8 +293,8 @@ class JointSearch:
             swing=1.0 if self.loss == "linear" else _mean_square(weights * white, weights, present),
         )
 
-    def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, Array]:
-        # Residuals, derivatives of the readings by the unknowns and by the own start, and the speeds.
+    def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+        # Residuals, derivatives of the readings by the unknowns and by the own start, speeds and yaw rates.
         parameters, place, clocks = self.unknowns.parts(values)
         offsets, steps = self._offsets(clocks), self.layout.steps
         inputs = self.layout.inputs(offsets)
@@ -290,7 +305,11 @@ class JointSearch:
             columns.append(self._clock_slopes(starts, parameters, place, offsets))
         own = slopes[..., size : size + states]
         residuals = self.layout.readings - found
-        return residuals, np.concatenate(columns, axis=-1), own, self._speeds(found)
+        turned = found[..., [index for index, name in enumerate(self.layout.quantities) if name == "heading"]]
+        if not turned.size:
+            turned = self._headings(starts, inputs, steps, parameters, place)
+        rates = self._speeds(found), self.layout.rates(turned)
+        return residuals, np.concatenate(columns, axis=-1), own, rates
 
     def _clock_slopes(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
         def read(moved: Array) -> Array:
@@ -299,19 +318,11 @@ class JointSearch:
         return self.layout.clock_slopes(read, offsets)
 
     def _speeds(self, found: Array) -> Array:
-        # Of the predicted readings, by the steps before and after each; 0 where positions are not read.
-        steps, quantities = self.layout.steps, self.layout.quantities
-        speeds = np.zeros(found.shape[:2])
+        # Of the predicted readings; 0 where positions are not read.
+        quantities = self.layout.quantities
         if "x" not in quantities or "y" not in quantities:
-            return speeds
-        places = [quantities.index("x"), quantities.index("y")]
-        moves = np.linalg.norm(np.diff(found[..., places], axis=1), axis=-1)
-        around, times = np.zeros(speeds.shape), np.zeros(speeds.shape)
-        around[:, :-1] += moves
-        around[:, 1:] += moves
-        times[:, :-1] += steps
-        times[:, 1:] += steps
-        return np.divide(around, times, out=speeds, where=times > 0)
+            return np.zeros(found.shape[:2])
+        return self.layout.rates(found[..., [quantities.index("x"), quantities.index("y")]])
 
     def _noises(self, state: Fit) -> Mapping[str, Noise]:
         if self.stated is not None:
@@ -319,13 +330,14 @@ class JointSearch:
         valid, quantities, found = self.layout.valid, self.layout.quantities, {}
         for group in groups(quantities):
             own = places_of(group, quantities)
-            speeds = np.repeat(state.speeds[valid][:, None], len(own), axis=1)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),
                 state.freedom[valid][:, own].ravel(),
-                speeds.ravel(),
+                np.repeat(state.speeds[valid], len(own)),
+                np.repeat(state.yaw_rates[valid], len(own)),
                 robust=self.loss != "linear",
                 grows=self.grows,
+                jumps=jumps(state.residuals[..., own], state.speeds, state.yaw_rates, valid),
             )
         return found
 
@@ -352,7 +364,7 @@ class JointSearch:
         if self.known is not None:
             gradient = gradient + self.known.information @ (self.known.centre - fit.values)
         step = fit.inverse @ gradient
-        size = deviations(fit.noises, self.layout.quantities, fit.speeds)
+        size = deviations(fit.noises, self.layout.quantities, fit.speeds, fit.yaw_rates)
         root = (np.sqrt(fit.weights) / size)[..., None]
         rest = (fit.residuals - state.slopes @ step)[..., None]
         beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]

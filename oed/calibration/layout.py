@@ -7,7 +7,7 @@ what went wrong before matters. Neighbours share the pose between them, and no m
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -22,6 +22,8 @@ Indices = npt.NDArray[np.int64]
 
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
+BEFORE, PARTS = 5.0, 50
+"""Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
 GAP = 5.0
 """How many times the usual period a step in time has to be to count as a gap."""
 
@@ -94,6 +96,30 @@ class Layout:
             )
             found[own] = _means(turned, steps[own])
         return found
+
+    def before(self, offsets: Array) -> tuple[Array, Array]:
+        """Mean inputs (S, periods, inputs) in the time before each segment, and the periods' lengths [s].
+
+        Periods before a log's inputs begin are of no time.
+
+        Args:
+            offsets: of the clocks, (clocks,) [s].
+        """
+        first = [log.input_times[0] - offsets[self.clocks.index(log.file)] for log in self.logs]
+        ends = self.times[:, :1]
+        begins = np.minimum(np.array(first)[self.owner][:, None], ends)
+        times = np.maximum(ends + np.linspace(-BEFORE, 0.0, PARTS + 1), begins)
+        whole = replace(self, times=times)
+        return whole.inputs(offsets), whole.steps
+
+    def rates(self, values: Array) -> Array:
+        """How fast values (S, n + 1, k) change, by the steps before and after each reading, (S, n + 1)."""
+        moves = np.linalg.norm(np.diff(values, axis=1), axis=-1)
+        around, times = np.zeros(values.shape[:2]), np.zeros(values.shape[:2])
+        for found, steps in ((around, moves), (times, self.steps)):
+            found[:, :-1] += steps
+            found[:, 1:] += steps
+        return np.divide(around, times, out=np.zeros_like(around), where=times > 0)
 
     def clock_slopes(self, read: Callable[[Array], Array], offsets: Array) -> Array:
         """Derivatives of readings by every clock's offset, (S, ..., clocks).

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.layout import Layout, cut
+from oed.calibration.starts import further_starts
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
 from oed.segments import PLACE, SegmentReadings
@@ -56,8 +57,9 @@ class Moves:
         readings = SegmentReadings(
             self.robot, self.integration, ("x", "y", "heading"), layout.count, layout.periods
         )
-        starts = np.zeros((layout.count, len(self.robot.states)))
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
+        further = further_starts(self.robot, self.integration, layout, offsets, nominal, inputs)
+        starts = np.pad(further, ((0, 0), (3, 0)))
         ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
         return self._told(dict(zip(("forward", "left", "turn"), ends.T, strict=True)))
 

@@ -1,4 +1,4 @@
-"""How noisy readings are, judged by what the fit leaves: a part at rest and a part that grows with speed."""
+"""How noisy readings are, judged by what the fit leaves: a part at rest, and parts that grow with motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ Array = npt.NDArray[np.float64]
 GROUPS = {"x": "position", "y": "position"}
 """Quantities that share their noise; any other has its own."""
 SURE = 0.99
-"""Confidence with which noise has to grow with speed to be modelled so."""
+"""Confidence with which noise has to grow with speed, or with the yaw rate, to be modelled so."""
+FROM_READING_TO_READING = 0.5
+"""Share of the variance that grows with the yaw rate which has to show from one reading to the next: what
+lasts longer is no noise but the model's error, for wheels slip in turns."""
 LEAST = 1e-6
 """Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
 MEDIAN_DEVIATION = float(norm.ppf(0.75))
@@ -24,19 +27,23 @@ MEDIAN_DEVIATION = float(norm.ppf(0.75))
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation sqrt(at_rest^2 + (per_speed V)^2) of a reading at speed V.
+    """Standard deviation sqrt(at_rest^2 + (per_speed V)^2 + (per_yaw_rate Omega)^2) of a reading at speed V
+    and yaw rate Omega.
 
     Attributes:
         at_rest: [m] or [rad].
         per_speed: [s] or [rad s/m].
+        per_yaw_rate: [m s/rad] or [s].
     """
 
     at_rest: float
     per_speed: float = 0.0
+    per_yaw_rate: float = 0.0
 
-    def deviation(self, speeds: Array) -> Array:
-        """At those speeds [m/s]."""
-        return np.asarray(np.sqrt(self.at_rest**2 + (self.per_speed * speeds) ** 2))
+    def deviation(self, speeds: Array, yaw_rates: Array) -> Array:
+        """At those speeds [m/s] and yaw rates [rad/s]."""
+        growth = (self.per_speed * speeds) ** 2 + (self.per_yaw_rate * yaw_rates) ** 2
+        return np.asarray(np.sqrt(self.at_rest**2 + growth))
 
 
 def group_of(quantity: str) -> str:
@@ -54,20 +61,49 @@ def groups(quantities: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(group_of, quantities)))
 
 
-def deviations(noises: Mapping[str, Noise], quantities: Sequence[str], speeds: Array) -> Array:
-    """Standard deviations (..., quantities) of readings at `speeds` (...)."""
-    return np.stack([noises[group_of(name)].deviation(speeds) for name in quantities], axis=-1)
+def deviations(
+    noises: Mapping[str, Noise], quantities: Sequence[str], speeds: Array, yaw_rates: Array
+) -> Array:
+    """Standard deviations (..., quantities) of readings at `speeds` and `yaw_rates` (...)."""
+    every = [noises[group_of(name)].deviation(speeds, yaw_rates) for name in quantities]
+    return np.stack(every, axis=-1)
 
 
-def estimated(residuals: Array, freedom: Array, speeds: Array, *, robust: bool, grows: bool) -> Noise:
+def jumps(residuals: Array, speeds: Array, yaw_rates: Array, valid: npt.NDArray[np.bool_]) -> Array:
+    """Differences of successive residuals over sqrt(2), and the speeds and yaw rates (RMS) there, (3, m).
+
+    Args:
+        residuals: (S, n, k), SI.
+        speeds: at their times, (S, n) [m/s].
+        yaw_rates: alike [rad/s].
+        valid: which of them there are, (S, n).
+    """
+    both = valid[:, 1:] & valid[:, :-1]
+    values = np.diff(residuals, axis=1)[both] / np.sqrt(2)
+    rates = [np.sqrt((one[:, 1:] ** 2 + one[:, :-1] ** 2) / 2)[both] for one in (speeds, yaw_rates)]
+    return np.stack([values.ravel(), *(np.repeat(one, residuals.shape[-1]) for one in rates)])
+
+
+def estimated(
+    residuals: Array,
+    freedom: Array,
+    speeds: Array,
+    yaw_rates: Array,
+    *,
+    robust: bool,
+    grows: bool,
+    jumps: Array | None = None,
+) -> Noise:
     """The noise of residuals that a fit left.
 
     Args:
         residuals: (n,), SI.
         freedom: share of each residual's variance that the fit left, (n,).
         speeds: at their times, (n,) [m/s].
+        yaw_rates: alike [rad/s].
         robust: judge by the median, so that outliers do not matter; the noise is then constant.
-        grows: whether a part that grows with speed is looked for.
+        grows: whether parts that grow with speed and with the yaw rate are looked for.
+        jumps: of the same residuals: growth with the yaw rate has to show there as well.
     """
     if robust:
         spread = np.median(np.abs(residuals)) / MEDIAN_DEVIATION
@@ -75,26 +111,74 @@ def estimated(residuals: Array, freedom: Array, speeds: Array, *, robust: bool, 
     squares = residuals**2 / np.maximum(freedom, 1e-3)
     # Less than one degree of freedom tells nothing of noise.
     constant = float(np.sqrt((residuals**2).sum() / max(freedom.sum(), 1.0)))
-    if not grows or constant <= LEAST or speeds.max() <= 0:
+    if not grows or constant <= LEAST:
         return Noise(max(constant, LEAST))
-    return _growing(squares, freedom, speeds, constant)
+    rates = np.stack([speeds, yaw_rates])
+    found = _growing(squares, freedom, rates, constant)
+    if jumps is None or not found.per_yaw_rate or _jumps_alike(found, jumps):
+        return found
+    return _growing(squares, freedom, rates * [[1.0], [0.0]], constant)
 
 
-def _growing(squares: Array, freedom: Array, speeds: Array, constant: float) -> Noise:
-    # Greatest likelihood of r^2 / (s0^2 + (k v)^2), both parts in units of the constant one.
-    unit = np.sqrt(np.mean(speeds**2)) or 1.0
-    ratios, moving = squares / constant**2, (speeds / unit) ** 2
+def _jumps_alike(found: Noise, jumps: Array) -> bool:
+    # Whether as much growth with the yaw rate shows from reading to reading.
+    squares, constant = jumps[0] ** 2, float(np.sqrt(np.mean(jumps[0] ** 2)))
+    if constant <= LEAST:
+        return False
+    parts = [1] if not found.per_speed else [0, 1]
+    _, noise = greatest(squares, np.ones_like(squares), jumps[1:], constant, parts)
+    return noise.per_yaw_rate**2 >= FROM_READING_TO_READING * found.per_yaw_rate**2
+
+
+def _growing(squares: Array, freedom: Array, rates: Array, constant: float) -> Noise:
+    # The greatest likelihood less the price of every part that grows: none, by either rate, or by both.
+    moving = [place for place in range(len(rates)) if np.any(rates[place] != 0)]
+    price = float(chi2.ppf(SURE, 1))
+    best, least = Noise(constant), float((freedom * squares).sum()) / constant**2
+    alone = [(place,) for place in moving] if len(moving) > 1 else []
+    for chosen in filter(None, (tuple(moving), *alone)):
+        surprise, noise = greatest(squares, freedom, rates, constant, chosen)
+        if chosen == tuple(moving) and surprise + price > least:
+            # Both together are not worth the price of one.
+            return best
+        if surprise + price * len(chosen) < least:
+            best, least = noise, surprise + price * len(chosen)
+    return best
+
+
+def greatest(
+    squares: Array, freedom: Array, rates: Array, constant: float, parts: Sequence[int]
+) -> tuple[float, Noise]:
+    """The noise of greatest likelihood, and twice the negative logarithm of that.
+
+    The likelihood is that of normal residuals, but for a constant: sum of f (ln v + s / v) with v the
+    variance in units of `constant`^2, at rest and by the rates together.
+
+    Args:
+        squares: of the residuals, each divided by its freedom, (n,).
+        freedom: weights f, (n,).
+        rates: speeds [m/s] and yaw rates [rad/s], (2, n).
+        constant: the noise if it were constant, SI.
+        parts: which of the rates it may grow with.
+    """
+    # All parts in units of the constant noise, so that their logarithms are of order 1.
+    units = np.array([np.sqrt(np.mean(rates[part] ** 2)) or 1.0 for part in parts])
+    ratios = squares / constant**2
+    columns = np.vstack(
+        [np.ones_like(ratios), *((rates[part] / unit) ** 2 for part, unit in zip(parts, units, strict=True))]
+    )
 
     def surprise(logs: Array) -> tuple[float, Array]:
-        parts = np.exp(logs)
-        variance = parts[0] + parts[1] * moving
-        value = float((freedom * (np.log(variance) + ratios / variance)).sum())
-        slope = freedom * (1 / variance - ratios / variance**2)
-        return value, np.array([slope.sum() * parts[0], (slope * moving).sum() * parts[1]])
+        sizes = np.exp(logs)
+        variance = np.einsum("c,cn->n", sizes, columns)
+        left = ratios / variance
+        value = float((freedom * (np.log(variance) + left)).sum())
+        return value, sizes * np.einsum("cn,n->c", columns, freedom * (1 - left) / variance)
 
-    found = minimize(surprise, np.log([0.5, 0.5]), jac=True, method="L-BFGS-B", bounds=[(-12, 6)] * 2)
-    alone = float((freedom * ratios).sum())
-    if alone - found.fun < chi2.ppf(SURE, 1):
-        return Noise(constant)
-    rest, growth = np.sqrt(np.exp(found.x)) * constant
-    return Noise(float(rest), float(growth / unit))
+    count = len(columns)
+    found = minimize(
+        surprise, np.full(count, -np.log(count)), jac=True, method="L-BFGS-B", bounds=[(-12, 6)] * count
+    )
+    sizes = np.sqrt(np.exp(found.x)) * constant
+    growth = dict(zip(parts, map(float, sizes[1:] / units), strict=True))
+    return float(found.fun), Noise(float(sizes[0]), growth.get(0, 0.0), growth.get(1, 0.0))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from oed.calibration.alternatives import Alternative
 from oed.component import Component
 from oed.estimators import Loss
 from oed.quantities import Duration
@@ -31,9 +32,12 @@ class CalibrationOptions(Component):
         replicates: of the bootstrap.
         sensor_place: which coordinates of the pose sensor's place on the robot are estimated along.
         clock_offset: whether the offset between the clocks of wheels and poses is estimated, for each file.
-        noise: estimated from the residuals as sigma^2 = sigma0^2 + (k v)^2, estimated as constant (where what
-            grows with speed is the model's error, not the sensor's), or as the measurement states.
+        noise: estimated from the residuals as sigma^2 = sigma0^2 + (k_v V)^2 + (k_w Omega)^2 at speed V and
+            yaw rate Omega, each growth only where the likelihood leaves no doubt (that with Omega only
+            where it shows from reading to reading as well); estimated as constant
+            (where what grows is the model's error, not the sensor's), or as the measurement states.
         loss: of a residual in units of the noise; other than "linear" it bounds the influence of outliers.
+        models: other robots, fitted to the same logs and compared with the study's own.
     """
 
     method: Method = "joint"
@@ -45,3 +49,13 @@ class CalibrationOptions(Component):
     clock_offset: bool = True
     noise: Literal["estimated", "constant", "stated"] = "estimated"
     loss: Loss = "linear"
+    models: tuple[Alternative, ...] = ()
+
+    @field_validator("models")
+    @classmethod
+    def _named_apart(cls, models: tuple[Alternative, ...]) -> tuple[Alternative, ...]:
+        labels = [one.label for one in models]
+        twice = sorted({label for label in labels if labels.count(label) > 1})
+        if twice:
+            raise ValueError(f"two models named {', '.join(twice)}; give each a `name` of its own")
+        return models

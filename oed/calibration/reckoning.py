@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.calibration.layout import cut
-from oed.calibration.starts import first_starts
+from oed.calibration.starts import first_starts, further_starts
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
 from oed.segments import SegmentReadings
@@ -105,13 +105,15 @@ def _stretches(
     robot: Model, integration: Integration, log: Log, parameters: Array, place: Array, offset: float
 ) -> list[_Stretch]:
     layout = cut([log], np.inf, [offset])
-    inputs = layout.inputs(np.array([offset]))
+    offsets = np.array([offset])
+    inputs = layout.inputs(offsets)
 
     def paths(quantities: tuple[str, ...]) -> Callable[[Array], Array]:
         readings = SegmentReadings(robot, integration, quantities, layout.count, layout.periods)
         return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
 
-    starts = first_starts(robot, layout, paths(log.quantities), place)
+    further = further_starts(robot, integration, layout, offsets, parameters)
+    starts = first_starts(robot, layout, paths(log.quantities), place, further)
     found = paths(("x", "y", "heading"))(starts)
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
     heading = read.get("heading", found[..., 2])

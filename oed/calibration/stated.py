@@ -52,5 +52,6 @@ def stated_noise(measurement: Measurement) -> dict[str, Noise]:
         for quantity in sensor.quantities:
             size, group = sensor.noise.deviation(quantity), group_of(quantity)
             if size is not None and (group not in found or found[group].at_rest < size):
-                found[group] = Noise(size, sensor.noise.per_speed(quantity))
+                growth = sensor.noise.per_speed(quantity), sensor.noise.per_yaw_rate(quantity)
+                found[group] = Noise(size, *growth)
     return found

@@ -139,7 +139,7 @@ class TwoStage:
         # The standard deviation of a row: of what is left, or as stated for the poses at both ends.
         motions = self._seen.motions(values)
         if self.stated is not None:
-            variances = pose_variances(self.stated, self._seen.speeds(motions.path)).sum(axis=1)
+            variances = pose_variances(self.stated, *self._seen.rates(motions.path)).sum(axis=1)
             return float(np.sqrt(variances[:, stage.rows].mean()))
         residuals = motions.residuals[:, stage.rows]
         freedom = max(residuals.size - len(stage.columns), 1)

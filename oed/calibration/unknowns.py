@@ -55,8 +55,12 @@ class Unknowns:
 
     @property
     def scale(self) -> Array:
-        """What makes them comparable: the parameters' sizes, those of a place and a clock, (q,)."""
-        table = {parameter.name: parameter.scale or 1.0 for parameter in self.robot.parameters}
+        """What makes them comparable: the parameters' sizes, those of a place and a clock, (q,).
+
+        A nominal value that is but a first guess, far smaller than the size a parameter may have, is none.
+        """
+        sizes = ((one.name, max(one.scale, one.size)) for one in self.robot.parameters)
+        table = {name: size or 1.0 for name, size in sizes}
         rest = [PLACE_SIZE] * (len(self.place) + self.clocks)
         return np.array([*(table[name] for name in self.parameters), *rest])
 

@@ -24,28 +24,42 @@ def untold(fit: Fit, covariance: Array) -> tuple[str, ...]:
         fit: of all logs.
         covariance: of all unknowns, (q, q), SI.
     """
-    count = len(fit.unknowns.parameters)
-    scale, names = fit.unknowns.scale[:count], fit.unknowns.parameters
-    relative = covariance[:count, :count] / np.outer(scale, scale)
-    variances, vectors = np.linalg.eigh(relative)
-    found = []
-    for index in np.flatnonzero(variances > OPEN**2):
+    found = tuple(f"{what}: {remedy}" for what, remedy in left_open(fit, covariance))
+    return found or _tied(fit.unknowns.parameters, _relative(fit, covariance))
+
+
+def left_open(fit: Fit, covariance: Array, beyond: float = OPEN) -> tuple[tuple[str, str], ...]:
+    """Combinations of parameters whose relative standard errors are larger than `beyond`, in words, and what
+    helps, in words.
+
+    Args:
+        fit: of all logs.
+        covariance: of all unknowns, (q, q), SI.
+        beyond: standard error relative to the parameters' sizes.
+    """
+    names, found = fit.unknowns.parameters, []
+    variances, vectors = np.linalg.eigh(_relative(fit, covariance))
+    for index in np.flatnonzero(variances > beyond**2):
         vector = vectors[:, index]
         involved = np.flatnonzero(np.abs(vector) > PART * np.abs(vector).max())
         found.append(_sentence([names[place] for place in involved], vector[involved]))
-    return tuple(found) or _tied(names, relative)
+    return tuple(found)
 
 
-def _sentence(names: list[str], shares: Array) -> str:
+def _relative(fit: Fit, covariance: Array) -> Array:
+    count = len(fit.unknowns.parameters)
+    scale = fit.unknowns.scale[:count]
+    return np.asarray(covariance[:count, :count] / np.outer(scale, scale))
+
+
+def _sentence(names: list[str], shares: Array) -> tuple[str, str]:
     if len(names) == 1:
-        return f"the logs do not tell {names[0]}: fix it (leave it out of `estimate`) or give a `prior`"
+        return f"the logs do not tell {names[0]}", "fix it (leave it out of `estimate`) or give a `prior`"
     shares = shares / np.abs(shares).max()
     changes = ", ".join(f"{name} {10 * share:+.2g} %" for name, share in zip(names, shares, strict=True))
     listed = f"{', '.join(names[:-1])} and {names[-1]}"
-    return (
-        f"the logs do not tell {listed} apart (changing {changes} together hardly shows): fix one of them, "
-        "give a `prior`, or drive what tells them apart (`oed next`)"
-    )
+    what = f"the logs do not tell {listed} apart (changing {changes} together hardly shows)"
+    return what, "fix one of them, give a `prior`, or drive what tells them apart (`oed next`)"
 
 
 def _tied(names: tuple[str, ...], relative: Array) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ PARTS = ("position", "heading", "timing", "ahead", "sideways", "turn_by_path", "
 """Parts of the variance: of a pose [m^2], [rad^2] and of when it was taken [s^2]; of drift ahead and sideways
 per path [m^2/m], of its turn per path [rad^2/m] and per turning [rad^2/rad]."""
 OF_POSES, TIMING = 3, 2
-"""How many of them are the poses', and which of those grows with speed."""
+"""How many of them are the poses', and which of those grows with speed and yaw rate."""
 TURNS = (1, 5, 6)
 """Those that show in turns most of all."""
 FIRST = 0.3

@@ -20,7 +20,7 @@ from oed.calibration.options import Method
 from oed.calibration.segmenting import FEWEST
 from oed.calibration.unknowns import Unknowns
 from oed.errors import Flaw, ProblemError
-from oed.models.model import Integration
+from oed.models.model import Integration, follows_state
 from oed.segments import SegmentReadings
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +42,16 @@ def usual_seconds(layout: Layout) -> float:
 
 
 def require_windows(layout: Layout, unknowns: Unknowns, method: Method) -> None:
-    """Raise ProblemError unless windows show whole motions, and more of them than there are unknowns."""
+    """Raise ProblemError unless windows show whole motions that nothing but the inputs and the poses at their
+    ends tell, and more of them than there are unknowns.
+    """
+    robot = unknowns.robot
+    if follows_state(robot):
+        text = (
+            f"{method} compares motion between poses, and the {', '.join(robot.states[3:])} that a window of "
+            f"{robot.kind} begins with is not among them; use method: joint"
+        )
+        raise ProblemError([Flaw(("calibration", "method"), text)])
     if set(layout.quantities) != set(READ):
         text = (
             f"{method} compares motion between poses, of {', '.join(READ)} and nothing else; the logs hold "
@@ -126,9 +135,10 @@ class Windows:
             columns.append(self._clock_slopes(parameters, place, offsets))
         return Motions(self.measured - path[:, -1], np.concatenate(columns, axis=-1), path)
 
-    def speeds(self, path: Array) -> Array:
-        """At both ends of every window, (S, 2) [m/s]."""
-        return np.asarray(np.hypot(*np.moveaxis(end_rates(path, self.layout.steps)[..., :2], -1, 0)))
+    def rates(self, path: Array) -> tuple[Array, Array]:
+        """Speeds [m/s] and yaw rates [rad/s], without signs, at both ends of every window, (S, 2) each."""
+        ahead, left, turning = np.moveaxis(end_rates(path, self.layout.steps), -1, 0)
+        return np.hypot(ahead, left), np.abs(turning)
 
     @cached_property
     def as_readings(self) -> Layout:
@@ -160,6 +170,7 @@ class Windows:
         known: Knowledge,
         converged: bool,
         notes: tuple[str, ...] = (),
+        volumes: Array | None = None,
     ) -> Fit:
         """A solution over windows.
 
@@ -173,8 +184,10 @@ class Windows:
             known: of the unknowns from before.
             converged: whether the search has arrived.
             notes: what else was found, in words.
+            volumes: logarithm of the determinant of the windows' noise, (S,), where that is correlated.
         """
         motions = self.motions(values)
+        speeds, yaw_rates = self.rates(motions.path)
         return Fit(
             unknowns=self.unknowns,
             values=values,
@@ -186,13 +199,15 @@ class Windows:
             weights=self.at_ends(np.ones_like(white)),
             freedom=self.at_ends(1 - leverage),
             noises=noises,
-            speeds=self.speeds(motions.path),
+            speeds=speeds,
+            yaw_rates=yaw_rates,
             information=information,
             scores=scores,
             knowledge=known.information,
             converged=converged,
             motions=True,
             notes=notes,
+            volumes=volumes,
         )
 
     @property
@@ -266,7 +281,7 @@ def _start_slopes(place: Array) -> Array:
     return np.stack([columns.real, columns.imag, [0.0, 0.0, -1.0]])
 
 
-def pose_variances(noises: Mapping[str, Noise], speeds: Array) -> Array:
-    """Variances (..., 3) of poses at `speeds` (...), of noise that is stated."""
-    position, heading = (noises[name].deviation(speeds) ** 2 for name in ("position", "heading"))
+def pose_variances(noises: Mapping[str, Noise], speeds: Array, yaw_rates: Array) -> Array:
+    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is stated."""
+    position, heading = (noises[name].deviation(speeds, yaw_rates) ** 2 for name in ("position", "heading"))
     return np.stack([position, position, heading], axis=-1)

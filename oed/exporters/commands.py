@@ -27,8 +27,8 @@ class Commands:
         rate: of the commands [Hz].
         inputs: (K + 1, inputs), SI. In the last row speeds are 0; angles keep their last value.
         moving: of each input whether it is a speed (else an angle, or what else only shapes the motion).
-        twists: forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s] that the robot's
-            nominal parameters give, (K + 1, 3); 0 in the last row.
+        twists: forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s] that the inputs ask for
+            with the robot's nominal parameters, (K + 1, 3); 0 in the last row.
         poses: the states that these commands lead to from the run's start, (K + 1, states).
     """
 
@@ -97,7 +97,7 @@ def _of_run(problem: Problem, run: Trajectory, rate: float) -> Commands:
         rate=rate,
         inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
         moving=moving,
-        twists=np.vstack([np.array(drive.twist), np.zeros((1, 3))]),
+        twists=np.vstack([np.array(drive.motion), np.zeros((1, 3))]),
         poses=np.array(drive.poses),
     )
 

@@ -14,7 +14,7 @@ from oed.errors import Flaw
 from oed.expression import Expression
 from oed.measurements.sensor import Moment, PlacedSensor
 from oed.models.model import Model
-from oed.quantities import Angle, Duration, Length, Unit, require_covariance
+from oed.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -29,8 +29,11 @@ class AbsoluteNoise(Component):
         position: of x and of y [m]; x and y may be given apart.
         x, y: [m].
         heading: [rad].
-        position_per_speed: k in the variance sigma^2 + (k V)^2 of a position, V the speed [s].
+        position_per_speed: k_v in the variance sigma^2 + (k_v V)^2 + (k_w Omega)^2 of a position, V the speed
+            [s].
         heading_per_speed: the same of a heading [rad s/m].
+        position_per_yaw_rate: k_w there, Omega the yaw rate [m s/rad].
+        heading_per_yaw_rate: the same of a heading [s], e.g. readings whose times jitter by so much.
         covariance: of one pose's quantities, in their order, (q, q); or of all readings, pose by pose,
             (K q, K q); in SI units. Instead of the others.
     """
@@ -41,6 +44,8 @@ class AbsoluteNoise(Component):
     heading: Annotated[Angle, Field(gt=0)] | None = None
     position_per_speed: Annotated[Duration, Field(ge=0)] = 0.0
     heading_per_speed: Annotated[AnglePerSpeed, Field(ge=0)] = 0.0
+    position_per_yaw_rate: Annotated[LengthPerYawRate, Field(ge=0)] = 0.0
+    heading_per_yaw_rate: Annotated[Duration, Field(ge=0)] = 0.0
     covariance: Matrix | None = None
 
     @field_validator("covariance")
@@ -63,8 +68,12 @@ class AbsoluteNoise(Component):
         return self.position if own is None and quantity != "heading" else own
 
     def per_speed(self, quantity: Quantity) -> float:
-        """The k of sigma^2 + (k V)^2, SI."""
+        """The k_v of sigma^2 + (k_v V)^2 + (k_w Omega)^2, SI."""
         return self.heading_per_speed if quantity == "heading" else self.position_per_speed
+
+    def per_yaw_rate(self, quantity: Quantity) -> float:
+        """The k_w there, SI."""
+        return self.heading_per_yaw_rate if quantity == "heading" else self.position_per_yaw_rate
 
 
 class Poses(PlacedSensor):
@@ -91,14 +100,16 @@ class Poses(PlacedSensor):
         return ca.vertcat(*(read[quantity] for quantity in self.quantities))
 
     def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma of each quantity at the moment's speed; the inverse Cholesky factor of a covariance."""
+        """1 / sigma of each quantity at the moment's twist; the inverse Cholesky factor of a covariance."""
         if self.noise.covariance is not None:
             if self.joint_whitening is not None:
                 return ca.SX.eye(len(self.quantities))
             return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
-        square = moment.twist[0] ** 2 + moment.twist[1] ** 2
+        speed, turning = moment.twist[0] ** 2 + moment.twist[1] ** 2, moment.twist[2] ** 2
         variances = [
-            (self.noise.deviation(name) or np.inf) ** 2 + self.noise.per_speed(name) ** 2 * square
+            (self.noise.deviation(name) or np.inf) ** 2
+            + self.noise.per_speed(name) ** 2 * speed
+            + self.noise.per_yaw_rate(name) ** 2 * turning
             for name in self.quantities
         ]
         return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))

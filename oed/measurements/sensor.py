@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 class PosePrior(Component):
     """How well the initial pose is known beforehand: standard deviations [m, rad].
 
-    `heading` is that of a trailer's angle as well.
+    `heading` is that of a trailer's angle as well; of a yaw rate that lags nothing is taken to be known.
     """
 
     position: Annotated[Length, Field(gt=0)]
@@ -66,7 +66,8 @@ class Moment:
     Attributes:
         pose: (states,).
         inputs: held at that time, (inputs,).
-        twist: forward and lateral speed [m/s], yaw rate [rad/s], (3,).
+        twist: forward and lateral speed [m/s], yaw rate [rad/s], (3,): of the motion at that instant, or the
+            mean of the period.
         nuisances: the sensor's own, by the names it gave them.
     """
 
@@ -191,6 +192,7 @@ def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) 
     stacked = [width * column + offset for column in columns for offset in range(width)]
     values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances]) if nuisances is None else nuisances
     count = len(columns)
+    period = drive.period if sensor.when == "in periods" else 0.0
     response, transposed, whitening, white_response, white_transposed = _reading(sensor, drive.model).map(
         count
     )(
@@ -199,6 +201,7 @@ def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) 
         drive.inputs.T[:, held],
         ca.repmat(drive.parameters, 1, count),
         ca.repmat(ca.reshape(values, -1, 1), 1, count),
+        ca.repmat(period, 1, count),
     )
     whole = sensor.joint_whitening
     if whole is not None:
@@ -233,18 +236,18 @@ def _reading(sensor: Sensor, model: Model) -> ca.Function:
     states, size = len(model.states), len(model.parameters)
     pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
     parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
+    period = ca.SX.sym("period")
     carried = ca.SX.sym("S", states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
-    moment = Moment(
-        pose, inputs, model.twist(inputs, parameters), dict(zip(names, ca.vertsplit(own), strict=True))
-    )
+    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
+    moment = Moment(pose, inputs, twist, dict(zip(names, ca.vertsplit(own), strict=True)))
     reading, whitening = sensor.reading(moment), sensor.whitening(moment)
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, pose) @ carried + direct
     jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
     return ca.Function(
         "reading",
-        [pose, carried, inputs, parameters, own],
+        [pose, carried, inputs, parameters, own, period],
         [reading, jacobian.T, ca.densify(whitening), whitening @ reading, (whitening @ jacobian).T],
     )
 

@@ -8,6 +8,7 @@ from oed.models.model import Integration as Integration
 from oed.models.model import Model as Model
 from oed.models.model import Parameter as Parameter
 from oed.models.model import chord as chord
+from oed.models.model import follows_state as follows_state
 from oed.models.model import moves_sideways as moves_sideways
 from oed.models.model import sinc as sinc
 from oed.models.model import step as step
@@ -18,6 +19,7 @@ from oed.models.omni_three import OmniThree as OmniThree
 from oed.models.python_robot import PythonRobot as PythonRobot
 from oed.models.skid_steer import SkidSteer as SkidSteer
 from oed.models.skid_steer_icr import SkidSteerIcr as SkidSteerIcr
+from oed.models.skid_steer_slip import SkidSteerSlip as SkidSteerSlip
 from oed.models.tractor_trailer import TractorTrailer as TractorTrailer
 from oed.models.tricycle import Tricycle as Tricycle
 

@@ -68,6 +68,12 @@ class CoefficientRobot(Model):
         """As the base robot's at its nominal constants."""
         return self.base.effective_inputs(inputs, ca.DM(self.base.nominal))
 
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.mean_twist(state, twist, ca.DM(self.base.nominal), period)
+
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:

@@ -1,8 +1,8 @@
 """What moves: the Model seam, and the planar step that every robot shares.
 
-A robot names its inputs and parameters and says which body twist they give. Pose integration, design
-matrices and derivatives follow from that. Expressions are CasADi's, for one sample; the callers map
-them over time.
+A robot names its inputs and parameters and says which body twist they ask for; one that needs time to follow
+also says what it does instead, from its state. Pose integration, design matrices and derivatives follow from
+that. Expressions are CasADi's, for one sample; the callers map them over time.
 """
 
 from __future__ import annotations
@@ -95,6 +95,8 @@ class Model(Component, ABC):
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Body twist (3,): forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s].
 
+        What the inputs ask for: where they are held for long, the robot moves so.
+
         Args:
             inputs: one sample's inputs, (len(self.inputs),).
             parameters: parameter values, (len(self.parameters),), SI.
@@ -114,10 +116,23 @@ class Model(Component, ABC):
         """Inputs as they act on the ground, e.g. wheel speeds less slip; the inputs themselves by default."""
         return inputs
 
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The constant twist (3,) that stands for a period of `period` [s], 0 for the instant itself.
+
+        What the robot makes, from `state` on, of the `twist` (3,) that its inputs ask for; by default just
+        that. Heading and pose follow from it.
+        """
+        return twist
+
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:
-        """Next values of the states after (x, y, heading), for a twist (3,) held during `period` [s]."""
+        """Next values of the states after (x, y, heading), for a period's mean twist (3,), of `period` [s].
+
+        A period of no time changes nothing, and has finite derivatives.
+        """
         return ca.SX(0, 1)
 
     def with_values(self, values: Mapping[str, float]) -> Self:
@@ -148,6 +163,14 @@ def moves_sideways(model: Model) -> bool:
     """Whether any drive of the robot has a lateral speed."""
     inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
     return not model.twist(inputs, parameters)[1].is_zero()
+
+
+@lru_cache(maxsize=32)
+def follows_state(model: Model) -> bool:
+    """Whether how the robot moves depends on the states after its pose, not on its inputs alone."""
+    state, twist = ca.SX.sym("state", len(model.states)), ca.SX.sym("twist", 3)
+    parameters, period = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("period")
+    return bool(ca.depends_on(model.mean_twist(state, twist, parameters, period), state))
 
 
 def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
@@ -185,7 +208,7 @@ def step(model: Model, integration: Integration) -> ca.Function:
     """The function (pose, inputs, parameters, period [s]) -> next pose, shared by all robots."""
     pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
     inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    twist = model.twist(inputs, parameters)
+    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
     forward, lateral, yaw_rate = ca.vertsplit(twist)
     gain, direction = chord(yaw_rate, pose[2], period, integration)
     cosine, sine = ca.cos(direction), ca.sin(direction)

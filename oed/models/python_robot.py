@@ -87,6 +87,12 @@ class PythonRobot(Model):
         """The robot's own."""
         return self.robot.effective_inputs(inputs, parameters)
 
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The robot's own."""
+        return self.robot.mean_twist(state, twist, parameters, period)
+
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:

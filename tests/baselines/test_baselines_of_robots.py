@@ -108,12 +108,14 @@ def speeds(trajectory: Trajectory, model: Model) -> np.ndarray:
     return trajectory.inputs[:, places]
 
 
-def assert_the_moves_are_made(name: str, solution: Solution, size: float):
+def assert_the_moves_are_made(name: str, solution: Solution, size: float, lags: bool = False):
     path = solution.evaluation.path
+    # A robot that lags still turns where the drive ends.
+    missing = 2 * SAMPLING if lags else SAMPLING
     place, turn = ENDS[name]
     assert abs(complex(*path[-1, :2]) - size * place) < 2 * SAMPLING * size
-    assert path[-1, 2] == pytest.approx(turn, abs=SAMPLING)
-    assert path[:, 2].max() == pytest.approx(LARGEST_TURN.get(name, 0.0), abs=SAMPLING)
+    assert path[-1, 2] == pytest.approx(turn, abs=missing)
+    assert path[:, 2].max() == pytest.approx(LARGEST_TURN.get(name, 0.0), abs=missing)
 
 
 def assert_it_steers_at_a_standstill(trajectory: Trajectory, model: Model):
@@ -160,7 +162,7 @@ def test_every_robot_drives_what_suits_it(example: Example, name: str):
     if name == "random":
         return
     size = np.ptp(largest.evaluation.path[:, :2], axis=0).max() / (2 if name == "square" else 1)
-    assert_the_moves_are_made(name, largest, size)
+    assert_the_moves_are_made(name, largest, size, lags=example.mean is not None)
     if steers(example.model) and name != "straight":
         assert_it_steers_at_a_standstill(largest.trajectory, example.model)
 

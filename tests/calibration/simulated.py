@@ -118,6 +118,19 @@ def trailer_angles(
     return np.array(angles)
 
 
+def lagging(
+    twists: np.ndarray, steps: np.ndarray, lag: float, ahead: float, start: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean twists (N, 3) of a robot whose yaw rate follows with a lag [s], and that yaw rate (N + 1,)."""
+    means, rates = twists.copy(), [start]
+    for index, (asked, step) in enumerate(zip(twists[:, 2], steps, strict=True)):
+        left = np.exp(-step / lag)
+        rates.append(asked + (rates[-1] - asked) * left)
+        turned = asked * step + (rates[-2] - asked) * lag * (1 - left)
+        means[index] = twists[index, 0], -ahead * turned / step, turned / step
+    return means, np.array(rates)
+
+
 def course(
     model: Model = ROBOT,
     parameters: np.ndarray | None = None,
@@ -149,7 +162,11 @@ def course(
     steps, twists = np.diff(knots), twists_of(model, held, own)
     walk = np.random.default_rng([seed, 1]).normal(size=(len(steps), 2)) * np.sqrt(steps)[:, None]
     twists = twists + drift * np.cumsum(walk, axis=0) @ np.array([[1.0, 0, 0], [0, 0, 1]])
-    states = arcs(start, twists, steps)
+    further = np.zeros((len(knots), 0))
+    if "yaw_rate" in model.states:
+        twists, yaw_rates = lagging(twists, steps, *own[[3, -1]])
+        further = yaw_rates[:, None]
+    states = np.column_stack([arcs(start, twists, steps), further])
     if model.kind == "tractor_trailer":
         states = np.column_stack([states, trailer_angles(0.1, twists, steps, *own[3:5])])
     return Course(model, knots, held, states)
@@ -175,6 +192,7 @@ def log_of(
     offset: float = 0.0,
     noise: tuple[float, float] = (0.0, 0.0),
     per_speed: tuple[float, float] = (0.0, 0.0),
+    per_yaw_rate: tuple[float, float] = (0.0, 0.0),
     outliers: float = 0.0,
     quantum: float = 0.0,
     every: int = 1,
@@ -192,6 +210,7 @@ def log_of(
         offset: what the inputs' clock shows when the poses' shows 0 [s].
         noise: standard deviations of positions [m] and angles [rad].
         per_speed: what they grow by with the speed [s, rad s/m].
+        per_yaw_rate: what they grow by with the yaw rate [m s/rad, s].
         outliers: share of readings that are wrong by ten to forty times their noise.
         quantum: of the wheels' encoders [rad].
         every: knots between poses.
@@ -207,7 +226,12 @@ def log_of(
     path = readings(drive.states, place, ("x", "y"))
     speeds = np.linalg.norm(np.gradient(path, drive.times, axis=0), axis=1)[chosen]
     own = [0 if quantity in ("x", "y") else 1 for quantity in quantities]
-    sizes = np.sqrt(np.take(noise, own) ** 2 + (np.take(per_speed, own) * speeds[:, None]) ** 2)
+    turning = np.gradient(drive.states[:, 2], drive.times)[chosen]
+    sizes = np.sqrt(
+        np.take(noise, own) ** 2
+        + (np.take(per_speed, own) * speeds[:, None]) ** 2
+        + (np.take(per_yaw_rate, own) * turning[:, None]) ** 2
+    )
     errors = sizes * rng.normal(size=true.shape)
     wrong = rng.random(true.shape) < outliers
     errors += wrong * sizes * rng.uniform(10, 40, true.shape) * rng.choice([-1, 1], true.shape)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import minimize
+from scipy.stats import norm
 from simulated import (
     ROBOT,
     TRUTH,
@@ -29,10 +31,10 @@ from oed.calibration.covariance import Blocks, Covariance, blocks_of, bootstrap,
 from oed.calibration.diagnostics import Diagnostic, diagnostics
 from oed.calibration.joint import Fit, Knowledge, inverse_of_told
 from oed.calibration.left_out import leave_out, values_without
-from oed.calibration.noise import estimated
+from oed.calibration.noise import estimated, greatest
 from oed.calibration.segmenting import longest_without_drift, spread
 from oed.calibration.untold import untold
-from oed.models import SkidSteer
+from oed.models import SkidSteer, SkidSteerSlip
 
 NOISE = (0.003, 0.006)
 LOGS = several(6, noise=NOISE)
@@ -184,7 +186,7 @@ class TestNoise:
         rng = np.random.default_rng(seed)
         residuals, freedom, speeds = size * rng.normal(size=2000), np.full(2000, 0.9), rng.uniform(0, 1, 2000)
         for robust in (False, True):
-            found = estimated(np.sqrt(0.9) * residuals, freedom, speeds, robust=robust, grows=False)
+            found = estimated(np.sqrt(0.9) * residuals, freedom, speeds, speeds, robust=robust, grows=False)
             assert found.per_speed == 0
             assert found.at_rest == pytest.approx(size, rel=0.12)
 
@@ -192,29 +194,60 @@ class TestNoise:
         rng = np.random.default_rng(1)
         speeds = rng.uniform(0, 0.5, 4000)
         residuals = np.sqrt(0.003**2 + (0.02 * speeds) ** 2) * rng.normal(size=4000)
-        found = estimated(residuals, np.ones(4000), speeds, robust=False, grows=True)
+        found = estimated(residuals, np.ones(4000), speeds, 0 * speeds, robust=False, grows=True)
         assert found.at_rest == pytest.approx(0.003, rel=0.1)
         assert found.per_speed == pytest.approx(0.02, rel=0.1)
+
+    @pytest.mark.parametrize("growth", [(0.0, 0.0), (0.02, 0.0), (0.0, 0.006), (0.02, 0.006)])
+    def test_speed_and_yaw_rate_are_told_apart(self, growth: tuple[float, float]):
+        rng = np.random.default_rng(7)
+        speeds, turning = rng.uniform(0, 0.5, 4000), np.abs(rng.normal(size=4000))
+        # The rates go together, as they do on the road.
+        turning += 2 * speeds
+        size = np.sqrt(0.003**2 + (growth[0] * speeds) ** 2 + (growth[1] * turning) ** 2)
+        residuals = size * rng.normal(size=4000)
+        found = estimated(residuals, np.ones(4000), speeds, turning, robust=False, grows=True)
+        assert (found.per_speed > 0, found.per_yaw_rate > 0) == (growth[0] > 0, growth[1] > 0)
+        assert found.at_rest == pytest.approx(0.003, rel=0.25)
+        assert (found.per_speed, found.per_yaw_rate) == pytest.approx(growth, rel=0.25)
+
+    def test_the_greatest_likelihood_is_scipys(self):
+        rng = np.random.default_rng(3)
+        rates, freedom = rng.uniform(0, 1, (2, 800)), rng.uniform(0.5, 1, 800)
+        squares = (0.01 * rng.normal(size=800)) ** 2 * (1 + 3 * rates[0] ** 2 + 2 * rates[1] ** 2)
+        found, noise = greatest(squares, freedom, rates, 0.02, (0, 1))
+
+        def surprise(sizes: np.ndarray) -> float:
+            variance = sizes[0] ** 2 + (sizes[1] * rates[0]) ** 2 + (sizes[2] * rates[1]) ** 2
+            return -2 * float((freedom * norm.logpdf(np.sqrt(squares), scale=np.sqrt(variance))).sum())
+
+        wanted = minimize(surprise, [0.02] * 3, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9})
+        assert np.abs(wanted.x) == pytest.approx(
+            [noise.at_rest, noise.per_speed, noise.per_yaw_rate], rel=1e-3
+        )
+        constant = freedom.sum() * np.log(2 * np.pi * 0.02**2)
+        assert found + constant == pytest.approx(wanted.fun, abs=1e-4)
 
     def test_constant_noise_is_not_made_to_grow(self):
         grown = 0
         for seed in range(25):
             rng = np.random.default_rng(seed)
-            residuals, speeds = 0.01 * rng.normal(size=500), rng.uniform(0, 1, 500)
-            grown += estimated(residuals, np.ones(500), speeds, robust=False, grows=True).per_speed > 0
+            residuals, (speeds, turning) = 0.01 * rng.normal(size=500), rng.uniform(0, 1, (2, 500))
+            found = estimated(residuals, np.ones(500), speeds, turning, robust=False, grows=True)
+            grown += found.per_speed > 0 or found.per_yaw_rate > 0
         assert grown <= 2
 
     def test_outliers_hardly_matter_to_the_robust_one(self):
         rng = np.random.default_rng(2)
         residuals = rng.normal(size=4000) * np.where(rng.random(4000) < 0.05, 30, 1)
-        found = estimated(residuals, np.ones(4000), np.zeros(4000), robust=True, grows=True)
+        found = estimated(residuals, np.ones(4000), *np.zeros((2, 4000)), robust=True, grows=True)
         assert found.at_rest == pytest.approx(1, rel=0.12)
 
     @pytest.mark.parametrize("robust", [False, True])
     def test_is_never_nothing(self, robust: bool):
         zero = np.zeros(10)
-        assert estimated(zero, np.ones(10), zero, robust=robust, grows=True).at_rest > 0
-        assert np.isfinite(estimated(zero, zero, zero, robust=robust, grows=True).at_rest)
+        assert estimated(zero, np.ones(10), zero, zero, robust=robust, grows=True).at_rest > 0
+        assert np.isfinite(estimated(zero, zero, zero, zero, robust=robust, grows=True).at_rest)
 
 
 class TestSegmenting:
@@ -441,6 +474,30 @@ class TestMonteCarlo:
         assert fit.noises["position"].per_speed == pytest.approx(0.03, rel=0.15)
         assert fit.noises["heading"].per_speed == pytest.approx(0.05, rel=0.15)
         assert fit.noises["position"].at_rest == pytest.approx(0.002, rel=0.3)
+        assert fit.noises["position"].per_yaw_rate == fit.noises["heading"].per_yaw_rate == 0
+
+    def test_noise_that_grows_with_the_yaw_rate_is_found(self):
+        logs = several(8, noise=(0.002, 0.004), per_yaw_rate=(0.006, 0.01), seconds=20.0)
+        fit = fit_of(logs, grows=True)
+        assert fit.noises["position"].per_yaw_rate == pytest.approx(0.006, rel=0.15)
+        assert fit.noises["heading"].per_yaw_rate == pytest.approx(0.01, rel=0.15)
+        assert fit.noises["position"].at_rest == pytest.approx(0.002, rel=0.3)
+        assert fit.noises["position"].per_speed == fit.noises["heading"].per_speed == 0
+
+    def test_slip_in_turns_is_no_noise(self):
+        slips = SkidSteerSlip(wheel_radius=0.05, track=0.2, track_per_yaw_rate=0.02)
+        true = truth_of(slips, **TRUTH, track_per_yaw_rate=0.02)
+        drives = [course(slips, true, seconds=20.0, seed=seed) for seed in range(6)]
+        logs = [log_of(one, noise=(0.001, 0.001), seed=k, name=str(k)) for k, one in enumerate(drives)]
+        fit = fit_of(logs, seconds=4.0, grows=True)
+        assert fit.noises["heading"].per_yaw_rate == fit.noises["position"].per_yaw_rate == 0
+
+    def test_of_positions_alone_too(self):
+        logs = several(
+            6, noise=(0.002, 0.004), per_yaw_rate=(0.006, 0.0), seconds=20.0, quantities=("x", "y")
+        )
+        fit = fit_of(logs, grows=True)
+        assert fit.noises["position"].per_yaw_rate == pytest.approx(0.006, rel=0.2)
 
     def test_robust_losses_bear_outliers(self):
         errors: dict[str, list[np.ndarray]] = {"linear": [], "huber": [], "cauchy": []}

@@ -170,6 +170,7 @@ def test_jitter_of_the_clock_grows_with_speed():
     fit = gls([type(log)(**{**vars(log), "poses": poses})])
     # Between the knots the readings are interpolated, which takes off a part.
     assert fit.noises["position"].per_speed == pytest.approx(0.01, rel=0.2)
+    assert fit.noises["heading"].per_yaw_rate == fit.noises["position"].per_speed
 
 
 def test_at_rest_there_is_no_drift_to_find():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,25 @@ from oed.errors import RecordError, UserMistake
 from oed.evaluation import evaluate
 from oed.exporters import EXPORTERS, export
 from oed.exporters.commands import commands, joint_name, resampled
+from oed.models import SkidSteerSlip
+from oed.trajectory import Trajectory
 
 SPEEDS = np.array([True, False])
+LAGGING = {"wheel_radius": 0.05, "track": 0.2}
+
+
+def test_twists_are_those_asked_for_of_a_robot_that_lags():
+    study = study_of(DIFFERENTIAL)
+    robot = SkidSteerSlip(**LAGGING, yaw_lag=0.4)
+    lagging = replace(study.problem, model=robot)
+    drive = Trajectory.from_samples(
+        np.random.default_rng(0).uniform(-2, 2, (30, 2)), 6.0, (0, 0, 0, 0), rest_to_rest=False
+    )
+    (found,) = commands(lagging, drive)
+    right, left = 0.05 * drive.inputs.T
+    asked = np.column_stack([(right + left) / 2, 0 * right, (right - left) / 0.2])
+    assert found.twists[:-1] == pytest.approx(asked, abs=1e-14)
+    assert np.abs(np.diff(found.poses[:, 2]) - drive.period * asked[:, 2]).max() > 0.01
 
 
 class TestResampled:

@@ -23,7 +23,7 @@ from oed.limits import (
 )
 from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
 
-SIDEWAYS = {"mecanum", "omni", "icr"}
+SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]
 """All but the one whose slip jumps where its sides change roles."""
 every_robot = pytest.mark.parametrize("example", SMOOTH, ids=lambda example: example.name)

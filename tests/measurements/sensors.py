@@ -33,7 +33,7 @@ class Example:
         name: shown in test ids.
         sensor: of the package.
         read: its reading of a pose (3,), a twist (3,) and its own nuisances.
-        covariance: of one reading's noise, for the robot's speed.
+        covariance: of one reading's noise, for the robot's speed and yaw rate.
         own: nominal value of each of its own nuisances, and the standard deviation known beforehand.
         start: standard deviations known beforehand of the initial pose; () where it does not matter.
         every: reads every so many moments.
@@ -45,7 +45,7 @@ class Example:
     name: str
     sensor: Sensor
     read: Read
-    covariance: Callable[[float], np.ndarray]
+    covariance: Callable[[float, float], np.ndarray]
     own: tuple[tuple[float, float], ...] = ()
     start: tuple[float, ...] = (UNKNOWN,) * 3
     every: int = 1
@@ -61,14 +61,19 @@ class Example:
         return range(0, samples if self.periods else samples + 1, self.every)
 
 
-def constant(*deviations: float) -> Callable[[float], np.ndarray]:
+def constant(*deviations: float) -> Callable[[float, float], np.ndarray]:
     """Independent errors with these standard deviations at any speed."""
-    return lambda speed: np.diag(np.square(deviations))
+    return lambda speed, turning: np.diag(np.square(deviations))
 
 
-def growing(*pairs: tuple[float, float]) -> Callable[[float], np.ndarray]:
-    """Independent errors of variance sigma^2 + (k V)^2."""
-    return lambda speed: np.diag([sigma**2 + (k * speed) ** 2 for sigma, k in pairs])
+def growing(*each: tuple[float, float, float]) -> Callable[[float, float], np.ndarray]:
+    """Independent errors of variance sigma^2 + (k_v V)^2 + (k_w Omega)^2."""
+    return lambda speed, turning: np.diag(
+        [
+            sigma**2 + (by_speed * speed) ** 2 + (by_turning * turning) ** 2
+            for sigma, by_speed, by_turning in each
+        ]
+    )
 
 
 def arm_end(pose: np.ndarray, ahead: float, left: float) -> tuple[float, float]:
@@ -185,13 +190,27 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
                 }
             ),
             read_pose("xyh"),
-            growing((1e-3, 0.02), (2e-3, 0.02), (0.005, 0.1)),
+            growing((1e-3, 0.02, 0), (2e-3, 0.02, 0), (0.005, 0.1, 0)),
+        ),
+        Example(
+            "noise_grows_with_yaw_rate",
+            Poses(
+                noise={
+                    "position": 1e-3,
+                    "heading": 0.005,
+                    "heading_per_speed": 0.1,
+                    "position_per_yaw_rate": 0.004,
+                    "heading_per_yaw_rate": 0.03,
+                }
+            ),
+            read_pose("xyh"),
+            growing((1e-3, 0, 0.004), (1e-3, 0, 0.004), (0.005, 0.1, 0.03)),
         ),
         Example(
             "correlated_quantities",
             Poses(noise={"covariance": POSE_COVARIANCE.tolist()}, every=2),
             read_pose("xyh"),
-            lambda speed: POSE_COVARIANCE,
+            lambda speed, turning: POSE_COVARIANCE,
             every=2,
         ),
         Example(
@@ -317,6 +336,7 @@ class Experiment:
         inputs: (N, inputs).
         start: initial state.
         internal: of a robot with further states, their values after one step.
+        mean: of a robot that follows its inputs with a lag, what their twist comes to in one step.
         rule: "arc" or "midpoint".
         period: [s].
     """
@@ -329,31 +349,42 @@ class Experiment:
     rule: str
     period: float = PERIOD
     internal: Callable[..., np.ndarray] | None = None
+    mean: Callable[..., np.ndarray] | None = None
 
     def readings(self, values: np.ndarray) -> np.ndarray:
         """All readings (rows,) for parameters, initial pose and the sensors' nuisances, stacked."""
-        size = len(self.parameters)
-        twists = np.array([self.motion(row, values[:size]) for row in self.inputs])
-        begin = size + len(self.start)
-        poses = oracle.roll_out(twists, values[size:begin], self.period, self.rule)
-        if self.internal is not None:
-            poses = np.column_stack([poses, self._further(poses, twists, values[:begin])])
+        begin = len(self.parameters) + len(self.start)
+        states, held, instants = self.driven(values[:begin])
         rows = []
         for sensor in self.sensors:
             own = values[begin : (begin := begin + len(sensor.own))].tolist()
-            for index in sensor.moments(len(twists)):
-                # At the last sample's instant the inputs are those held until then.
-                rows.append(sensor.read(poses[index], twists[min(index, len(twists) - 1)], own))
+            twists = held if sensor.periods else instants
+            for index in sensor.moments(len(held)):
+                rows.append(sensor.read(states[index], twists[index], own))
         return np.concatenate(rows)
 
-    def _further(self, poses: np.ndarray, twists: np.ndarray, values: np.ndarray) -> np.ndarray:
-        # The states after the pose, (N + 1, states - 3).
-        size = len(self.parameters)
-        further = [values[size + 3 :]]
-        for pose, twist in zip(poses, twists, strict=False):
-            state = np.concatenate([pose, further[-1]])
-            further.append(self.internal(state, twist, self.period, values[:size], steps=40))
-        return np.array(further)
+    def driven(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States (N + 1, states), mean twists of the periods (N, 3) and twists at the samples (N + 1, 3)."""
+        parameters, start = np.split(values, [len(self.parameters)])
+        asked = [self.motion(row, parameters) for row in self.inputs]
+        states, held = [np.array(start, dtype=float)], []
+        for twist in asked:
+            state = states[-1]
+            held.append(self._mean(state, twist, self.period, parameters))
+            pose = oracle.advance(state, held[-1], self.period, self.rule)
+            further = ()
+            if self.internal is not None:
+                further = self.internal(state, twist, self.period, parameters, steps=40)
+            states.append(np.concatenate([pose, further]))
+        # At the last sample's instant the inputs are those held until then.
+        pairs = zip(states, [*asked, asked[-1]], strict=True)
+        instants = [self._mean(state, twist, 0.0, parameters) for state, twist in pairs]
+        return np.array(states), np.array(held), np.array(instants)
+
+    def _mean(
+        self, state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray
+    ) -> np.ndarray:
+        return twist if self.mean is None else self.mean(state, twist, period, parameters, steps=40)
 
     @cached_property
     def nominal(self) -> np.ndarray:
@@ -363,15 +394,15 @@ class Experiment:
     @cached_property
     def noise(self) -> np.ndarray:
         """Covariance of all readings."""
-        twists = [self.motion(row, self.parameters) for row in self.inputs]
+        _, held, instants = self.driven(np.array([*self.parameters, *self.start]))
         blocks = []
         for sensor in self.sensors:
             if sensor.whole is not None:
                 blocks.append(sensor.whole)
                 continue
-            for index in sensor.moments(len(twists)):
-                twist = twists[min(index, len(twists) - 1)]
-                blocks.append(sensor.covariance(math.hypot(twist[0], twist[1])))
+            for index in sensor.moments(len(held)):
+                twist = (held if sensor.periods else instants)[index]
+                blocks.append(sensor.covariance(math.hypot(twist[0], twist[1]), twist[2]))
         return block_diag(*blocks)
 
     @cached_property

@@ -142,6 +142,7 @@ def experiment(
         start=start_of(robot),
         rule=rule,
         internal=robot.internal,
+        mean=robot.mean,
     )
 
 
@@ -620,6 +621,8 @@ class TestChainRule:
         ({"heading": -1}, "heading"),
         ({"position_per_speed": -0.1}, "position_per_speed"),
         ({"heading_per_speed": "1 m"}, "heading_per_speed"),
+        ({"position_per_yaw_rate": "1 mm"}, "position_per_yaw_rate"),
+        ({"heading_per_yaw_rate": -0.1}, "heading_per_yaw_rate"),
         ({"z": 1}, "z"),
     ],
 )
@@ -630,11 +633,17 @@ def test_wrong_noise_is_refused(wrong, words: str):
 
 def test_noise_may_come_with_units():
     noise = AbsoluteNoise(
-        position="1 mm", heading="1 deg", position_per_speed="2 ms", heading_per_speed="1 deg*s/m"
+        position="1 mm",
+        heading="1 deg",
+        position_per_speed="2 ms",
+        heading_per_speed="1 deg*s/m",
+        position_per_yaw_rate="3 mm*s/rad",
+        heading_per_yaw_rate="4 ms",
     )
     assert (noise.deviation("x"), noise.deviation("y")) == (1e-3, 1e-3)
     assert noise.deviation("heading") == pytest.approx(np.pi / 180)
     assert (noise.per_speed("x"), noise.per_speed("heading")) == pytest.approx((2e-3, np.pi / 180))
+    assert (noise.per_yaw_rate("y"), noise.per_yaw_rate("heading")) == pytest.approx((3e-3, 4e-3))
 
 
 @pytest.mark.parametrize(

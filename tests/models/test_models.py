@@ -56,7 +56,8 @@ def test_names_and_units(example: Example):
     names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
     assert len(set(names)) == len(names)
     assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s"}
-    assert {parameter.unit for parameter in model.parameters} <= {"m", "rad", ""}
+    assert {parameter.unit for parameter in model.parameters} <= {"m", "rad", "s", "m*s/rad", ""}
+    assert len(model.state_units) == len(model.states)
     assert len(model.nominal) == len(model.parameters)
     assert model.states[:3] == ("x", "y", "heading")
 
@@ -67,9 +68,10 @@ def test_step_is_the_oracles(example: Example, rule: str):
     rng = np.random.default_rng(1)
     for inputs in draw_inputs(rng, 20, example.model):
         pose = rng.uniform(-2, 2, len(example.model.states))
-        expected = oracle.advance(pose, example.twist(inputs), 0.3, rule)
+        expected = oracle.advance(pose, example.moved(pose, inputs, 0.3), 0.3, rule)
         found = next_pose(example.model, rule, pose, inputs, 0.3)
-        np.testing.assert_allclose(found[:3], expected, rtol=0, atol=1e-13)
+        tolerance = 1e-13 if example.mean is None else 1e-9
+        np.testing.assert_allclose(found[:3], expected, rtol=0, atol=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +152,10 @@ def test_arcs_compose(example: Example):
         pose, whole = rng.uniform(-1, 1, len(model.states)), 0.7
         half = next_pose(model, "arc", pose, inputs, whole / 2)
         twice = next_pose(model, "arc", half, inputs, whole / 2)
-        np.testing.assert_allclose(twice, next_pose(model, "arc", pose, inputs, whole), rtol=0, atol=1e-12)
+        # Where the yaw rate changes in between, the way there is no arc.
+        same = slice(None) if example.mean is None else slice(2, None)
+        once = next_pose(model, "arc", pose, inputs, whole)
+        np.testing.assert_allclose(twice[same], once[same], rtol=0, atol=1e-12)
 
 
 def test_midpoint_rule_converges_to_the_arc_with_order_two():

@@ -27,6 +27,7 @@ NAMES = (
     "omni_three",
     "own_robot",
     "skid_steer_icr",
+    "skid_steer_slip",
     "three_runs",
     "tractor_trailer",
     "tricycle",

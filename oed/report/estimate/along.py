@@ -77,20 +77,27 @@ def _noise(data: Data) -> Table | None:
         Column("readings"),
         Column("at rest", "", significant(3)),
         Column("growth with speed", "", significant(3)),
+        Column("growth with yaw rate", "", significant(3)),
     )
     rows = tuple(_noise_cells(one) for one in entries(data, "noise"))
     return Table(columns, rows, "Noise of the poses") if rows else None
 
 
 def _noise_cells(one: Mapping[str, Any]) -> tuple[Cell, ...]:
-    rest, growth = known(one.get("at_rest")), known(one.get("per_speed"))
-    unit = str(one.get("unit") or "")
-    still, faster = unit_for([rest], unit), unit_for([growth], unit)
+    rest, unit = known(one.get("at_rest")), str(one.get("unit") or "")
+    still = unit_for([rest], unit)
     return (
         words(str(one["about"])),
         MISSING if rest is None else quantity(rest * still[1], still[0]),
-        quantity(growth * faster[1], f"{faster[0]} per m/s") if growth else "none found",
+        _growth(one, "per_speed", unit, "m/s"),
+        _growth(one, "per_yaw_rate", unit, "rad/s"),
     )
+
+
+def _growth(one: Mapping[str, Any], key: str, unit: str, per: str) -> str:
+    growth = known(one.get(key))
+    shown, factor = unit_for([growth], unit)
+    return quantity(growth * factor, f"{shown} per {per}") if growth else "none found"
 
 
 def _coefficients(data: Data) -> Table | None:

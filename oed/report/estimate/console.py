@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from oed.report.estimate.gist import gains, notes, offset_clocks, warnings
+from oed.report.estimate.models import model_lines
 from oed.report.estimate.reading import Data, entries, segment_text
 from oed.report.estimate.summary import estimate_cells
 from oed.report.tables import MISSING
@@ -18,12 +19,12 @@ def estimate_rows(data: Data) -> list[list[str]]:
 
 
 def estimate_lines(data: Data) -> list[str]:
-    """What the errors rest on, clocks, dead reckoning, warnings."""
+    """What the errors rest on, clocks, dead reckoning, models compared, warnings."""
     lines = [f"standard errors: {data.get('covariance_kind')}, from {segment_text(data)}{_drift(data)}"]
     clocks = offset_clocks(data, CLOCKS_APART)
     if clocks:
         lines.append(f"wheels' clock ahead of the poses': {clocks}")
-    lines += [*gains(data), *(f"warning: {text}" for text in warnings(data))]
+    lines += [*gains(data), *model_lines(data), *(f"warning: {text}" for text in warnings(data))]
     return [*lines, *(f"note: {text}" for text in notes(data))]
 
 

@@ -103,9 +103,9 @@ def _plot_speed(ax: Axes, one: Residuals, limit: float) -> None:
     speeds, values = thinned(np.abs(whole.speeds), whole.values)
     _within(ax, speeds, values, limit, DOTS)
     fastest = float(speeds.max(initial=0.0)) or 1.0
-    drawn = np.linspace(0.0, fastest, 60)
+    drawn, sizes = one.noise_by_speed()
     for sign in (-1, 1):
-        ax.plot(drawn, sign * one.size(drawn), **DASHED, zorder=4)
+        ax.plot(drawn, sign * sizes, **DASHED, zorder=4)
     ax.plot(*one.by_speed(), **LINE, zorder=5)
     ax.set_xlim(0.0, fastest)
     ax.set_ylim(-limit, limit)

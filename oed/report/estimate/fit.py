@@ -77,6 +77,7 @@ def _picture(one: Residuals) -> Picture:
     about = words(one.about)
     numbered = ", numbered as in the table of logs" if one.numbered else ""
     size = "their size in all" if one.at_rest is None else "the noise that the fit takes them to have"
+    size += ", at the yaw rates driven at such speeds" if one.per_yaw_rate else ""
     caption = (
         f"Residuals of the {about}. Above: over time, one log after the other in alternating shades{numbered}"
         "; triangles at the edges stand for what lies beyond. Below, left: against speed, with their size "

@@ -10,6 +10,7 @@ from oed.report.estimate.certainty import certainty
 from oed.report.estimate.fit import fit
 from oed.report.estimate.left_out import left_out
 from oed.report.estimate.logs import logs
+from oed.report.estimate.models import models
 from oed.report.estimate.provenance import provenance
 from oed.report.estimate.reading import Data
 from oed.report.estimate.reckoned import reckoned
@@ -26,6 +27,7 @@ SECTIONS: tuple[Callable[[Data], Section | None], ...] = (
     fit,
     reckoned,
     left_out,
+    models,
     logs,
     provenance,
 )

@@ -30,11 +30,14 @@ GAP = 0.01
 
 @dataclass(frozen=True)
 class Readings:
-    """Residuals of one quantity in one log: times [s], values in the figure's unit, speeds [m/s]."""
+    """Residuals of one quantity in one log: times [s], values in the figure's unit, speeds [m/s] and yaw
+    rates [rad/s].
+    """
 
     times: Array
     values: Array
     speeds: Array
+    yaw_rates: Array
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Residuals:
         about: the noise's name.
         unit: of the values.
         quantities: by name, log by log.
-        at_rest, per_speed: the noise, None where it is not told.
+        at_rest, per_speed, per_yaw_rate: the noise, None or 0 where it is not told.
         correlations: with later residuals.
         bound: of 95 % of white ones' correlations, None where it is not told.
         numbered: whether the logs are few enough to be numbered.
@@ -56,6 +59,7 @@ class Residuals:
     quantities: Mapping[str, Sequence[Readings]]
     at_rest: float | None
     per_speed: float
+    per_yaw_rate: float
     correlations: Array
     bound: float | None
     numbered: bool
@@ -68,35 +72,48 @@ class Residuals:
             np.concatenate([part.times for part in parts]),
             np.concatenate([part.values for part in parts]),
             np.concatenate([part.speeds for part in parts]),
+            np.concatenate([part.yaw_rates for part in parts]),
         )
 
-    def size(self, speeds: Array) -> Array:
-        """The noise at those speeds; all residuals' size where none is told."""
+    def size(self, speeds: Array, yaw_rates: Array) -> Array:
+        """The noise at those speeds and yaw rates; all residuals' size where none is told."""
         rest = self.at_rest
-        if not rest and not self.per_speed:
+        if not rest and not self.per_speed and not self.per_yaw_rate:
             rest = float(np.sqrt(np.mean(self.everything.values**2))) or 1.0
-        return np.asarray(np.hypot(rest or 0.0, self.per_speed * speeds))
+        still = np.hypot(rest or 0.0, self.per_speed * speeds)
+        return np.asarray(np.hypot(still, self.per_yaw_rate * yaw_rates))
 
     def by_speed(self) -> tuple[Array, Array]:
         """Speeds, and the size (RMS) of the residuals thereabouts."""
-        whole = self.everything
-        speeds = np.abs(whole.speeds)
-        edges = np.linspace(0.0, float(speeds.max()) or 1.0, BINS + 1)
-        owner = np.clip(np.digitize(speeds, edges) - 1, 0, BINS - 1)
-        full = [index for index in range(BINS) if (owner == index).sum() >= FEWEST]
-        middle = [float(speeds[owner == index].mean()) for index in full]
-        sizes = [float(np.sqrt(np.mean(whole.values[owner == index] ** 2))) for index in full]
-        return np.array(middle), np.array(sizes)
+        return binned(np.abs(self.everything.speeds), self.everything.values)
+
+    def noise_by_speed(self) -> tuple[Array, Array]:
+        """Speeds, and the noise there at the yaw rates (RMS) that were driven thereabouts."""
+        speeds, turning = np.abs(self.everything.speeds), self.everything.yaw_rates
+        drawn = np.linspace(0.0, float(speeds.max(initial=0.0)) or 1.0, 60)
+        middle, sizes = binned(speeds, turning)
+        usual = np.interp(drawn, middle, sizes) if len(middle) else np.zeros_like(drawn)
+        return drawn, self.size(drawn, usual)
 
     def against_normal(self) -> tuple[Array, Array]:
         """Normal quantiles, and those of the residuals in units of the noise."""
         whole = self.everything
-        sizes = self.size(np.abs(whole.speeds))
+        sizes = self.size(np.abs(whole.speeds), whole.yaw_rates)
         ratios = whole.values / np.where(sizes > 0, sizes, 1.0)
         count = min(QUANTILES, len(ratios))
         shares = _even_shares(count, len(ratios))
         normal = np.array([NormalDist().inv_cdf(float(share)) for share in shares])
         return normal, np.quantile(ratios, shares)
+
+
+def binned(rates: Array, values: Array) -> tuple[Array, Array]:
+    """Rates (mean of a class each), and the size (RMS) of the values there, of classes with enough."""
+    edges = np.linspace(0.0, float(rates.max()) or 1.0, BINS + 1)
+    owner = np.clip(np.digitize(rates, edges) - 1, 0, BINS - 1)
+    full = [index for index in range(BINS) if (owner == index).sum() >= FEWEST]
+    middle = [float(rates[owner == index].mean()) for index in full]
+    sizes = [float(np.sqrt(np.mean(values[owner == index] ** 2))) for index in full]
+    return np.array(middle), np.array(sizes)
 
 
 def _even_shares(count: int, size: int) -> Array:
@@ -135,6 +152,7 @@ def _group(data: Data, about: str, group: Sequence[Mapping[str, Any]]) -> Residu
         quantities=quantities,
         at_rest=None if rest is None else rest * factor,
         per_speed=(known(noise.get("per_speed")) or 0.0) * factor,
+        per_yaw_rate=(known(noise.get("per_yaw_rate")) or 0.0) * factor,
         correlations=_column(tested, "values"),
         bound=known(tested.get("bound")),
         numbered=max(len(logs) for logs in quantities.values()) <= MOST_NUMBERS,
@@ -153,7 +171,8 @@ def _readings(one: Mapping[str, Any], factor: float) -> Readings:
     columns = [_column(one, key) for key in ("t", "value", "speed")]
     told = np.all(np.isfinite(columns), axis=0)
     times, values, speeds = (column[told] for column in columns)
-    return Readings(times, values * factor, speeds)
+    turning = np.nan_to_num(_column(one, "yaw_rate"))[told] if one.get("yaw_rate") else np.zeros_like(times)
+    return Readings(times, values * factor, speeds, np.abs(turning))
 
 
 def thinned(x: Array, y: Array, most: int = MOST_DOTS) -> tuple[Array, Array]:

@@ -1,0 +1,77 @@
+"""Bounds of a robot whose yaw rate lags and whose track changes: what is proved of it, and what is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import RADIUS, TRACK, make_problem
+from test_soundness import check
+
+from oed.bounds import NOTHING, bound
+from oed.bounds.motion import coefficient_rows, grip, scales_lengths, top_speeds
+from oed.criteria import E
+from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.measurements import Poses
+from oed.measurements.poses import AbsoluteNoise
+from oed.models import DifferentialDrive, SkidSteerSlip
+from oed.problem import Problem
+from oed.trajectory import DesignSpace
+
+SIZES = {"wheel_radius": RADIUS, "track": TRACK}
+EFFECTS = {"yaw_lag": 0.4, "track_per_yaw_rate": 0.01, "track_per_curvature": 0.05, "x_icr": -0.02}
+LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
+CORNER = "every position in a corner of the room"
+
+
+def problem_of(estimate: tuple[str, ...] | None = None, **effects: Any) -> Problem:
+    return make_problem(
+        model=SkidSteerSlip(**SIZES, **effects),
+        design=DesignSpace(duration=5, samples=24, rest_to_rest=False),
+        limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20), Rectangle(x=(-1, 1), y=(-1, 1))),
+        measurement=Poses(noise=AbsoluteNoise(position=0.01, heading=0.02)),
+        criterion=E(),
+        estimate=estimate,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "effects",
+    [EFFECTS, *({name: value} for name, value in EFFECTS.items()), {}],
+    ids=["all", *EFFECTS, "none"],
+)
+def test_no_drive_beats_the_bound(effects: dict[str, float]):
+    problem = problem_of(**effects)
+    certificate = bound(problem)
+    assert any(CORNER in cap.method for cap in certificate.caps)
+    # How fast it may be is known of the differential drive alone.
+    assert len(certificate.caps) == (2 if not effects else 1)
+    assert check(problem, np.random.default_rng(1), 25, 15) > 10
+
+
+@pytest.mark.parametrize("effects", [EFFECTS, {"track_per_curvature": 0.05}], ids=["all", "curvature"])
+def test_what_was_proved_of_three_lengths_is_not_claimed_of_more(effects: dict[str, float]):
+    problem = problem_of(LENGTHS, **effects)
+    certificate = bound(problem)
+    assert (certificate.upper_bound, certificate.method, certificate.caps) == (np.inf, NOTHING, ())
+    assert top_speeds(problem) is None
+
+
+def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
+    problem = problem_of(yaw_lag=0.4)
+    assert scales_lengths(problem, LENGTHS)
+    assert not scales_lengths(problem, LENGTHS[:2])
+    assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
+
+
+def test_no_effects_leave_the_differential_drives_bounds():
+    slip, plain = problem_of(), problem_of()
+    plain = make_problem(**{**vars_of(plain), "model": DifferentialDrive(**SIZES)})
+    assert bound(slip).upper_bound == pytest.approx(bound(plain).upper_bound)
+
+
+def vars_of(problem: Problem) -> dict[str, Any]:
+    """What a problem is made of."""
+    return {name: getattr(problem, name) for name in problem.__dataclass_fields__}
