@@ -88,7 +88,7 @@ class TestFromAModel:
         assert same == FourWheels(wheel_radius_right=0.049, wheel_radius_left=0.049)
         assert isinstance(robot, FourWheels)
         assert (robot.mass, robot.wheelbase) == pytest.approx((3, 0.16))
-        assert list(robot.motor.model_dump().values()) == pytest.approx([1, 1, 0.001])
+        assert list(robot.motor.model_dump().values()) == pytest.approx([1, 10, 1, 0.001])
         assert list(robot.suspension.model_dump().values()) == pytest.approx([1000, 40])
 
     @pytest.mark.parametrize("name", preset_names())

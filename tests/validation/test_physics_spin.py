@@ -32,14 +32,19 @@ class TestASpinOfFourWheels:
     @pytest.mark.parametrize("ahead", [-0.02, 0.01, 0.02])
     def test_widens_less_with_uneven_loads(self, ahead: float):
         robot = FourWheels(centre_of_mass=(ahead, 0))
-        # Theory has no motors, which turn loaded wheels a little slower than others, and no inertia.
-        assert widening(robot) == pytest.approx(coulomb_widening(robot), rel=0.01)
+        # Slowly, for theory has no inertia: beside its centre of mass a spinning robot leans outwards.
+        assert widening(robot, 1.0) == pytest.approx(coulomb_widening(robot), rel=2e-3)
         assert widening(robot) < widening(PAPER) - 0.05
 
     def test_depends_on_how_evenly_wheels_grip(self):
         robot = FourWheels(grips=(1, 0.6, 1, 0.6))
-        assert widening(robot) == pytest.approx(coulomb_widening(robot), rel=0.015)
+        assert widening(robot, 1.0) == pytest.approx(coulomb_widening(robot), rel=2e-3)
         assert widening(robot) < widening(PAPER) - 0.2
+
+    def test_does_not_hold_the_wheels_back(self):
+        motion = steady(PAPER, 5, -5)
+        speeds = (motion.wheel_angles[-1] - motion.wheel_angles[-10]) / (motion.times[-1] - motion.times[-10])
+        assert speeds == pytest.approx([5, -5], rel=1e-4)
 
     def test_does_not_depend_on_the_step(self):
         coarse, fine = (widening(FourWheels(step=step)) for step in (0.001, 0.00025))
@@ -89,6 +94,7 @@ def test_wheels_follow_the_command_and_the_robot_its_wheels(robot: PhysicsRobot)
     motion = steady(robot, 5, -5)
     rates = np.diff(motion.poses[:, 2]) / np.diff(motion.times)
     wheels = np.diff(motion.wheel_angles, axis=0) / np.diff(motion.times)[:, None]
-    late = motion.times[1:] > 0.1
-    assert wheels[late] == pytest.approx(np.array([[5, -5]] * late.sum()), abs=0.25)
-    assert rates[late] == pytest.approx(rates[-1], rel=0.02)
+    # The controllers' memory takes gain / sum_gain = 0.1 s to forget the start.
+    late = motion.times[1:] > 0.4
+    assert wheels[late] == pytest.approx(np.array([[5, -5]] * late.sum()), abs=0.02)
+    assert rates[late] == pytest.approx(rates[-1], rel=0.01)

@@ -15,6 +15,8 @@ Value = str | int | float | npt.ArrayLike
 FRICTION_RATIO = 1000.0
 """How much firmer contacts hold sideways than upwards: below friction's limit wheels hardly creep."""
 LEAST_FRICTION = 1e-5
+FAR = 1e6
+"""Beyond all wheel angles [rad]."""
 SLIDING_ONLY, SLIDING_AND_TURNING = 3, 4
 """The simulator's `condim`."""
 
@@ -37,9 +39,11 @@ def describe(robot: PhysicsRobot) -> str:
     for support, load in zip(robot.supports, robot.loads, strict=True):
         _support(body, robot, support, float(load))
         _contact(contact, support)
-    most = robot.motor.torque
     for wheel in robot.wheels:
-        _add(actuator, "velocity", joint=wheel.name, kv=robot.motor.gain, forcerange=(-most, most))
+        _add(actuator, "velocity", joint=wheel.name, kv=robot.motor.gain)
+    for wheel in robot.wheels:
+        # A spring to where the wheel should be by now: the sum of the speed's errors.
+        _add(actuator, "intvelocity", joint=wheel.name, kp=robot.motor.sum_gain, actrange=(-FAR, FAR))
     return tostring(root, encoding="unicode")
 
 
@@ -113,7 +117,9 @@ def _support(body: Element, robot: PhysicsRobot, support: Support, load: float) 
     springs = {"stiffness": spring.stiffness, "damping": spring.damping, "springref": wound}
     _add(wheel, "joint", name=f"{name}_spring", type="slide", axis=(0, 0, 1), **springs)
     if support.driven:
-        _add(wheel, "joint", name=name, type="hinge", axis=(0, 1, 0), armature=robot.motor.inertia)
+        motor = robot.motor
+        hinge = _add(wheel, "joint", name=name, type="hinge", axis=(0, 1, 0), armature=motor.inertia)
+        hinge.set("actuatorfrcrange", _written((-motor.torque, motor.torque)))
     inertia = mass * support.radius**2 * np.array([0.25, 0.5, 0.25])
     _add(wheel, "inertial", pos=(0, 0, 0), mass=mass, diaginertia=inertia)
     # A wheel's radius is what it rolls on: the middle of what its contact gives way.

@@ -101,7 +101,8 @@ class Engine:
         Raises:
             Failure: the simulation broke down or the robot tipped over.
         """
-        self.data.ctrl[:] = np.asarray(wheel_speeds) @ (self._sides > 0)
+        # Both halves of every wheel's controller.
+        self.data.ctrl[:] = np.tile(np.asarray(wheel_speeds) @ (self._sides > 0), 2)
         with self._unlogged():
             self.library.mj_step(self.model, self.data, nstep=steps)
         self._check()
@@ -123,7 +124,7 @@ class Engine:
         turned = np.zeros(4)
         self.library.mju_mulQuat(turned, np.array([np.cos(turn), 0, 0, np.sin(turn)]), data.qpos[3:7])
         data.qpos[:2], data.qpos[3:7], data.qpos[self._wheels] = start[:2], turned, 0.0
-        data.qvel[:], data.qacc_warmstart[:], data.time = 0, 0, 0
+        data.qvel[:], data.qacc_warmstart[:], data.act[:], data.time = 0, 0, 0, 0
 
     def show(self, pose: npt.ArrayLike, wheel_angles: npt.ArrayLike) -> None:
         """Set a pose (3,) and wheel angles (2,) without simulating, for a picture."""

@@ -43,17 +43,20 @@ class Suspension(Component):
 
 
 class Motor(Component):
-    """One wheel's motor with its gear, and a controller: torque = gain * error of the speed, up to a limit.
+    """One wheel's motor with its gear, and a controller of its speed by the error and the error's sum (PI).
 
-    What a wheel has to push slows it down by torque / gain, as a controller without memory lets it.
+    What a wheel has to push slows it down by torque / gain at first; within gain / sum_gain the sum makes up
+    for it.
 
     Attributes:
-        gain: [N m s/rad].
+        gain: torque per error of the speed [N m s/rad].
+        sum_gain: torque per error of the angle, [N m/rad]; at 0 a wheel under load stays behind.
         torque: largest [N m].
         inertia: of the rotor and the gear as the wheel feels it [kg m^2].
     """
 
     gain: Annotated[float, Field(gt=0)] = 1.0
+    sum_gain: Annotated[float, Field(ge=0)] = 10.0
     torque: Annotated[float, Field(gt=0)] = 1.0
     inertia: Annotated[float, Field(gt=0)] = 0.001
 

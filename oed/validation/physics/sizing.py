@@ -75,6 +75,7 @@ def _scaled(model: TwoSidedGeometry, mass: float | None) -> dict[str, Any]:
         },
         "motor": {
             "gain": heavier * larger**2 * motor.gain,
+            "sum_gain": heavier * larger**2 * motor.sum_gain,
             "torque": heavier * larger * motor.torque,
             "inertia": heavier * larger**2 * motor.inertia,
         },

@@ -45,7 +45,10 @@ class Variation(Component):
                 grip * float(np.exp(self.grip * one)) for grip, one in zip(nominal, wheels, strict=True)
             ),
             motor=robot.motor.model_copy(
-                update={"gain": float(robot.motor.gain * np.exp(self.gain * motor))}
+                update={
+                    name: float(getattr(robot.motor, name) * np.exp(self.gain * motor))
+                    for name in ("gain", "sum_gain")
+                }
             ),
             centre_of_mass=(robot.centre_of_mass[0] + ahead, robot.centre_of_mass[1] + left),
         )
