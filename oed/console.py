@@ -165,7 +165,7 @@ def choice_of(options: argparse.Namespace) -> Choice:
         UserMistake: no robot given and nobody there to ask.
     """
     from oed.errors import UserMistake
-    from oed.starter import DURATION, ROOM, SENSORS, Choice, robots, sizes_needed
+    from oed.starter import ROOM, SENSORS, Choice, robots, sizes_needed, usual_duration
 
     asking = sys.stdin.isatty() and not options.json
     robot = options.robot or _answer(asking, "Which robot", None, robots())
@@ -180,7 +180,7 @@ def choice_of(options: argparse.Namespace) -> Choice:
         sizes=sizes,
         room=options.room or _answer(asking, "Which room ('4 m x 3 m' or 'circle 2 m')", ROOM) or ROOM,
         sensor=options.sensor or _answer(asking, "Which sensor", "poses", tuple(SENSORS)) or "poses",
-        duration=options.duration or _answer(asking, "How long may a drive take", DURATION) or DURATION,
+        duration=options.duration or _answer(asking, "How long may a drive take", usual_duration(robot)),
         runs=options.runs,
     )
 

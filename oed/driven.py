@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +134,8 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     """
     logs = read_logs(files, study.log, study.problem.model)
     record = _record_of(study, designs)
+    # What was driven needs nothing in reserve.
+    study = replace(study, problem=replace(study.problem, robust=None))
     known, limit = _known(record)
     limit = _bound(study) if limit is None else limit
     parts = [part for log in logs for part in driven_parts(study, log)]

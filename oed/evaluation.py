@@ -5,7 +5,7 @@ Every number that anything reports about a trajectory (solvers, baselines, bound
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -69,14 +69,15 @@ class Evaluation:
     """What `evaluate` says of a trajectory; all SI.
 
     Attributes:
-        objective: the criterion's value, larger is better.
+        objective: the criterion's value, larger is better; of a robust problem the one it asks for.
         lambda_min, lambda_max: extreme eigenvalues of the information in the criterion's scaling.
         singular_values: of W, descending, blocks together: of the paper's regressors unscaled, of sensors
             in units of the noise and scaled, with all nuisances eliminated.
         norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
             the noise.
         path_length: of the robot's origin [m].
-        margins: of every limit, on a grid ten times finer than the samples.
+        margins: of every limit, on a grid ten times finer than the samples; of a robust problem less what
+            is kept in reserve.
         design_matrices: W of each block by name.
         information: F of each block by name, on the parameters the criterion judges, in its scaling.
         covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
@@ -233,7 +234,7 @@ class _Scorer:
         )
         self.problem = problem
         self.estimations = problem.estimations(drive)
-        self.rows: list[Rows] = [limit.rows(drive) for limit in problem.limits]
+        self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
             [drive.path_length(), drive.poses, drive.path],
             [one.block.design_matrix for one in self.estimations],
@@ -246,6 +247,20 @@ class _Scorer:
         self._edges = np.cumsum([0, *map(len, groups)])
         outputs = [output for group in groups for output in group]
         self.function = ca.Function("score", symbols, outputs)
+        self._judged = ca.Function("judged", symbols[:4], [one.matrix for one in self.estimations])
+
+    def objective(self, trajectory: Trajectory, matrices: Sequence[Array]) -> float:
+        """The criterion of the nominal robot's information, or of all robots that count."""
+        problem, values = self.problem, []
+        robots = problem.judged_robots
+        if problem.robust is None or problem.robust.objective == "nominal":
+            return float(problem.objective.value(matrices))
+        for parameters, shift in robots:
+            found = self._judged.call(
+                [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
+            )
+            values.append(problem.objective.value([np.array(matrix) for matrix in found]))
+        return float(problem.together(values))
 
     def evaluation(self, trajectory: Trajectory, values: Array, rates: Array, jerks: Array) -> Evaluation:
         problem, drive = self.problem, trajectory
@@ -266,7 +281,7 @@ class _Scorer:
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
-            objective=float(problem.objective.value(matrices)),
+            objective=self.objective(trajectory, matrices),
             lambda_min=float(np.min(np.concatenate(eigenvalues))),
             lambda_max=float(np.max(np.concatenate(eigenvalues))),
             singular_values=np.sort(np.concatenate(singular))[::-1],

@@ -71,6 +71,7 @@ def next_drive(
     *,
     targets: Mapping[str, str] | None = None,
     least_gain: float = LEAST_GAIN,
+    duration: float | None = None,
     out: str | Path | None = None,
     seed: int | None = None,
     workers: int | None = None,
@@ -84,6 +85,8 @@ def next_drive(
         logs: of all drives since.
         targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
         least_gain: share of the worst standard error that another drive has to take away.
+        duration: of each run of the next drive [s]; that of the last one if None. The sample period and the
+            splines' knots per second stay the same.
         out: folder for the next study, its record and designs, and the estimate; nothing is written without.
         seed: of every random draw, instead of the study's.
         workers: processes; does not change the result.
@@ -107,7 +110,7 @@ def next_drive(
         reason = "every parameter is as precise as wanted: no further drive is needed"
         _forget_design(out)
         return _written(NextDrive(found, None, None, precision, None, True, reason), out)
-    following = _following(study, found)
+    following = _following(study, found, duration)
     if out is not None:
         write_text(Path(out) / STUDY, following.text)
     record = run(following, out, seed=seed, workers=workers, progress=progress)
@@ -187,15 +190,42 @@ def _error(found: EstimateRecord, name: str) -> float:
     return next(float(entry["standard_error"]) for entry in found.parameters if entry["name"] == name)
 
 
-def _following(study: Study, found: EstimateRecord) -> Study:
+def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
     robot = study.problem.model.with_values(values)
     data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
     data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
     data["name"] = f"{study.name}: next drive"
+    _narrow(data, values)
+    _stretch(data["trajectory"], duration)
     data.pop("validation", None)
     return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
+
+
+def _narrow(data: dict[str, Any], values: Mapping[str, float]) -> None:
+    # What the logs told is uncertain no longer as the study said, but as the prior now says.
+    within = data.get("uncertainty", {}).get("within", {})
+    for name in values:
+        within.pop(name, None)
+    if not within:
+        data.pop("uncertainty", None)
+    if data.get("robust"):
+        data["robust"].pop("kept", None)
+        # The corners of wide ranges are for drives before anything is known.
+        data["robust"]["kind"] = "chance" if data["robust"]["kind"] == "scenarios" else data["robust"]["kind"]
+
+
+def _stretch(trajectory: dict[str, Any], duration: float | None) -> None:
+    if duration is None:
+        return
+    longer = duration / trajectory["duration"]
+    spline = trajectory["spline"]
+    trajectory["duration"] = duration
+    trajectory["samples"] = max(1, round(longer * trajectory["samples"]))
+    # As many spans between knots per second as before.
+    spans = spline["coefficients"] - spline["degree"]
+    spline["coefficients"] = spline["degree"] + max(1, round(longer * spans))
 
 
 def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:

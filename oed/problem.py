@@ -15,13 +15,15 @@ from oed.criteria import Criterion, Subject
 from oed.errors import Flaw, ProblemError
 from oed.expression import Expression
 from oed.information import information, scale_factors, scaling_flaws
-from oed.limits.limit import Limit
+from oed.limits.limit import Limit, Rows
 from oed.measurements.measurement import Block, Measurement
 from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import Model
 from oed.prior import Prior
+from oed.robust import Robust, robust_rows
 from oed.rollout import Drive, roll_out
 from oed.trajectory import DesignSpace
+from oed.uncertainty import Spread, Uncertainty, spread_of
 
 Array = npt.NDArray[np.float64]
 
@@ -91,6 +93,8 @@ class Problem:
         estimate: the parameters to estimate, of the robot or of its coefficient matrix; all that the
             measurement tells by default. Other parameters are taken as known.
         prior: what is known of them beforehand.
+        uncertainty: how far the robot may be from its nominal parameters; that of the prior if None.
+        robust: how limits are kept all the same; by the nominal robot alone if None.
 
     Raises:
         ProblemError: the parts do not fit together; every reason is listed.
@@ -104,6 +108,8 @@ class Problem:
     name: str = ""
     estimate: tuple[str, ...] | None = None
     prior: Prior | None = None
+    uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
@@ -150,6 +156,33 @@ class Problem:
         """Start states (runs, states) for start poses (runs, 3): the other states begin at 0."""
         given = np.reshape(np.asarray(poses, dtype=float), (-1, 3))
         return np.pad(given, ((0, 0), (0, len(self.model.states) - 3)))
+
+    @cached_property
+    def spread(self) -> Spread | None:
+        """What is uncertain of the robot, as numbers; None where nothing is said of it."""
+        if self.uncertainty is None and self.prior is None:
+            return None
+        return spread_of(self.uncertainty, self.prior, self.robot, self.design.runs)
+
+    def limit_rows(self, drive: Drive) -> list[Rows]:
+        """Every limit on a drive; of a robust problem with what is kept in reserve."""
+        if self.robust is None:
+            return [limit.rows(drive) for limit in self.limits]
+        assert self.spread is not None
+        return robust_rows(self.limits, drive, self.spread, self.robust)
+
+    @cached_property
+    def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
+        """Parameters (p,) and shifts of the start states (runs, states) of the robots that are judged."""
+        states = len(self.robot.states)
+        if self.robust is None or self.spread is None:
+            return ((np.array(self.robot.nominal), np.zeros((self.design.runs, states))),)
+        values = self.robust.judged(self.spread)
+        return tuple(zip(self.spread.robots(values), self.spread.shifts(values), strict=True))
+
+    def together(self, values: Sequence[float | Array]) -> Array:
+        """The objective (...,) from the criterion's values (...,) for each of these robots."""
+        return self.robust.together(values) if self.robust is not None else np.asarray(values[0])
 
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
         """What each block of a drive's readings says about the parameters to estimate."""
@@ -246,8 +279,10 @@ def _flaws(problem: Problem) -> list[Flaw]:
             flaws.append(Flaw(("limits",), text))
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
+    if problem.uncertainty is not None and not flaws:
+        flaws += problem.uncertainty.flaws(problem.model, problem.robot)
     # Blocks exist only for a measurement that fits the robot.
-    return flaws or _estimation_flaws(problem)
+    return flaws or _estimation_flaws(problem) or _robust_flaws(problem)
 
 
 def _name_flaws(problem: Problem) -> list[Flaw]:
@@ -266,6 +301,18 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
     choices = f"parameters ({', '.join(own)})"
     choices += f" or coefficients ({', '.join(coefficients)})" if coefficients else ""
     return [Flaw(("estimate",), f"expected some of the robot's {choices}, got {', '.join(wanted)}")]
+
+
+def _robust_flaws(problem: Problem) -> list[Flaw]:
+    if problem.robust is None:
+        return []
+    if problem.spread is None:
+        text = "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior"
+        return [Flaw(("robust",), text)]
+    names = problem.spread.names
+    if any(len(values) != len(names) for values in problem.robust.kept):
+        return [Flaw(("robust", "kept"), f"expected {len(names)} values each ({', '.join(names)})")]
+    return []
 
 
 def _estimation_flaws(problem: Problem) -> list[Flaw]:

@@ -30,6 +30,7 @@ from oed.record import (
     save_record,
     validation_data,
 )
+from oed.robustness import nominal_search, robustness
 from oed.solution import Solution, Status
 from oed.solvers import SOLVERS, Progress, Silent, default_workers, solve
 from oed.study import PathFile, Study, ValidationOptions, file_stem, recorded_study
@@ -68,6 +69,7 @@ def run(
     solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
     validation: dict[str, Any] | None = None
     certificate: Certificate | None = None
+    robust: dict[str, Any] | None = None
     try:
         if not interrupted:
             certificate = _certificate(study, listener)
@@ -75,6 +77,7 @@ def run(
             solutions += _baselines(
                 study, paths, best_of(solutions, study.problem.criterion), chosen, listener
             )
+            robust = robustness(study, solutions, chosen, listener)
             validation = _validation(study, solutions, chosen, listener, workers)
     except KeyboardInterrupt:
         interrupted = True
@@ -85,6 +88,7 @@ def run(
         out,
         certificate=certificate,
         validation=validation,
+        robust=robust,
         interrupted=interrupted,
     )
 
@@ -110,7 +114,11 @@ def search(
         done[solution.name] = solution
         if solution.status is Status.INTERRUPTED:
             return list(done.values()), True
-    return list(done.values()), False
+    try:
+        unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
+    except KeyboardInterrupt:
+        return list(done.values()), True
+    return [*done.values(), *unreserved], False
 
 
 def own_paths(study: Study) -> dict[str, Trajectory]:
@@ -151,6 +159,8 @@ def record(
     *,
     certificate: Certificate | None = None,
     validation: dict[str, Any] | None = None,
+    robust: dict[str, Any] | None = None,
+    physics: dict[str, Any] | None = None,
     interrupted: bool = False,
 ) -> Record:
     """The record of solutions, written to `out` where given, with their trajectories."""
@@ -175,6 +185,7 @@ def record(
             "results": results,
             "best": best.name if (best := best_of(solutions, study.problem.criterion)) is not None else None,
             "certificate": None if certificate is None else certified(study, certificate, solutions),
+            "robustness": robust,
             "validation": validation,
             "interrupted": interrupted,
             "notes": _notes(certificate, interrupted),

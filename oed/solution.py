@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from oed.evaluation import Evaluation
+from oed.leaving import Leaving
+from oed.robust import Robust
 from oed.trajectory import Trajectory
 
 
@@ -92,6 +94,8 @@ class Solution:
         history: the best objective so far, re-scored, each time it rose, and at the end.
         criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
             and `history` are in its numbers then.
+        leaving: how often robots of the problem's uncertainty leave the limits on this drive.
+        robust: what was kept in reserve in the end; None where the problem is not robust.
     """
 
     name: str
@@ -106,6 +110,8 @@ class Solution:
     stages: Mapping[str, float] = field(default_factory=dict)
     history: tuple[HistoryPoint, ...] = ()
     criterion: str | None = None
+    leaving: Leaving | None = None
+    robust: Robust | None = None
 
     @property
     def message(self) -> str:

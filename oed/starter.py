@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from oed.baselines import suited
 from oed.errors import UserMistake
 from oed.models import MODELS, Model, PythonRobot
+from oed.models.model import Parameter
 from oed.presets import preset, preset_names
 from oed.quantities import parse_quantity
 from oed.study import parse_study
@@ -26,6 +27,13 @@ TYPICAL = {
 """Sizes of an everyday robot, for those that are not given."""
 ROOM = "3 m x 3 m"
 DURATION = "20 s"
+PILOT = "8 s"
+"""Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
+SKIDDING = ("skid_steer", "skid_steer_icr", "skid_steer_slip")
+EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
+"""How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
+UNSURE = "5 %"
+"""How far the parameters of a robot may be from their nominal values before its first drive."""
 TOLD_APART = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters no drive tells apart all together."""
 SENSORS = {
@@ -57,7 +65,7 @@ class Choice:
         sizes: the robot's constants, with units, by their keys; typical ones for those not given.
         room: "4 m x 3 m" or "circle 2 m" (its radius).
         sensor: one of `SENSORS`.
-        duration: of one run, with its unit.
+        duration: of one run, with its unit; by default 20 s, of robots that skid 8 s.
         runs: how many.
     """
 
@@ -65,7 +73,7 @@ class Choice:
     sizes: Mapping[str, str] = field(default_factory=dict)
     room: str = ROOM
     sensor: str = "poses"
-    duration: str = DURATION
+    duration: str | None = None
     runs: int = 1
 
 
@@ -89,6 +97,11 @@ def sizes_needed(robot: str) -> dict[str, str]:
     return {key: value for key, value in TYPICAL.items() if key in fields and key != "body_radius"}
 
 
+def usual_duration(robot: str) -> str:
+    """How long a first drive takes: of robots that skid shorter, so that it stays in the room."""
+    return PILOT if _kind(robot) in SKIDDING else DURATION
+
+
 def starter(choice: Choice) -> str:
     """The study as commented YAML, checked.
 
@@ -100,41 +113,49 @@ def starter(choice: Choice) -> str:
         raise UserMistake(f"expected a sensor of {', '.join(SENSORS)}; got {choice.sensor!r}")
     known = sizes_needed(choice.robot)
     text = _text(choice, known, baselines="[straight, random]")
-    study = parse_study(text, "the new study")
-    return _text(choice, known, baselines=f"[{', '.join(suited(study.problem))}]")
+    model = parse_study(text, "the new study").problem.model
+    if _skids(choice) and "track" in type(model).model_fields:
+        widened = {**choice.sizes, "track": f"{EFFECTIVE * getattr(model, 'track'):.3g} m"}  # noqa: B009
+        choice = replace(choice, sizes=widened)
+        model = parse_study(_text(choice, known, baselines="[straight, random]")).problem.model
+    doubt = _doubt_lines(choice, model)
+    study = parse_study(_text(choice, known, "[straight, random]", doubt), "the new study")
+    return _text(choice, known, f"[{', '.join(suited(study.problem))}]", doubt)
 
 
 def _kinds() -> dict[str, type[Model]]:
     return {str(model.model_fields["kind"].default): model for model in MODELS if model is not PythonRobot}
 
 
-def _text(choice: Choice, known: Mapping[str, str], baselines: str) -> str:
+def _text(choice: Choice, known: Mapping[str, str], baselines: str, doubt: Sequence[str] = ()) -> str:
     robot = choice.robot.replace("_", " ")
     where = choice.room.strip()
     lines = [
         f"# The best drive to calibrate a robot ({robot}) in a room of {where}, written by `oed init`.",
         "# `oed check` reads it, `oed run` searches, compares and makes a report. Change what is yours;",
         "# `oed schema` lists every key.",
+        *(_PILOT_LINES if _skids(choice) else ()),
         "format: 1",
         f"name: Calibration, {robot}",
         "robot:",
         *_robot_lines(choice, known),
         "trajectory:",
-        f"  duration: {choice.duration}",
-        "  samples: 100",
+        f"  duration: {choice.duration or usual_duration(choice.robot)}",
+        f"  samples: {50 if _skids(choice) else 100}",
         "  spline: {degree: 3, coefficients: 14}   # more coefficients: a freer drive, a longer search",
         f"  start: {{x: {_start(choice)[0]:g} m, y: {_start(choice)[1]:g} m, heading: 0 deg}}   # or: free",
     ]
     if choice.runs > 1:
         lines.append(f"  runs: {choice.runs}   # separate drives, each from its own start, designed together")
     lines += _measurement_lines(choice)
-    told = TOLD_APART.get(_kind(choice))
+    told = TOLD_APART.get(_kind(choice.robot))
     if told and choice.sensor != "displacements":
         lines += [
             "# No drive tells radii and slips apart: the slips are taken as known.",
             f"estimate: [{', '.join(told)}]",
         ]
     lines += [
+        *doubt,
         "limits:",
         *_limit_lines(choice),
         "# As much as can be for the worst-known combination of parameters: the smallest eigenvalue.",
@@ -154,8 +175,44 @@ def _text(choice: Choice, known: Mapping[str, str], baselines: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+_PILOT_LINES = (
+    "# How much wider than its wheels' own the track of a skidding robot acts, nobody knows beforehand: this",
+    "# is a short pilot drive that stays in the room for the whole range. Drive it and log it; then",
+    "# `oed next DIR LOG --duration '20 s'` designs the real one, for the robot as it is known by then.",
+)
+
+
+def _doubt_lines(choice: Choice, model: Model) -> list[str]:
+    # How far the robot may be from its numbers, and that the drive is to survive it.
+    told = TOLD_APART.get(_kind(choice.robot))
+    names = [parameter for parameter in model.parameters if told is None or parameter.name in told]
+    amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
+    kind = "scenarios" if _skids(choice) else "chance"
+    return [
+        "# How far the robot may be from these numbers: the drive keeps to the room for 99 % of such robots.",
+        "uncertainty:",
+        *(f"  {name}: {amount}" for name, amount in amounts.items()),
+        f"robust: {{kind: {kind}, confidence: 0.99}}",
+    ]
+
+
+def _amount(choice: Choice, parameter: Parameter) -> str:
+    if _skids(choice) and parameter.name in ("track", "y_icr_left", "y_icr_right"):
+        ends = sorted(parameter.nominal * share / EFFECTIVE for share in (LEAST, MOST))
+        return f"[{ends[0]:.3g} m, {ends[1]:.3g} m]"
+    if parameter.nominal:
+        return UNSURE
+    if not parameter.scale:
+        return ""
+    return f"{parse_quantity(UNSURE, '') * parameter.scale:.2g} {parameter.unit}"
+
+
+def _skids(choice: Choice) -> bool:
+    return _kind(choice.robot) in SKIDDING
+
+
 def _driving(choice: Choice) -> tuple[str, ...]:
-    (kind,) = [model for model in MODELS if model.model_fields["kind"].default == _kind(choice)]
+    (kind,) = [model for model in MODELS if model.model_fields["kind"].default == _kind(choice.robot)]
     return (
         tuple(entry.name for entry in kind.inputs if entry.drives) if isinstance(kind.inputs, tuple) else ()
     )
@@ -163,18 +220,25 @@ def _driving(choice: Choice) -> tuple[str, ...]:
 
 def _robot_lines(choice: Choice, known: Mapping[str, str]) -> list[str]:
     if choice.robot in preset_names():
-        own = [f"  {key}: {value}" for key, value in choice.sizes.items()]
+        own = [f"  {key}: {value}{_note(choice, key)}" for key, value in choice.sizes.items()]
         return [f"  preset: {choice.robot}   # its published geometry and limits; any key overrides", *own]
     lines = [f"  kind: {choice.robot}"]
     for key, value in known.items():
         given = choice.sizes.get(key)
-        lines.append(f"  {key}: {given}" if given else f"  {key}: {value}   # a typical size: put in yours")
+        note = _note(choice, key) if given else "   # a typical size: put in yours"
+        lines.append(f"  {key}: {given or value}{note}")
     lines += [f"  {key}: {value}" for key, value in choice.sizes.items() if key not in known]
     if "body_radius" not in choice.sizes:
         lines.append(
             "  # body_radius: 20 cm   # how far its body reaches: kept away from walls and obstacles"
         )
     return lines
+
+
+def _note(choice: Choice, key: str) -> str:
+    if key != "track" or not _skids(choice):
+        return ""
+    return f"   # as it acts: {EFFECTIVE:g} times the wheels' own, usually; skidding widens it"
 
 
 def _measurement_lines(choice: Choice) -> list[str]:
@@ -184,7 +248,7 @@ def _measurement_lines(choice: Choice) -> list[str]:
         corners = [(x_min, y_min), (x_max, y_min), (x_min, y_max)]
         text = text.format(corners=", ".join(f"[{x:g} m, {y:g} m]" for x, y in corners))
     lines = [f"# Measured by {meaning}.", "measurement:"]
-    if _kind(choice) != "tractor_trailer" or choice.sensor == "displacements":
+    if _kind(choice.robot) != "tractor_trailer" or choice.sensor == "displacements":
         return [lines[0], f"measurement: {text}"]
     return [*lines, f"  - {text}", "  - {kind: trailer_angle, noise: 1 deg}"]
 
@@ -197,7 +261,7 @@ def _limit_lines(choice: Choice) -> list[str]:
         "tricycle": ["  steering_angle: 60 deg", "  steering_rate: 60 deg/s"],
         "ackermann": ["  steering_angle: 25 deg", "  steering_rate: 60 deg/s"],
         "tractor_trailer": ["  trailer_angle: 60 deg   # beyond, it would jackknife"],
-    }.get(_kind(choice), [])
+    }.get(_kind(choice.robot), [])
     shape = _circle(choice.room)
     if shape is not None:
         lines.append(f"  workspace: {{kind: circle, radius: {shape:g} m}}")
@@ -210,8 +274,8 @@ def _limit_lines(choice: Choice) -> list[str]:
     return lines
 
 
-def _kind(choice: Choice) -> str:
-    return str(preset(choice.robot)["robot"]["kind"]) if choice.robot in preset_names() else choice.robot
+def _kind(robot: str) -> str:
+    return str(preset(robot)["robot"]["kind"]) if robot in preset_names() else robot
 
 
 def _start(choice: Choice) -> tuple[float, float]:

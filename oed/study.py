@@ -26,13 +26,17 @@ from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
 from oed.record import Record, load_record
+from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
+from oed.uncertainty import Uncertainty
 from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
 
 FORMAT = 1
+NOMINAL = "nominal"
+"""Name of the result of a robust study's search without any reserve."""
 
 
 def _limit_table() -> Any:
@@ -107,6 +111,8 @@ class StudyFile(Component):
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
     estimate: tuple[str, ...] | None = None
     prior: AnyPrior | None = None
+    uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
@@ -277,6 +283,8 @@ def _problem(file: StudyFile) -> Problem:
         name=file.name,
         estimate=file.estimate,
         prior=file.prior,
+        uncertainty=file.uncertainty,
+        robust=file.robust,
     )
 
 
@@ -285,6 +293,8 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
     entries: list[tuple[tuple[str | int, ...], str]] = [
         (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
     ]
+    if file.robust is not None and file.robust.compare:
+        entries.append((("robust",), NOMINAL))
     if file.bound:
         entries.append((("bound",), LATTICE))
     for index, path in enumerate(file.baselines):

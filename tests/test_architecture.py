@@ -19,11 +19,11 @@ FLOORS: tuple[set[str], ...] = (
     {"logs"},
     {"trajectory", "rollout", "matrices"},
     {"measurements"},
-    {"limits", "information", "prior", "regressors", "readings", "segments"},
+    {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},
     {"problem"},
     {"evaluation"},
-    {"solution", "identifiability"},
+    {"leaving", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},
     {"estimators"},
     {"validation", "calibration"},
@@ -36,6 +36,7 @@ FLOORS: tuple[set[str], ...] = (
         "record",
         "path_file",
         "runner",
+        "robustness",
         "calibration_record",
         "estimation",
         "driven",
@@ -43,14 +44,23 @@ FLOORS: tuple[set[str], ...] = (
     },
     {"exporters"},
     {"report"},
-    {"cli", "console", "__init__", "__main__"},
+    {"cli", "commands", "console", "__init__", "__main__"},
 )
 """Files and folders of the package, each importing only from its own floor and those above it here."""
 
 FLOOR = {part: level for level, parts in enumerate(FLOORS) for part in parts}
 CASADI_FLOORS = range(FLOOR["models"], FLOOR["solvers"] + 1)
 FIGURE_MODULES = {
-    f"oed.report.{name}" for name in ("figures", "panels", "path_figures", "path_panels", "estimate.figures")
+    f"oed.report.{name}"
+    for name in (
+        "figures",
+        "panels",
+        "path_figures",
+        "path_panels",
+        "stage",
+        "trial_panels",
+        "estimate.figures",
+    )
 }
 
 

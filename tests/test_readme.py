@@ -75,7 +75,7 @@ def test_the_keys_for_sensors_are_accepted():
 
 
 def test_the_keys_for_robots_and_limits_are_accepted():
-    whole, sensors, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, sensors, part, *_ = (yaml.safe_load(text) for text in blocks("yaml"))
     measured = {**whole, "measurement": sensors["measurement"], "estimate": sensors["estimate"], **part}
     problem = parse_study(
         yaml.safe_dump({**measured, "criterion": {"kind": "E"}, "validation": None})
@@ -86,6 +86,13 @@ def test_the_keys_for_robots_and_limits_are_accepted():
         "trailer_angle",
         "end_heading",
     }
+
+
+def test_the_robust_study_is_one():
+    whole, _, _, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
+    problem = parse_study(yaml.safe_dump({**whole, **part})).problem
+    assert problem.robust is not None
+    assert problem.spread.names == ("wheel_radius_right", "wheel_radius_left", "track", "heading")
 
 
 def test_the_keys_for_logs_are_accepted():

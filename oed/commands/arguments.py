@@ -46,6 +46,19 @@ def seconds(text: str) -> float:
     return value
 
 
+def duration(text: str) -> float:
+    """A time above 0, `20 s` or plain seconds [s]."""
+    from oed.quantities import parse_quantity
+
+    try:
+        value = parse_quantity(text, "s")
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {text!r}")
+    return value
+
+
 def share(text: str) -> float:
     """A share from 0, below 1."""
     value = float(text)

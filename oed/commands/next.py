@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_working, pair, share
+from oed.commands.arguments import add_working, duration, pair, share
 from oed.commands.command import DONE, Command, verdict
 
 
@@ -26,6 +26,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         type=share,
         help="share of the worst standard error that another drive has to take away (default: 0.05)",
     )
+    parser.add_argument(
+        "--duration", type=duration, help="of the next drive, e.g. '20 s' (default: that of the last)"
+    )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: DIR/next/)")
 
 
@@ -41,6 +44,7 @@ def _run(options: argparse.Namespace) -> int:
             load_record(options.folder),
             options.logs,
             targets=dict(options.target),
+            duration=options.duration,
             least_gain=LEAST_GAIN if options.least_gain is None else options.least_gain,
             out=out,
             seed=options.seed,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -26,19 +26,22 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Epigraph:
-    """A criterion as smooth optimisation: maximise `objective` over `variables` with `equalities` = 0.
+    """A criterion as smooth optimisation: maximise `objective` over `variables` with `equalities` = 0 and
+    `floors` >= 0.
 
     Attributes:
         objective: scalar expression to maximise; equals the criterion's value where it is maximal.
         variables: auxiliary unknowns, (k,).
         equalities: expressions that must vanish, (e,).
         initial: values (k,) of the auxiliary unknowns for given numeric matrices.
+        floors: expressions that must not be negative, (f,).
     """
 
     objective: Expression
     variables: Expression
     equalities: Expression
     initial: Callable[[Sequence[Array]], Array]
+    floors: Expression = field(default_factory=lambda: ca.SX(0, 1))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Any, ClassVar
 
 import casadi as ca
@@ -68,7 +69,14 @@ class Limit(Component, ABC):
 
 
 class PathLimit(Limit, ABC):
-    """A limit on where the robot is: on each point of its path by itself."""
+    """A limit on where the robot is: on each point of its path by itself.
+
+    Attributes:
+        per_metre: what its rows change by at most while the origin moves 1 m; infinite where that is not
+            bounded.
+    """
+
+    per_metre: ClassVar[float] = inf
 
     @abstractmethod
     def rows_at(self, path: Expression, model: Model) -> Rows:

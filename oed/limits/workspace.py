@@ -44,7 +44,9 @@ Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3), Afte
 
 
 class Area(PathLimit):
-    """A limit on positions alone."""
+    """A limit on positions alone, by distances."""
+
+    per_metre: ClassVar[float] = 1.0
 
     @abstractmethod
     def rows_for(self, points: Expression, radius: float) -> Rows:

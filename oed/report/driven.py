@@ -71,6 +71,22 @@ class Path:
         return any(run.steps.sum() >= NOWHERE for run in self.runs)
 
 
+@dataclass(frozen=True)
+class Bundle:
+    """A drive's paths with the robots that may be, each (n, 2) [m].
+
+    Attributes:
+        title: the result's name, and how many robots leave the limits.
+        inside, outside: of robots that keep the limits, and of those that leave them.
+        nominal: of the nominal robot, run by run.
+    """
+
+    title: str
+    inside: tuple[Array, ...]
+    outside: tuple[Array, ...]
+    nominal: tuple[Array, ...]
+
+
 def paths_of(record: Record, entries: list[Entry]) -> list[Path]:
     """The paths of results that have drives, from the poses saved with them."""
     sideways = moves_sideways(record)

@@ -106,6 +106,24 @@ def plot_path(
     return ax
 
 
+def plot_bundle(
+    ax: Axes, inside: Sequence[Array], outside: Sequence[Array], nominal: Sequence[Array]
+) -> Axes:
+    """Paths (n, 2) [m] that may happen: that keep the limits, that leave them, and the nominal one."""
+    for lines, look in ((inside, INSIDE), (outside, OUTSIDE), (nominal, NOMINAL)):
+        for line in lines:
+            ax.plot(*np.asarray(line).T, **look)
+    for line in nominal:
+        for mark, end in ((START, 0), (END, -1)):
+            ax.plot(*np.asarray(line)[end], **{**mark, "markersize": 0.8 * mark["markersize"]})
+    return ax
+
+
+INSIDE: dict[str, Any] = {"color": "#8fb4d9", "linewidth": 0.7, "zorder": 1.6}
+OUTSIDE: dict[str, Any] = {"color": "#c2410c", "linewidth": 0.8, "linestyle": (0, (4, 1.6)), "zorder": 1.7}
+NOMINAL: dict[str, Any] = {"color": INK, "linewidth": 1.6, "zorder": 3}
+
+
 def _plot_run(ax: Axes, run: Run, boundaries: Sequence[float], scale: float) -> None:
     if run.trailer is not None:
         ax.plot(*run.trailer.T, **{**TRAILER, "linewidth": scale * TRAILER["linewidth"]})

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from oed.report import path_figures
-from oed.report.driven import Path
+from oed.report.driven import Bundle, Path
 from oed.report.figures import INK
 from oed.report.panels import BEYOND, WIDTH, Grid, legend_columns, new_grid
 from oed.report.rooms import Room, Shape
@@ -47,6 +47,40 @@ def paths(drives: Sequence[Path], room: Room) -> Figure:
     grid.figure.set_size_inches(width, height + LINE * lines)
     grid.figure.legend(
         handles=handles, loc="outside lower center", ncols=ncols, columnspacing=1.2, handletextpad=0.3
+    )
+    return grid.figure
+
+
+def bundles(cases: Sequence[Bundle], room: Room) -> Figure:
+    """One panel per drive on one scale: where robots with other parameters go."""
+    area = _extent_of(room.workspace)
+    points = np.vstack([np.vstack([*case.inside, *case.outside, *case.nominal]) for case in cases])
+    everything = Bbox.from_extents(*points.min(axis=0), *points.max(axis=0))
+    widest = everything if area is None else area.padded(BEYOND * max(area.width, area.height))
+    box = Bbox.intersection(everything, widest) or everything
+    box = box if area is None else Bbox.union([box, area])
+    columns = min(2, len(cases))
+    grid = new_grid(len(cases), columns, WIDTH, 3.0)
+    _equal_scales(grid, columns, box)
+    for ax, case in zip(grid.axes, cases, strict=True):
+        path_figures.plot_room(ax, room)
+        path_figures.plot_bundle(ax, case.inside, case.outside, case.nominal)
+        ax.set_title(case.title)
+    grid.label("x [m]", "y [m]")
+    looks = {
+        "nominal robot": path_figures.NOMINAL,
+        "keeps the limits": path_figures.INSIDE,
+        "leaves them": path_figures.OUTSIDE,
+    }
+    handles = [Line2D([], [], **{**look, "linewidth": 1.6}, label=label) for label, look in looks.items()]
+    handles += [Line2D([], [], **path_figures.START, label="start")]
+    handles += [Line2D([], [], **path_figures.END, label="end")]
+    width, height = _size(grid)
+    grid.figure.set_size_inches(width, height + LINE)
+    grid.figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=legend_columns([str(handle.get_label()) for handle in handles], width, HANDLE),
     )
     return grid.figure
 

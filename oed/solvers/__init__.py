@@ -9,6 +9,7 @@ from oed.evaluation import evaluate
 from oed.identifiability import require_identifiable
 from oed.problem import Problem
 from oed.solution import Solution
+from oed.solvers.assurance import assured
 from oed.solvers.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.solvers.ipopt import Ipopt
 from oed.solvers.parallel import default_workers
@@ -45,7 +46,7 @@ def solve(
     context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
     own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
     require_identifiable(own)
-    solution = options.search(own, context)
+    solution = assured(options, own, context)
     if own is problem:
         return solution
     # Found by another measure of quality, but told by the problem's.

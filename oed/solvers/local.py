@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, islice
 from typing import Any
 
 import casadi as ca
@@ -17,6 +18,7 @@ from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.solution import Status
+from oed.solvers.epigraph import epigraph_of
 from oed.solvers.program import DesignExpressions, Outcome, Program
 
 Array = npt.NDArray[np.float64]
@@ -88,10 +90,10 @@ class LocalSearch:
         self.settings = settings
         self.design = DesignExpressions(problem)
         self.scale = self.design.scale
-        scaled = [matrix / self.scale for matrix in self.design.matrices]
-        self._scaled = scaled
-        self._epigraph = problem.objective.epigraph(scaled)
-        self._matrices = ca.Function("matrices", [self.design.unknowns], scaled)
+        robots = [[matrix / self.scale for matrix in matrices] for matrices in self.design.robots]
+        self._scaled = robots[0]
+        self._epigraph = epigraph_of(problem, robots)
+        self._matrices = ca.Function("matrices", [self.design.unknowns], list(chain.from_iterable(robots)))
 
     @cached_property
     def _first(self) -> Program:
@@ -100,7 +102,7 @@ class LocalSearch:
             objective=self._epigraph.objective,
             auxiliary=self._epigraph.variables,
             equalities=self._epigraph.equalities,
-            floors=ca.SX(0, 1),
+            floors=self._epigraph.floors,
             options=self.settings.ipopt,
         )
 
@@ -111,7 +113,7 @@ class LocalSearch:
             objective=self._secondary(),
             auxiliary=self._epigraph.variables,
             equalities=self._epigraph.equalities,
-            floors=self._epigraph.objective,
+            floors=ca.vertcat(self._epigraph.floors, self._epigraph.objective),
             options=self.settings.ipopt,
         )
 
@@ -125,14 +127,20 @@ class LocalSearch:
 
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start."""
-        return self._tightened(self._first, unknowns, np.zeros(0))
+        return self._tightened(self._first, unknowns, np.zeros(self._epigraph.floors.shape[0]))
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        value = float(self.problem.objective.value(self._numeric(unknowns)))
+        value = self._objective(self._numeric(unknowns))
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
-        return self._tightened(self._second, unknowns, np.array([level]))
+        floors = np.append(np.zeros(self._epigraph.floors.shape[0]), level)
+        return self._tightened(self._second, unknowns, floors)
+
+    def _objective(self, matrices: Sequence[Array]) -> float:
+        rest = iter(matrices)
+        own = [list(islice(rest, len(one))) for one in self.design.robots]
+        return float(self.problem.together([self.problem.objective.value(one) for one in own]))
 
     def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
         began = time.perf_counter()

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, islice
 from typing import Any
 
 import casadi as ca
@@ -56,8 +57,16 @@ class DesignExpressions:
             refine=refine,
             runs=space.runs,
         )
-        self.matrices = [one.matrix for one in problem.estimations(self.drive)]
-        self.rows = [_dependent(limit.rows(self.drive), self.unknowns) for limit in problem.limits]
+        self.robots = [self._matrices(*robot) for robot in problem.judged_robots]
+        self.rows = [_dependent(rows, self.unknowns) for rows in problem.limit_rows(self.drive)]
+
+    def _matrices(self, parameters: Array, shift: Array) -> list[Expression]:
+        # The information that the same inputs give a robot with these parameters, started there.
+        drive, nominal = self.drive, np.array(self.problem.robot.nominal)
+        if not np.array_equal(parameters, nominal) or shift.any():
+            begin, _ = drive.ends_of(drive.poses)
+            drive = drive.again(ca.SX(ca.DM(parameters)), begin + ca.DM(shift))
+        return [one.matrix for one in self.problem.estimations(drive)]
 
     def _coefficients(self) -> Expression:
         inputs = len(self.problem.model.inputs)
@@ -104,14 +113,16 @@ class DesignExpressions:
 
     @cached_property
     def scores(self) -> ca.Function:
-        """Maps z to every information matrix, then for every limit its largest violation over its size."""
+        """Maps z to every information matrix of every robot judged, then for every limit its largest
+        violation over its size.
+        """
         worst = [
             ca.fmax(0, ca.mmax(ca.vertcat(rows.expression - rows.upper, rows.lower - rows.expression)))
             / rows.size
             for rows in map(_finite, self.rows)
         ]
         # Step and measurement repeat each other's sines; shared, a quarter of the operations goes away.
-        outputs = ca.cse([*self.matrices, ca.vertcat(*worst)])
+        outputs = ca.cse([*chain.from_iterable(self.robots), ca.vertcat(*worst)])
         return ca.Function("scores", [self.unknowns], outputs)
 
     @cached_property
@@ -125,7 +136,7 @@ class DesignExpressions:
         draws = rng.uniform(low, high, (200, self.size))
         *matrices, _ = self.scores.map(len(draws))(draws.T)
         smallest, means = [], []
-        for stack in _stacks(matrices, len(draws)):
+        for stack in _stacks(matrices[: len(self.robots[0])], len(draws)):
             size = stack.shape[1]
             smallest.append(np.linalg.eigvalsh(stack)[:, 0])
             means.append(np.trace(stack, axis1=1, axis2=2) / size)
@@ -140,8 +151,9 @@ class DesignExpressions:
         count = len(candidates)
         mapped = self.scores.map(count, "thread", threads) if threads > 1 else self.scores.map(count)
         *matrices, violations = mapped(candidates.T)
-        values = self.problem.objective.value(_stacks(matrices, count))
-        return values, np.array(violations).T.reshape(count, -1)
+        stacks = iter(_stacks(matrices, count))
+        values = [self.problem.objective.value(list(islice(stacks, len(one)))) for one in self.robots]
+        return self.problem.together(values), np.array(violations).T.reshape(count, -1)
 
 
 def _stacks(matrices: Sequence[ca.DM], count: int) -> list[Array]:

@@ -58,6 +58,12 @@ class Solver(Component, ABC):
         """The result's name."""
         return self.name or self.kind
 
+    def again(self) -> Solver:
+        """The options to search with once more, where an earlier solution of the same name is a good start;
+        the same ones by default.
+        """
+        return self
+
     @abstractmethod
     def search(self, problem: Problem, context: Context) -> Solution:
         """The best design found for `problem`; every number in it comes from `evaluate`."""

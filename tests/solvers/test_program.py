@@ -41,7 +41,7 @@ def random_unknowns(design: DesignExpressions, seed: int = 0, share: float = 0.5
 def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
     """All matrices and limit rows of z, and their Jacobian."""
     everything = ca.vertcat(
-        *(ca.vec(matrix) for matrix in design.matrices), *(rows.expression for rows in design.rows)
+        *(ca.vec(matrix) for matrix in design.robots[0]), *(rows.expression for rows in design.rows)
     )
     values = ca.Function("values", [design.unknowns], [everything])
     return values, ca.Function("jacobian", [design.unknowns], [ca.jacobian(everything, design.unknowns)])

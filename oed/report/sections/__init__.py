@@ -14,6 +14,7 @@ from oed.report.sections.limits import limits
 from oed.report.sections.paper import paper
 from oed.report.sections.player import player
 from oed.report.sections.provenance import provenance
+from oed.report.sections.robustness import robustness
 from oed.report.sections.starts import starts
 from oed.report.sections.summary import summary
 from oed.report.sections.validation import validation
@@ -28,6 +29,7 @@ SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     wheels,
     paper,
     limits,
+    robustness,
     starts,
     convergence,
     deviations,

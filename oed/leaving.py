@@ -1,0 +1,194 @@
+"""How likely a robot with uncertain parameters is to leave the limits of a drive: many robots, simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import beta
+
+from oed.evaluation import TOLERANCE
+from oed.limits.limit import PathLimit
+from oed.problem import Problem
+from oed.rollout import FINE, Drive, roll_out
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+
+LEVEL = 0.95
+"""Of the interval of a probability."""
+BATCH = 500
+"""Robots simulated in one call."""
+WORST = 4
+"""Robots that leave farthest, kept."""
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """How often robots leave the limits that the nominal robot keeps.
+
+    Attributes:
+        probability: share of the draws that exceed a limit on the path at any time.
+        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
+        draws, seed: of the simulation.
+        by_limit: share of the draws that exceed each limit.
+        farthest: how far the worst draw exceeds any limit, as a share of the limit's size; 0 for none.
+        worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
+    """
+
+    probability: float
+    interval: tuple[float, float]
+    draws: int
+    seed: int
+    by_limit: dict[str, float]
+    farthest: float
+    worst: Array
+
+
+def leaving(problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0) -> Leaving:
+    """Simulate robots drawn from a problem's uncertainty on one drive.
+
+    Args:
+        problem: with an uncertainty, or a prior.
+        trajectory: the drive, as commanded: all robots get the same inputs.
+        draws: robots.
+        seed: of the draws.
+
+    Raises:
+        ValueError: the problem says nothing of what is uncertain.
+    """
+    spread = problem.spread
+    if spread is None:
+        raise ValueError("the problem has neither an uncertainty nor a prior")
+    limits = path_limits(problem)
+    values = spread.draws(draws, seed)
+    if not limits:
+        return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
+    excess = _excess(problem, trajectory, values)
+    beyond = excess > TOLERANCE
+    any_left = beyond.any(axis=1)
+    farthest = excess.max(axis=1)
+    order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_left.sum()))]
+    return Leaving(
+        probability=float(any_left.mean()),
+        interval=_interval(int(any_left.sum()), draws),
+        draws=draws,
+        seed=seed,
+        by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
+        farthest=max(0.0, float(farthest.max())),
+        worst=values[order],
+    )
+
+
+def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
+    """Whether robots of uncertain quantities `values` (K, q) leave any limit, (K,)."""
+    if not path_limits(problem):
+        return np.zeros(len(values), dtype=bool)
+    return np.asarray((_excess(problem, trajectory, values) > TOLERANCE).any(axis=1))
+
+
+def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
+    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q)."""
+    spread = problem.spread
+    assert spread is not None
+    function = _poses(problem, trajectory.samples, trajectory.runs)
+    starts = trajectory.starts + spread.shifts(values)
+    return np.array(
+        [
+            np.array(function(trajectory.inputs, trajectory.period, parameters, start))
+            for parameters, start in zip(spread.robots(values), starts, strict=True)
+        ]
+    )
+
+
+def path_limits(problem: Problem) -> list[PathLimit]:
+    """The limits that a robot with other parameters may leave."""
+    return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
+
+
+def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
+    # By how much each draw exceeds each limit, as a share of its size: (K, limits). Between the samples only
+    # where that decides: of draws that come close to a limit at the samples, and of the worst ones.
+    spread = problem.spread
+    assert spread is not None
+    robots, starts = spread.robots(values), trajectory.starts + spread.shifts(values)
+    shape = (problem, trajectory.samples, trajectory.runs)
+    coarse = _simulated(_exceeded(*shape, 1), trajectory, robots, starts)
+    excess, further = coarse[:, 0::2].copy(), coarse[:, 1::2]
+    decides = np.asarray(((excess <= TOLERANCE) & (further > TOLERANCE)).any(axis=1))
+    decides[np.argsort(-excess.max(axis=1), kind="stable")[:WORST]] = True
+    fine = _simulated(_exceeded(*shape, FINE), trajectory, robots[decides], starts[decides])
+    excess[decides] = fine[:, 0::2]
+    return excess
+
+
+def _simulated(function: ca.Function, trajectory: Trajectory, robots: Array, starts: Array) -> Array:
+    found = []
+    for first in range(0, len(robots), BATCH):
+        own = slice(first, first + BATCH)
+        count = len(robots[own])
+        mapped = function.map("robots", "serial", count, [0, 1], [])
+        begun = starts[own].transpose(1, 0, 2).reshape(trajectory.runs, -1)
+        found.append(np.array(mapped(trajectory.inputs, trajectory.period, robots[own].T, begun)).T)
+    return np.concatenate(found)
+
+
+def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
+    model = problem.robot
+    return [
+        ca.MX.sym("inputs", samples, len(model.inputs)),
+        ca.MX.sym("period"),
+        ca.MX.sym("parameters", len(model.parameters)),
+        ca.MX.sym("start", runs, len(model.states)),
+    ]
+
+
+def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int) -> Drive:
+    inputs, period, parameters, start = symbols
+    return roll_out(
+        problem.robot,
+        problem.design.integration,
+        inputs=inputs,
+        start=start,
+        parameters=parameters,
+        period=period,
+        refine=refine,
+        runs=runs,
+    )
+
+
+@lru_cache(maxsize=8)
+def _exceeded(problem: Problem, samples: int, runs: int, refine: int) -> ca.Function:
+    # Of every limit the excess, and what it may be between the points looked at: half a step further on.
+    symbols = _symbols(problem, samples, runs)
+    drive = _drive(problem, symbols, runs, refine)
+    speed = ca.sqrt(drive.twist[:, 0] ** 2 + drive.twist[:, 1] ** 2)
+    step = ca.mmax(speed) * drive.period / refine
+    worst = []
+    for limit in path_limits(problem):
+        rows = limit.rows(drive)
+        above, below = np.flatnonzero(np.isfinite(rows.upper)), np.flatnonzero(np.isfinite(rows.lower))
+        sides = [
+            rows.expression[above.tolist()] - rows.upper[above],
+            rows.lower[below] - rows.expression[below.tolist()],
+        ]
+        excess = ca.mmax(ca.vertcat(*sides))
+        further = excess + limit.per_metre * step / 2 if np.isfinite(limit.per_metre) else np.inf
+        worst += [excess / rows.size, further / rows.size]
+    return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
+
+
+@lru_cache(maxsize=8)
+def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
+    symbols = _symbols(problem, samples, runs)
+    return ca.Function("poses", symbols, [_drive(problem, symbols, runs, 1).poses])
+
+
+def _interval(count: int, draws: int) -> tuple[float, float]:
+    tail = (1 - LEVEL) / 2
+    low = float(beta.ppf(tail, count, draws - count + 1)) if count else 0.0
+    high = float(beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
+    return low, high

@@ -1,0 +1,124 @@
+"""What a robust study's record says: how many robots leave the limits on each drive, and at what cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from oed.evaluation import evaluate
+from oed.leaving import Leaving, leaving, left, path_limits, paths
+from oed.problem import Problem
+from oed.record import finite, rounded
+from oed.solution import Solution
+from oed.solvers import Progress, solve
+from oed.study import NOMINAL, Study
+
+BUNDLE = 40
+"""Robots whose paths a report draws."""
+DRAWN = 100
+"""Points of each such path."""
+BUNDLE_SEED = 1
+"""Added to the study's: the robots drawn are not those that the search was made careful with."""
+
+
+def nominal_search(study: Study, *, seed: int, workers: int | None, progress: Progress) -> list[Solution]:
+    """What the study's first search finds with nothing in reserve, scored by the study's problem.
+
+    Nothing for a study that is not robust, or does not ask.
+    """
+    problem, robust = study.problem, study.problem.robust
+    if robust is None or not robust.compare or not study.solvers:
+        return []
+    options = study.solvers[0].model_copy(update={"name": NOMINAL})
+    plain = replace(problem, robust=None)
+    found = solve(plain, options, seed=seed, workers=workers, progress=progress)
+    return [replace(found, evaluation=_scored(problem, found))]
+
+
+def _scored(problem: Problem, solution: Solution) -> Any:
+    return None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+
+
+def robustness(
+    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress
+) -> dict[str, Any] | None:
+    """A record's `robustness`; None for a study that is not robust."""
+    problem, robust = study.problem, study.problem.robust
+    spread = problem.spread
+    if robust is None or spread is None:
+        return None
+    drives = [one for one in solutions if one.trajectory is not None and one.evaluation is not None]
+    progress.begin(f"simulate {robust.draws} robots on every drive", len(drives))
+    entries = []
+    for solution in drives:
+        assert solution.trajectory is not None
+        found = solution.leaving
+        if found is None:
+            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+        entries.append(_entry(solution, found))
+        progress.advance()
+    return {
+        "kind": robust.kind,
+        "confidence": robust.confidence,
+        "objective": robust.objective,
+        "limits": [limit.name for limit in path_limits(problem)],
+        "uncertain": [
+            {
+                "name": name,
+                "unit": unit,
+                "nominal": float(nominal),
+                "low": float(low),
+                "high": float(high),
+                "uniform": bool(uniform),
+            }
+            for name, unit, nominal, low, high, uniform in zip(
+                spread.names,
+                spread.units,
+                spread.nominal,
+                spread.low,
+                spread.high,
+                spread.uniform,
+                strict=True,
+            )
+        ],
+        "results": entries,
+        "bundles": _bundles(problem, drives, seed),
+    }
+
+
+def _entry(solution: Solution, found: Leaving) -> dict[str, Any]:
+    evaluation = solution.evaluation
+    assert evaluation is not None
+    return {
+        "name": solution.name,
+        "probability": found.probability,
+        "interval": list(found.interval),
+        "draws": found.draws,
+        "seed": found.seed,
+        "by_limit": found.by_limit,
+        "farthest": found.farthest,
+        "objective": finite(evaluation.objective),
+        "reserve": None if solution.robust is None else solution.robust.reach,
+        "kept": None if solution.robust is None else len(solution.robust.kept),
+    }
+
+
+def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[dict[str, Any]]:
+    # Of the searches' own drives only: where robots with other parameters go.
+    assert problem.spread is not None
+    values = problem.spread.draws(BUNDLE, seed + BUNDLE_SEED)
+    bundles = []
+    for solution in drives:
+        if solution.robust is None and solution.name != NOMINAL:
+            continue
+        assert solution.trajectory is not None
+        poses = paths(problem, solution.trajectory, values)
+        each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
+        chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
+        leave = left(problem, solution.trajectory, values)
+        bundle = {"leaves": leave.tolist(), "paths": rounded(each[:, :, chosen], 4)}
+        bundles.append({"name": solution.name, **bundle})
+    return bundles
