@@ -60,7 +60,8 @@ def residual(name: str, quantity: str, size: float) -> Data:
     unit = "rad" if quantity == "heading" else "m"
     values = [*(size * rng.standard_normal(60)).tolist(), 30 * size, None]
     times, speeds = np.linspace(0.0, 9.0, 62).tolist(), np.linspace(0.0, 0.3, 62).tolist()
-    return {"log": name, "quantity": quantity, "unit": unit, "t": times, "value": values, "speed": speeds}
+    rates = {"speed": speeds, "yaw_rate": speeds[::-1]}
+    return {"log": name, "quantity": quantity, "unit": unit, "t": times, "value": values, **rates}
 
 
 def verdict(name: str, about: str, passed: bool, message: str) -> Data:
@@ -71,6 +72,68 @@ def verdict(name: str, about: str, passed: bool, message: str) -> Data:
         "p_value": 1e-20 if not passed else 0.4,
         "passed": passed,
         "message": message,
+    }
+
+
+def score(value: float, difference: float, interval: list[float] | None, equal: bool) -> Data:
+    return {"value": value, "difference": difference, "interval": interval, "equal": equal}
+
+
+def model(name: str, parameters: list[str], scores: Data, reason: str = "", doubt: str = "") -> Data:
+    known = bool(scores)
+    return {
+        "name": name,
+        "kind": "skid_steer_slip",
+        "own": name == "differential_drive",
+        "comparable": not reason,
+        "reason": reason,
+        "doubt": doubt,
+        "parameters": [
+            {
+                "name": one,
+                "unit": "m",
+                "value": 0.2 if known else None,
+                "standard_error": 0.001 if known else None,
+            }
+            for one in parameters
+        ],
+        "unknowns": 9.0 if known else None,
+        "starts": 0.0 if known else None,
+        "log_likelihood": 432.1 if known else None,
+        "scores": scores,
+    }
+
+
+def comparison() -> Data:
+    """Three models, of which the wider one is the best, and one that cannot be compared."""
+    own = {
+        "aicc": score(-840.0, 21.0, [12.0, 30.0], False),
+        "bic": score(-820.0, 17.0, [8.0, 26.0], False),
+        "held_out": score(0.0311, 0.0101, [0.004, 0.017], False),
+    }
+    wide = {
+        "aicc": score(-861.0, 0.0, None, True),
+        "bic": score(-837.0, 0.0, None, True),
+        "held_out": score(0.0210, 0.0, None, True),
+    }
+    odd = {
+        "aicc": score(-860.0, 1.0, [-3.0, 5.0], True),
+        "bic": score(-830.0, 7.0, [3.0, 11.0], False),
+        "held_out": score(0.0212, 0.0002, [-0.0001, 0.0005], True),
+    }
+    return {
+        "models": [
+            model("differential_drive", ["wheel_radius", "track"], own),
+            model("wide_track", ["wheel_radius", "track", "x_icr"], wide),
+            model(ODD, ["track"], odd, doubt="its search did not converge"),
+            model("skid_steer", ["slip_outer"], {}, reason="the logs do not tell slip_outer"),
+        ],
+        "readings": 4000.0,
+        "inflation": 4.0,
+        "inflation_by": "blocks",
+        "best": {"aicc": "wide_track", "bic": "wide_track", "held_out": "wide_track"},
+        "agree": True,
+        "favourites": ["wide_track"],
     }
 
 
@@ -130,8 +193,8 @@ def estimate() -> Data:
             ],
         },
         "noise": [
-            {"about": "position", "unit": "m", "at_rest": 0.0006, "per_speed": 0.004},
-            {"about": "heading", "unit": "rad", "at_rest": 0.006, "per_speed": 0.0},
+            {"about": "position", "unit": "m", "at_rest": 0.0006, "per_speed": 0.004, "per_yaw_rate": 0.0},
+            {"about": "heading", "unit": "rad", "at_rest": 0.006, "per_speed": 0.0, "per_yaw_rate": 0.01},
         ],
         "converged": True,
         "untold": [],
@@ -145,6 +208,7 @@ def estimate() -> Data:
         "logs": [log("first"), log(ODD, gap)],
         "left_out": [part(["first"], 0.05, 0.03), part([ODD], 0.04, 0.02)],
         "held_out": part(["apart"], 0.0452, 0.021),
+        "comparison": comparison(),
         "paths": [path("apart", "held out"), path(ODD, "left out")],
         "residuals": [
             residual(name, quantity, size)
@@ -175,7 +239,13 @@ def bare() -> Data:
     data["logs"] = data["logs"][:1]
     data["parameters"] = data["parameters"][:1]
     data["parameters"][0]["standard_errors"] = {"information": 1.3e-05}
-    data.update(covariance_kind="information", held_out=None, correlation=[[1.0]], covariance=[[1e-10]])
+    data.update(
+        covariance_kind="information",
+        held_out=None,
+        comparison=None,
+        correlation=[[1.0]],
+        covariance=[[1e-10]],
+    )
     data["segments"] = {"seconds": None, "count": 1, "chosen": False, "drifts": None, "tried": []}
     return data
 
@@ -202,7 +272,11 @@ def without_numbers() -> Data:
     data["held_out"]["after"] = [dict.fromkeys(data["held_out"]["after"][0])]
     data["paths"][0]["x"] = [None] * 30
     data["residuals"][0]["value"] = [None] * 62
-    data["noise"][0].update(at_rest=None, per_speed=None)
+    data["noise"][0].update(at_rest=None, per_speed=None, per_yaw_rate=None)
+    for one in data["comparison"]["models"]:
+        one.update(unknowns=None, log_likelihood=None)
+        for each in one["scores"].values():
+            each.update(value=None, difference=None, interval=[None, None])
     data["oed_version"] = None
     return data
 

@@ -74,7 +74,8 @@ def test_the_page_says_what_the_data_say(undrawn: Path):
     assert "heading error (RMS) from 2.59 deg to 1.20 deg" in text
     assert "| sensor ahead of" not in text
     assert "| pose sensor ahead of the robot's origin | mm | 1.200 | 0.080 |" in text
-    assert "4.00 mm per m/s" in text
+    assert "| position | 0.600 mm | 4.00 mm per m/s | none found |" in text
+    assert "| heading | 0.344 deg | none found | 0.573 deg per rad/s |" in text
     assert "| c11 | 1 | 0.20810 | 0.00044 |" in text
     assert "first +213 ms" in text
     assert "| residuals are white | position | not passed | 2.50 | \\< 0.0001 |" in text
@@ -170,6 +171,70 @@ def test_estimates_of_other_parameters_than_these_are_not_mistaken():
     assert not any(one.caption.startswith("Estimates without") for one in made.tables)
 
 
+def test_models_are_compared():
+    made = section(estimate(), "Models compared")
+    assert made.notices == (
+        f"{ODD}: its search did not converge.",
+        "skid steer cannot be compared: the logs do not tell slip_outer.",
+    )
+    best = "wide track is the best by AICc, BIC and the prediction of logs left out"
+    assert made.paragraphs[0] == f"Of 3 models {best}."
+    assert "so that 4 readings count as one, judged by how much successive parts" in made.paragraphs[1]
+    assert "of 4000 there remain 1000" in made.paragraphs[1]
+    assert "they weigh against" not in made.paragraphs[1]
+    likely = table(made, "Models by likelihood").cells
+    assert likely[0] == [
+        "differential drive (the study's)",
+        "2",
+        "9",
+        "432.1",
+        "21.0",
+        "17.0",
+        "9.0",
+        "worse",
+    ]
+    assert likely[1][4:] == ["0.0", "0.0", "–", "best"]
+    assert likely[2][4:] == ["1.0", "7.0", "4.0", "practically equal by AICc"]
+    told = table(made, "Models by dead reckoning").cells
+    assert told[0][1:] == ["31.1", "48.1", "19.0 to 81.0", "worse"]
+    assert told[2][4] == "practically equal"
+    assert table(made, "What each model").cells[0][1:] == ["wheel radius", "mm", "200.0", "1.0"]
+
+
+def test_states_of_starts_are_told():
+    data = estimate()
+    data["comparison"]["models"][1]["starts"] = 24.0
+    made = section(data, "Models compared")
+    assert (
+        "(24 of wide track): they weigh against such a model where segments are short" in made.paragraphs[1]
+    )
+    assert table(made, "Models by likelihood").cells[1][2] == "33"
+
+
+def test_models_that_do_not_agree_are_told_so():
+    data = estimate()
+    data["comparison"]["best"]["bic"] = "differential_drive"
+    first = section(data, "Models compared").paragraphs[0]
+    assert "wide track is the best by AICc and the prediction of logs left out; differential drive" in first
+    assert first.endswith("As good as the best by all 3: wide track.")
+    data["comparison"]["favourites"] = []
+    assert section(data, "Models compared").paragraphs[0].endswith("They disagree.")
+
+
+def test_models_of_a_robust_loss_are_compared_by_prediction_alone():
+    data = estimate()
+    data["study"]["calibration"] = {"loss": "huber"}
+    data["comparison"]["best"] = {"held_out": "wide_track"}
+    for one in data["comparison"]["models"]:
+        one["scores"] = {key: value for key, value in one["scores"].items() if key == "held_out"}
+    made = section(data, "Models compared")
+    assert made.paragraphs[1].startswith("A robust loss is no likelihood")
+    assert [one.caption for one in made.tables] == [
+        "Models by dead reckoning of logs left out",
+        "What each model is fitted with",
+    ]
+
+
 def test_a_single_log_without_positions_leaves_sections_out():
     titles = [one.title for one in estimate_sections(bare())]
     assert titles == ["Summary", "What the error bars rest on", "Logs", "Provenance"]
@@ -227,6 +292,10 @@ def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
     assert "position error (RMS) from 45.2 mm to 21.0 mm" in text
     assert "warning: a|b <i>$x$ `run` *1*: 1 gap in the inputs" in text
     assert "note: Sensor_y is hidden." in text
+    assert (
+        "model wide track: 3 parameters, AICc best, BIC best, position error of logs left out 21.0 mm" in text
+    )
+    assert "model skid steer: not comparable: the logs do not tell slip_outer" in text
 
 
 @pytest.mark.parametrize("kind", KINDS)
