@@ -544,7 +544,10 @@ class TestSchema:
             "calibration",
             "estimate",
             "log",
+            "physics",
             "prior",
+            "robust",
+            "uncertainty",
         }
         assert schema["additionalProperties"] is False
         assert {"format", "name", "robot", "trajectory", "measurement", "limits"} == set(schema["required"])

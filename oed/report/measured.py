@@ -122,14 +122,25 @@ def _sized(name: str, size: float) -> str:
 
 
 def _growth(noise: Mapping[str, Any], names: Sequence[str]) -> str:
-    # The variance is sigma^2 + (k V)^2 at speed V.
-    position, turn = noise.get("position_per_speed") or 0.0, noise.get("heading_per_speed") or 0.0
-    rates = []
-    if position and set(names) & set(COORDINATES):
-        rates.append(f"{given_text(position, 'm')} per m/s in position")
-    if turn and "heading" in names:
-        rates.append(f"{given_text(turn, 'rad')} per m/s in heading")
-    return f", growing with the speed V as √(σ² + (kV)²), k = {listing(rates)}" if rates else ""
+    # The variance is sigma^2 + (k_v V)^2 + (k_w Omega)^2 at speed V and yaw rate Omega.
+    parts = [
+        ("per_speed", "the speed V", "(kV)²", "k", "m/s"),
+        ("per_yaw_rate", "the yaw rate Ω", "(k'Ω)²", "k'", "rad/s"),
+    ]
+    causes, terms, rates = list[str](), list[str](), list[str]()
+    for key, cause, term, factor, unit in parts:
+        found = []
+        if noise.get(f"position_{key}") and set(names) & set(COORDINATES):
+            found.append(f"{given_text(noise[f'position_{key}'], 'm')} per {unit} in position")
+        if noise.get(f"heading_{key}") and "heading" in names:
+            found.append(f"{given_text(noise[f'heading_{key}'], 'rad')} per {unit} in heading")
+        if found:
+            causes.append(cause)
+            terms.append(term)
+            rates.append(f"{factor} = {listing(found)}")
+    if not rates:
+        return ""
+    return f", growing with {listing(causes)} as √(σ² + {' + '.join(terms)}), {', '.join(rates)}"
 
 
 def _ranges(sensor: Sensor) -> str:

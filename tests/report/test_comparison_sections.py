@@ -125,7 +125,10 @@ class TestValidation:
 
 def test_every_section_is_made_for_the_flagship(flagship: Record):
     titles = [section.title for section in sections_of(flagship)]
-    assert len(titles) == len(set(titles)) == len(SECTIONS)
+    # The study is not robust, and nothing is driven in simulated physics.
+    others = {"robustness", "physics"}
+    assert others <= {section.__name__ for section in SECTIONS}
+    assert len(titles) == len(set(titles)) == len(SECTIONS) - len(others)
 
 
 def test_no_section_needs_more_than_a_search(flagship: Record):

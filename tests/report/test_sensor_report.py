@@ -214,6 +214,19 @@ class TestMeasured:
                 {"quantities": ["x", "y"], "noise": {"covariance": [[1e-4, 0], [0, 4e-4]]}},
                 "given for one reading (standard deviations 1 cm in x and 2 cm in y)",
             ),
+            (
+                {
+                    "quantities": ["x", "heading"],
+                    "noise": {
+                        "position": 0.01,
+                        "heading": 0.01,
+                        "position_per_speed": 0.02,
+                        "heading_per_yaw_rate": 0.05,
+                    },
+                },
+                "growing with the speed V and the yaw rate Ω as √(σ² + (kV)² + (k'Ω)²), "
+                "k = 2 cm per m/s in position, k' = 2.865 deg per rad/s in heading",
+            ),
         ],
     )
     def test_noise_in_words(self, measurement: dict[str, object], told: str):
