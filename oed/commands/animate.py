@@ -25,7 +25,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="times as fast as the robot (default: 1)")
     parser.add_argument("--fps", type=float, help="frames a second (default: 20, of a long film fewer)")
     parser.add_argument(
-        "--out", metavar="FILE", help="what to write (default: drive.gif or drive.mp4 in DIR)"
+        "--physics", action="store_true", help="drive it in simulated physics and film that (oed[physics])"
+    )
+    parser.add_argument(
+        "--out", metavar="FILE", help="what to write (default: drive.gif in DIR, of physics physics.gif)"
     )
     add_quiet(parser)
 
@@ -33,24 +36,23 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_json, progress
     from oed.errors import UserMistake
+    from oed.physics_film import film_physics
     from oed.record import load_record
     from oed.report import animate, write_report
     from oed.report.animation import NAME, folder_of
 
     folder = folder_of(options.folder)
     ending = "" if options.to is None else f".{options.to}"
-    file = Path(options.out) if options.out else (folder / NAME).with_suffix(ending or ".gif")
+    name = "physics.gif" if options.physics else NAME
+    file = Path(options.out) if options.out else (folder / name).with_suffix(ending or ".gif")
     if file.suffix.lower() != (ending or file.suffix.lower()):
         raise UserMistake(f"{file}: expected a name that ends in {ending}, as --to says")
     with progress(options.quiet) as listener:
-        film = animate(
-            options.folder,
-            file,
-            results=options.result,
-            speed=options.speed,
-            fps=options.fps,
-            progress=listener,
-        )
+        more = {"speed": options.speed, "fps": options.fps, "progress": listener}
+        if options.physics:
+            film = film_physics(options.folder, file, result=_one(options.result), **more)
+        else:
+            film = animate(options.folder, file, results=options.result, **more)
     # A report that shows the film is made again with it.
     page = None
     if file.resolve() == (folder / NAME).resolve() and (folder / "report.html").is_file():
@@ -70,6 +72,14 @@ def _run(options: argparse.Namespace) -> int:
         if page is not None:
             print(f"report: {page}")
     return DONE
+
+
+def _one(names: list[str]) -> str | None:
+    from oed.errors import UserMistake
+
+    if len(names) > 1:
+        raise UserMistake(f"--physics films one drive, got {', '.join(names)}")
+    return names[0] if names else None
 
 
 ANIMATE = Command("animate", "make a film of a saved record's drives, for its report", _run, _arguments)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -107,4 +110,35 @@ def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypat
     monkeypatch.setattr(Stage, "frame", strike)
     assert main(["animate", str(folder), *QUICK]) == 1
     assert capsys.readouterr().err == "interrupted\n"
+    assert names(folder) == {"record.json"}
+
+
+@pytest.mark.slow
+def test_physics(folder: Path):
+    # The graphics library is chosen when the engine is first imported: a process of its own.
+    command = [sys.executable, "-m", "oed", "animate", str(folder), "--physics", "--speed", "20", "--json"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if "no way to draw" in run.stderr:
+        assert run.returncode == 1
+        pytest.skip("nothing to draw with here")
+    told = json.loads(run.stdout)
+    assert told["file"] == str(folder / "physics.gif")
+    assert told["frames"] == 11
+    assert names(folder) == {"record.json", "physics.gif"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--result", "ipopt", "circle"], "--physics films one drive"),
+        (["--result", "nobody"], "expected a result with a drive"),
+        (["--speed", "-1"], "expected more than 0"),
+        (["--out", "drive.avi"], r"\.gif or \.mp4"),
+    ],
+)
+def test_mistakes_with_physics(
+    folder: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["animate", str(folder), "--physics", "--quiet", *options]) == 2
+    assert re.search(message, capsys.readouterr().err)
     assert names(folder) == {"record.json"}
