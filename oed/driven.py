@@ -17,7 +17,7 @@ from oed.logs.form import is_bag
 from oed.models import Model
 from oed.path_file import read_trajectory
 from oed.record import FILE, Record, load_record, result_data
-from oed.runner import score
+from oed.solution import scored
 from oed.study import Study
 from oed.trajectory import Trajectory
 
@@ -134,7 +134,9 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     """
     logs = read_logs(files, study.log, study.problem.model)
     record = _record_of(study, designs)
-    # What was driven needs nothing in reserve.
+    robust = study.problem.robust
+    # What was driven needs nothing in reserve; and its objective is that of one robot.
+    record = record if robust is None or robust.objective == "nominal" else None
     study = replace(study, problem=replace(study.problem, robust=None))
     known, limit = _known(record)
     limit = _bound(study) if limit is None else limit
@@ -177,7 +179,7 @@ def _scored(
     limit: float | None,
     file: str | None = None,
 ) -> DrivenPath:
-    entry = result_data(score(study, trajectory, name), file)
+    entry = result_data(scored(study.problem, trajectory, name), file)
     value = entry["objective"]
 
     def share(of: float | None) -> float | None:

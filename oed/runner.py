@@ -11,31 +11,27 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
-from oed.errors import ProblemError, UserMistake
 from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table
+from oed.experiments import driven_in_physics, simulated
 from oed.files import require_writable
 from oed.path_file import read_trajectory, write_trajectory
 from oed.record import (
     FORMAT,
     Record,
     certificate_data,
-    drive_of,
     finite,
     result_data,
     save_record,
-    validation_data,
 )
-from oed.robustness import nominal_search, robustness
-from oed.solution import Solution, Status
-from oed.solvers import SOLVERS, Progress, Silent, default_workers, solve
-from oed.study import PathFile, Study, ValidationOptions, file_stem, recorded_study
+from oed.robustness import nominal_search, robustness, safe, tried
+from oed.solution import Solution, Status, scored
+from oed.solvers import SOLVERS, Progress, Silent, solve
+from oed.study import PathFile, Study, file_stem
 from oed.trajectory import Trajectory
-from oed.validation import validate
+from oed.trial import require_physics
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -66,10 +62,12 @@ def run(
     paths = own_paths(study)
     if out is not None:
         require_writable(Path(out))
+    if study.file.physics is not None:
+        require_physics()
     solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
     validation: dict[str, Any] | None = None
     certificate: Certificate | None = None
-    robust: dict[str, Any] | None = None
+    physics: dict[str, Any] | None = None
     try:
         if not interrupted:
             certificate = _certificate(study, listener)
@@ -77,8 +75,10 @@ def run(
             solutions += _baselines(
                 study, paths, best_of(solutions, study.problem.criterion), chosen, listener
             )
-            robust = robustness(study, solutions, chosen, listener)
-            validation = _validation(study, solutions, chosen, listener, workers)
+            solutions = tried(study, solutions, chosen, listener)
+            validation = simulated(study, solutions, chosen, listener, workers)
+            physics = driven_in_physics(study, solutions, chosen, listener, workers)
+            interrupted = physics is not None and physics["interrupted"]
     except KeyboardInterrupt:
         interrupted = True
     return record(
@@ -88,7 +88,7 @@ def run(
         out,
         certificate=certificate,
         validation=validation,
-        robust=robust,
+        physics=physics,
         interrupted=interrupted,
     )
 
@@ -159,12 +159,11 @@ def record(
     *,
     certificate: Certificate | None = None,
     validation: dict[str, Any] | None = None,
-    robust: dict[str, Any] | None = None,
     physics: dict[str, Any] | None = None,
     interrupted: bool = False,
 ) -> Record:
     """The record of solutions, written to `out` where given, with their trajectories."""
-    judges = criteria_of(study)
+    judges, best = criteria_of(study), best_of(safe(study, solutions), study.problem.criterion)
     results = [
         {
             **result_data(solution, _file(solution) if out is not None else None),
@@ -183,10 +182,11 @@ def record(
             "parameters": parameter_table(study.problem),
             "nuisances": nuisance_table(study.problem),
             "results": results,
-            "best": best.name if (best := best_of(solutions, study.problem.criterion)) is not None else None,
+            "best": None if best is None else best.name,
             "certificate": None if certificate is None else certified(study, certificate, solutions),
-            "robustness": robust,
+            "robustness": robustness(study, solutions, seed),
             "validation": validation,
+            "physics": physics,
             "interrupted": interrupted,
             "notes": _notes(certificate, interrupted),
             "provenance": provenance(),
@@ -235,17 +235,6 @@ def _file(solution: Solution) -> str:
     return f"{file_stem(solution.name)}.csv"
 
 
-def score(study: Study, trajectory: Trajectory, name: str) -> Solution:
-    """Any trajectory, scored by the study's problem."""
-    return Solution(
-        name=name,
-        kind="path",
-        trajectory=trajectory,
-        evaluation=evaluate(study.problem, trajectory),
-        status=Status.SCORED,
-    )
-
-
 def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
     """A certificate with its gap to the best feasible of these solutions."""
     samples = study.problem.design.samples
@@ -279,7 +268,7 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
     # The speeds that the bound's own search ended with are a candidate like any other.
     if certificate is None or certificate.drive is None:
         return []
-    return [replace(score(study, certificate.drive, LATTICE), kind=LATTICE)]
+    return [replace(scored(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
 
 
 def _baselines(
@@ -293,105 +282,14 @@ def _baselines(
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
     if length is not None and length < ON_THE_SPOT:
         length = None
-    scored: list[Solution] = []
+    found: list[Solution] = []
     for path in asked:
         if isinstance(path, PathFile):
-            scored.append(score(study, paths[path.label], path.label))
+            found.append(scored(study.problem, paths[path.label], path.label))
         else:
-            scored += baselines(study.problem, path, length=length, seed=seed)
+            found += baselines(study.problem, path, length=length, seed=seed)
         progress.advance()
-    return scored
-
-
-def _validation(
-    study: Study, solutions: list[Solution], seed: int, progress: Progress, workers: int | None
-) -> dict[str, Any] | None:
-    options = study.file.validation
-    return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
-
-
-def validation_options(
-    saved: Record,
-    *,
-    replicates: int | None = None,
-    estimators: Sequence[str] | None = None,
-    heading: str | None = None,
-) -> ValidationOptions:
-    """The simulation that a record's study asks for (or the default one), with what is given instead.
-
-    Raises:
-        UserMistake: fewer than 100 replicates.
-    """
-    given = {"replicates": replicates, "estimators": estimators, "heading": heading}
-    asked = saved.data["study"].get("validation") or {}
-    changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
-    try:
-        return ValidationOptions.model_validate(changed)
-    except ValidationError as error:
-        detail = error.errors()[0]
-        raise UserMistake(f"{detail['loc'][0]}: {detail['msg'].lower()}, got {detail['input']!r}") from None
-
-
-def validated(
-    saved: Record,
-    options: ValidationOptions,
-    *,
-    seed: int | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Record:
-    """A saved record with its drives simulated anew.
-
-    Args:
-        saved: the record.
-        options: of the simulation.
-        seed: of the noise; None for the record's.
-        workers: processes; does not change the result.
-        progress: told how far the work is.
-
-    Raises:
-        ProblemError: the measurement gives no noise to simulate with.
-    """
-    study = recorded_study(saved)
-    drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
-    solutions = [score(study, drive, name) for name, drive in drives if drive is not None]
-    chosen = saved.data["seed"] if seed is None else seed
-    outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return Record({**saved.data, "validation": outcome})
-
-
-def _simulated(
-    study: Study,
-    solutions: list[Solution],
-    options: ValidationOptions,
-    seed: int,
-    progress: Progress,
-    workers: int | None,
-) -> dict[str, Any]:
-    entries = []
-    for solution in solutions:
-        evaluation, trajectory = solution.evaluation, solution.trajectory
-        if trajectory is None or evaluation is None or not evaluation.feasible or evaluation.singular:
-            continue
-        for estimator in options.estimators or (None,):
-            try:
-                result = validate(
-                    study.problem,
-                    trajectory,
-                    replicates=options.replicates,
-                    estimator=estimator,
-                    heading=options.heading,
-                    loss=options.loss,
-                    alpha=options.alpha,
-                    seed=seed,
-                    workers=workers or default_workers(),
-                    progress=progress,
-                )
-            except ProblemError:
-                # A drive that tells too little without the prior, or without what the criterion leaves out.
-                continue
-            entries.append(validation_data(solution.name, result))
-    return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
+    return found
 
 
 def provenance() -> dict[str, Any]:

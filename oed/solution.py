@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from oed.evaluation import Evaluation
+from oed.evaluation import Evaluation, evaluate
 from oed.leaving import Leaving
+from oed.problem import Problem
 from oed.robust import Robust
 from oed.trajectory import Trajectory
 
@@ -116,4 +117,16 @@ class Solution:
     @property
     def message(self) -> str:
         """The status in words, with what is special to this search."""
-        return f"{self.status.sentence} {self.detail}".strip()
+        told = "" if self.leaving is None else self.leaving.sentence
+        return " ".join(filter(None, [self.status.sentence, self.detail, told]))
+
+
+def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
+    """Any trajectory as a solution that nobody searched for, scored by a problem."""
+    return Solution(
+        name=name,
+        kind="path",
+        trajectory=trajectory,
+        evaluation=evaluate(problem, trajectory),
+        status=Status.SCORED,
+    )

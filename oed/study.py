@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
 from oed.baselines import BaselineName, baseline_flaws
 from oed.bounds import LATTICE
-from oed.calibration import CalibrationOptions
+from oed.calibration import CalibrationOptions, alternative_flaws
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
 from oed.errors import Flaw, ProblemError, RecordError, StudyError
@@ -30,6 +30,7 @@ from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace
+from oed.trial import Trial, trial_flaws
 from oed.uncertainty import Uncertainty
 from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
@@ -121,6 +122,7 @@ class StudyFile(Component):
     validation: ValidationOptions | None = None
     log: AnyLogForm | None = None
     calibration: CalibrationOptions | None = None
+    physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
 
@@ -226,10 +228,13 @@ def _study(source: YamlSource) -> Study:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
     flaws += file.log.flaws(file.robot) if file.log is not None else []
+    if file.calibration is not None:
+        flaws += alternative_flaws(file.robot, file.calibration.models)
     try:
         file = _with_prior(file, Path(source.file).parent)
         problem = _problem(file)
         flaws += baseline_flaws(problem, file.baselines)
+        flaws += trial_flaws(problem, file.physics)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
     if flaws:
@@ -240,11 +245,18 @@ def _study(source: YamlSource) -> Study:
 
 def _with_folder(data: dict[str, Any], source: YamlSource) -> dict[str, Any]:
     # A robot of the user's own stands beside the study, or in a folder named relative to it.
-    robot = data.get("robot")
-    if not isinstance(robot, dict) or robot.get("kind") != "python":
-        return data
-    folder = Path(source.file).parent / str(robot.get("folder") or "")
-    return {**data, "robot": {**robot, "folder": str(folder.resolve())}}
+    def found(robot: Any) -> Any:
+        if not isinstance(robot, dict) or robot.get("kind") != "python":
+            return robot
+        folder = Path(source.file).parent / str(robot.get("folder") or "")
+        return {**robot, "folder": str(folder.resolve())}
+
+    placed = {**data, "robot": found(data["robot"])} if "robot" in data else data
+    for key in ("calibration", "physics"):
+        part = placed.get(key)
+        if isinstance(part, dict) and isinstance(part.get("models"), list):
+            placed = {**placed, key: {**part, "models": [found(robot) for robot in part["models"]]}}
+    return placed
 
 
 def _with_prior(file: StudyFile, folder: Path) -> StudyFile:

@@ -27,6 +27,7 @@ FLOORS: tuple[set[str], ...] = (
     {"solvers", "baselines", "bounds"},
     {"estimators"},
     {"validation", "calibration"},
+    {"trial"},
     {
         "study",
         "presets",
@@ -37,6 +38,7 @@ FLOORS: tuple[set[str], ...] = (
         "path_file",
         "runner",
         "robustness",
+        "experiments",
         "calibration_record",
         "estimation",
         "driven",
@@ -44,6 +46,7 @@ FLOORS: tuple[set[str], ...] = (
     },
     {"exporters"},
     {"report"},
+    {"physics_film"},
     {"cli", "commands", "console", "__init__", "__main__"},
 )
 """Files and folders of the package, each importing only from its own floor and those above it here."""

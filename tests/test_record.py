@@ -24,8 +24,8 @@ from oed.record import (
     save_record,
     validation_data,
 )
-from oed.runner import record, score
-from oed.solution import HistoryPoint, Solution, Start, Status
+from oed.runner import record
+from oed.solution import HistoryPoint, Solution, Start, Status, scored
 from oed.study import parse_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
@@ -38,12 +38,12 @@ def solutions() -> list[Solution]:
     """A winding drive as a search's, a straight one (singular), a fast one (infeasible), and none."""
     winding, fast = random_drive(PROBLEM, 3, 1.0), random_drive(PROBLEM, 3, 30.0)
     straight = Trajectory.from_samples(np.ones((40, 2)), 10.0, (0, 0, 0))
-    scored = score(STUDY, winding, "winding")
+    found = scored(STUDY.problem, winding, "winding")
     searched = Solution(
         name="ipopt",
         kind="ipopt",
         trajectory=winding,
-        evaluation=scored.evaluation,
+        evaluation=found.evaluation,
         status=Status.CONVERGED,
         starts=(Start(12.5, Status.CONVERGED, 0.25, 31), Start(None, Status.FAILED, 0.5, 500)),
         wall_seconds=1.5,
@@ -52,7 +52,12 @@ def solutions() -> list[Solution]:
         history=(HistoryPoint(2000, 0.5, 12.0), HistoryPoint(2100, 1.5, 12.5)),
     )
     nothing = Solution("genetic", "genetic", None, None, Status.INFEASIBLE, detail="wheel_speed is too low.")
-    return [searched, score(STUDY, straight, "straight"), score(STUDY, fast, "fast"), nothing]
+    return [
+        searched,
+        scored(STUDY.problem, straight, "straight"),
+        scored(STUDY.problem, fast, "fast"),
+        nothing,
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +239,7 @@ class TestDrive:
     @given(seed=st.integers(0, 2**32 - 1), amplitude=st.floats(1e-3, 100))
     def test_a_drive_is_kept_exactly(self, seed: int, amplitude: float):
         drive = random_drive(PROBLEM, seed, amplitude)
-        entry = json.loads(json.dumps(result_data(score(STUDY, drive, "drive"), "drive.csv")))
+        entry = json.loads(json.dumps(result_data(scored(STUDY.problem, drive, "drive"), "drive.csv")))
         again = drive_of(entry)
         for name in ("knots", "coefficients", "start"):
             np.testing.assert_array_equal(getattr(again, name), getattr(drive, name))

@@ -17,12 +17,13 @@ def _run(options: argparse.Namespace) -> int:
     from oed.bounds import LATTICE, TIME_LIMIT, bound
     from oed.console import print_certificate, print_json
     from oed.errors import Failure
-    from oed.runner import certified, score
+    from oed.runner import certified
+    from oed.solution import scored
     from oed.study import load_study
 
     study = load_study(options.study)
     certificate = bound(study.problem, time_limit=options.time_limit or TIME_LIMIT)
-    drives = [] if certificate.drive is None else [score(study, certificate.drive, LATTICE)]
+    drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
     found = certified(study, certificate, drives)
     if found is None:
         raise Failure(f"{options.study}: {certificate.method}")

@@ -29,9 +29,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_json, progress
+    from oed.experiments import validated, validation_options
     from oed.record import load_record, save_record
     from oed.report import write_report
-    from oed.runner import validated, validation_options
 
     saved = load_record(options.folder)
     chosen = validation_options(

@@ -12,7 +12,8 @@ from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_o
 
 from oed.exporters import export
 from oed.path_file import read_trajectory
-from oed.runner import record, score
+from oed.runner import record
+from oed.solution import scored
 from oed.study import Study
 
 
@@ -91,7 +92,7 @@ class TestCsv:
 
     def test_from_a_record_that_was_made_by_the_package(self, tmp_path: Path):
         study = study_of()
-        record(study, [score(study, winding(study), "mine")], 0, tmp_path)
+        record(study, [scored(study.problem, winding(study), "mine")], 0, tmp_path)
         _, rows = table(export(tmp_path, "csv", result="mine"))
         _, own = table_without_last_inputs(tmp_path / "mine.csv")
         assert rows[:-1, :3] == pytest.approx(own[:, :3], abs=1e-9)

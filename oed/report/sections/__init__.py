@@ -12,6 +12,7 @@ from oed.report.sections.deviations import deviations
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.limits import limits
 from oed.report.sections.paper import paper
+from oed.report.sections.physics import physics
 from oed.report.sections.player import player
 from oed.report.sections.provenance import provenance
 from oed.report.sections.robustness import robustness
@@ -34,6 +35,7 @@ SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     convergence,
     deviations,
     validation,
+    physics,
     provenance,
 )
 """In the order of the page; a function returns None where the record has nothing for its section."""

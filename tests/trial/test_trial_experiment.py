@@ -1,0 +1,137 @@
+"""A small trial from end to end: dead reckoning by an oracle, what is recorded, workers and interrupts."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle import advance
+from trials import STUDY, small_trial, study_of, tried
+
+from oed.errors import UserMistake
+from oed.record import Record
+from oed.runner import run
+from oed.solvers import Silent
+from oed.study import Study, parse_study, recorded_study
+from oed.trial.candidates import candidates
+from oed.trial.experiment import exact_log, prediction_errors
+from oed.trial.paths import everyday
+from oed.validation.physics import FourWheels, drive
+
+FITS = ["differential_drive", "lag", "differential_drive by two_stage"]
+DRIVES = ["optimal for differential_drive", "optimal for lag", "circle", "straight", "random"]
+
+
+def test_predictions_are_dead_reckoning_with_the_encoders():
+    study = study_of()
+    planned = everyday(study.problem, "random", 5)
+    motion = drive(FourWheels(step=0.001), planned.inputs, planned.period, start=(0.1, -0.2, 2.5))
+    model = candidates(study.problem, study.file.physics)[0]
+    fitting = model.fitting(study.file.physics.calibration, "joint")
+    right, left, track = values = np.array([0.0488, 0.0491, 0.33])
+    pose, path = motion.poses[0], [motion.poses[0]]
+    for turned, period in zip(np.diff(motion.wheel_angles, axis=0), np.diff(motion.times), strict=True):
+        ways = turned * [right, left] / period
+        pose = advance(pose, (ways.mean(), 0.0, (ways[0] - ways[1]) / track), period, "arc")
+        path.append(pose)
+    off = np.hypot(*(np.array(path) - motion.poses)[:, :2].T)
+    end, along = prediction_errors(fitting, exact_log(motion), values)
+    assert end == pytest.approx(off[-1], rel=1e-6)
+    assert along == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
+    assert end > 0.001
+
+
+def test_everything_is_recorded():
+    data = small_trial()
+    (floor,) = data["floors"]
+    assert not data["interrupted"]
+    assert [fit["name"] for fit in data["fits"]] == FITS
+    assert [entry["name"] for entry in data["planned"]] == DRIVES
+    assert [entry["model"] for entry in data["planned"]] == ["differential_drive", "lag", None, None, None]
+    assert floor["done"] == 3
+    assert len(set(floor["drawn"])) == 3
+    assert [(entry["drive"], entry["fit"]) for entry in floor["errors"]] == [
+        (drive, fit) for drive in DRIVES for fit in FITS
+    ]
+    for entry in floor["errors"]:
+        if entry["refused"] == 0:
+            assert entry["value"] == pytest.approx(np.median(entry["each"]), abs=1e-6)
+            assert entry["low"] <= entry["value"] <= entry["high"]
+            assert entry["along"] > 0
+    assert [goal["kind"] for goal in floor["goals"]] == ["error", "error", "best"]
+    assert set(floor["paths"]) == set(DRIVES)
+
+
+def test_scatter_is_that_of_the_estimates():
+    data = small_trial()
+    (floor,) = data["floors"]
+    sizes = {fit: np.array([0.049, 0.049, 0.32]) for fit in FITS}
+    sizes["lag"] = np.array([0.049, 0.049, 0.32, 0.01])
+    for entry in floor["scatter"]:
+        values = np.array(entry["each"])
+        expected = values.std(axis=0, ddof=1) / sizes[entry["fit"]]
+        np.testing.assert_allclose(entry["relative"], expected, rtol=1e-3, atol=1e-7)
+        assert entry["total"]["value"] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=1e-3)
+    # A slipping robot turns as if its wheels stood much farther apart, and a random drive tells.
+    entry = next(one for one in floor["scatter"] if (one["drive"], one["fit"]) == (DRIVES[0], FITS[0]))
+    assert 0.30 < entry["mean"][2] < 0.35
+
+
+@pytest.mark.slow
+def test_the_same_whatever_the_number_of_workers():
+    one, two = small_trial(), tried(workers=2)
+    assert _timeless(one) == _timeless(two)
+    other = tried(seed=1)
+    assert other["floors"][0]["drawn"] != one["floors"][0]["drawn"]
+
+
+def _timeless(data: dict[str, Any]) -> dict[str, Any]:
+    return {**data, "planned": [{**entry, "wall_seconds": 0} for entry in data["planned"]]}
+
+
+class Impatient(Silent):
+    """Interrupts after so many robots."""
+
+    def __init__(self, patience: int) -> None:
+        self.patience = patience
+
+    def advance(self, note: str = "") -> None:
+        """Count down."""
+        self.patience -= 1
+        if self.patience == 0:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("patience", "errors"), [(1, False), (2, True)])
+def test_an_interrupted_trial_keeps_what_was_done(patience: int, errors: bool):
+    data = tried(progress=Impatient(patience))
+    (floor,) = data["floors"]
+    assert data["interrupted"]
+    assert floor["done"] == patience
+    assert bool(floor["errors"]) == errors
+    if errors:
+        whole = small_trial()["floors"][0]["errors"]
+        firsts = [entry["each"][:2] for entry in whole]
+        assert [entry["each"] for entry in floor["errors"]] == firsts
+
+
+def test_without_the_engine_a_run_is_refused_at_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    study = parse_study(STUDY)
+    with pytest.raises(UserMistake, match=r"oed\[physics\]"):
+        run(study, workers=1)
+
+
+@pytest.mark.slow
+def test_a_study_runs_its_trial_on_the_designs_that_it_finds():
+    text = STUDY.replace("repeats: 3", "repeats: 2").replace("models:", "models: []")
+    text = "".join(line for line in text.splitlines(keepends=True) if "skid_steer_slip" not in line)
+    study: Study = parse_study(text)
+    data = run(study, workers=1).data
+    planned = data["physics"]["planned"][0]
+    best = next(one for one in data["results"] if one["kind"] == "ipopt")
+    assert planned["path_length"] == pytest.approx(best["path_length"])
+    assert planned["promised"] == pytest.approx(best["standard_deviations"])
+    assert recorded_study(Record(data)).file.physics == study.file.physics

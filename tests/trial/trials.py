@@ -1,0 +1,70 @@
+"""A small trial on a simulated robot whose drives are drawn, not searched for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any, Literal
+
+from oed.baselines import baselines
+from oed.problem import Problem
+from oed.solution import Solution
+from oed.solvers import Context, Progress, Silent, Solver
+from oed.study import Study, parse_study
+from oed.trial import run_trial
+
+STUDY = """\
+format: 1
+name: Small trial
+robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}
+trajectory: {duration: 4 s, samples: 40, spline: {degree: 3, coefficients: 8}, start: {x: 0 m, y: 0 m}}
+measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
+limits:
+  wheel_speed: 10 rad/s
+  wheel_acceleration: 20 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+criterion: {kind: D}
+solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
+physics:
+  robot: {kind: four_wheels, step: 1 ms}
+  frictions: [0.6]
+  repeats: 3
+  held_out: 2
+  models:
+    - {kind: skid_steer_slip, name: lag, wheel_radius: 4.9 cm, track: 32 cm, yaw_lag: 10 ms}
+  drives: [circle, straight, random]
+  methods: [two_stage]
+  resamples: 100
+"""
+
+
+class Drawn(Solver):
+    """A solver that does not search: a random drive, whatever the robot."""
+
+    kind: Literal["drawn"] = "drawn"
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """Of a seed of its own."""
+        return replace(baselines(problem, "random", seed=7)[0], name=self.label, kind=self.kind)
+
+
+@cache
+def study_of(text: str = STUDY) -> Study:
+    return parse_study(text)
+
+
+def tried(
+    text: str = STUDY, *, workers: int = 1, seed: int = 0, progress: Progress | None = None
+) -> dict[str, Any]:
+    """What a trial found, with drives that are drawn."""
+    study = study_of(text)
+    assert study.file.physics is not None
+    listener = progress or Silent()
+    return run_trial(
+        study.problem, study.file.physics, Drawn(), seed=seed, workers=workers, progress=listener
+    )
+
+
+@cache
+def small_trial() -> dict[str, Any]:
+    return tried()
