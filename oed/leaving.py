@@ -47,6 +47,15 @@ class Leaving:
     farthest: float
     worst: Array
 
+    @property
+    def sentence(self) -> str:
+        """The probability in words."""
+        return f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+
+    def surely_below(self, probability: float) -> bool:
+        """Whether the whole interval lies below a probability."""
+        return self.interval[1] <= probability
+
 
 def leaving(problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0) -> Leaving:
     """Simulate robots drawn from a problem's uncertainty on one drive.
@@ -137,7 +146,8 @@ def _simulated(function: ca.Function, trajectory: Trajectory, robots: Array, sta
 
 
 def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
-    model = problem.robot
+    assert problem.spread is not None
+    model = problem.spread.robot
     return [
         ca.MX.sym("inputs", samples, len(model.inputs)),
         ca.MX.sym("period"),
@@ -148,8 +158,9 @@ def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
 
 def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int) -> Drive:
     inputs, period, parameters, start = symbols
+    assert problem.spread is not None
     return roll_out(
-        problem.robot,
+        problem.spread.robot,
         problem.design.integration,
         inputs=inputs,
         start=start,

@@ -307,8 +307,13 @@ def _robust_flaws(problem: Problem) -> list[Flaw]:
     if problem.robust is None:
         return []
     if problem.spread is None:
-        text = "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior"
+        text = (
+            "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
+        )
         return [Flaw(("robust",), text)]
+    if problem.robust.objective != "nominal" and problem.spread.robot != problem.robot:
+        text = "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
+        return [Flaw(("robust", "objective"), text)]
     names = problem.spread.names
     if any(len(values) != len(names) for values in problem.robust.kept):
         return [Flaw(("robust", "kept"), f"expected {len(names)} values each ({', '.join(names)})")]

@@ -20,6 +20,7 @@ from oed.component import Component
 from oed.expression import Expression
 from oed.limits.limit import ROUNDED, Limit, PathLimit, Rows
 from oed.models.model import Model
+from oed.quantities import Ratio
 from oed.rollout import Drive
 from oed.uncertainty import Spread
 
@@ -51,7 +52,7 @@ class Robust(Component):
     """
 
     kind: Literal["chance", "tube", "scenarios"] = "chance"
-    confidence: Annotated[float, Field(ge=0.5, lt=1)] = 0.99
+    confidence: Annotated[Ratio, Field(ge=0.5, lt=1)] = 0.99
     objective: Literal["nominal", "mean", "worst"] = "nominal"
     draws: Annotated[int, Field(ge=100)] = 10_000
     beta: Annotated[float, Field(gt=0)] | None = None
@@ -101,11 +102,15 @@ def robust_rows(limits: Sequence[Limit], drive: Drive, spread: Spread, robust: R
     begin, _ = drive.ends_of(drive.poses)
     values = robust.scenarios(spread)
     others = [
-        drive.again(ca.DM(parameters), begin + ca.DM(shift))
+        drive.again(ca.DM(parameters), begin + ca.DM(shift), spread.robot)
         for parameters, shift in zip(spread.robots(values), spread.shifts(values), strict=True)
     ]
+    own = drive
+    if spread.robot != drive.model:
+        # Seen through its coefficients, a robot would not tell by itself how its other parameters move it.
+        own = drive.again(ca.DM(spread.robot.nominal), begin, spread.robot)
     return [
-        _joined([_reserved(limit, drive, spread, robust), *(limit.rows(other) for other in others)])
+        _joined([_reserved(limit, own, spread, robust), *(limit.rows(other) for other in others)])
         if isinstance(limit, PathLimit)
         else limit.rows(drive)
         for limit in limits
@@ -160,7 +165,10 @@ def _moved(
         amount = _rounded(robust.reach * (moves @ ca.DM(factor)), soft)
     else:
         widest = spread.half_widths(robust.reach)
-        each = [_rounded(moves[:, index] * float(widest[index]), soft) for index in range(len(widest))]
+        each = [
+            _rounded(moves[:, index] * float(widest[index]), soft / len(widest))
+            for index in range(len(widest))
+        ]
         amount = sum(each[1:], each[0])
     return ca.Function("moved", [point, slopes], [ca.densify(amount)])
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from oed.evaluation import evaluate
-from oed.leaving import Leaving, leaving, left, path_limits, paths
+from oed.leaving import leaving, left, path_limits, paths
 from oed.problem import Problem
 from oed.record import finite, rounded
 from oed.solution import Solution
 from oed.solvers import Progress, solve
 from oed.study import NOMINAL, Study
 
+UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -35,31 +36,47 @@ def nominal_search(study: Study, *, seed: int, workers: int | None, progress: Pr
     options = study.solvers[0].model_copy(update={"name": NOMINAL})
     plain = replace(problem, robust=None)
     found = solve(plain, options, seed=seed, workers=workers, progress=progress)
-    return [replace(found, evaluation=_scored(problem, found))]
+    detail = f"{found.detail} {UNRESERVED}".strip()
+    return [replace(found, evaluation=_scored(problem, found), detail=detail)]
 
 
 def _scored(problem: Problem, solution: Solution) -> Any:
     return None if solution.trajectory is None else evaluate(problem, solution.trajectory)
 
 
-def robustness(
-    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress
-) -> dict[str, Any] | None:
-    """A record's `robustness`; None for a study that is not robust."""
+def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    problem, robust = study.problem, study.problem.robust
+    if robust is None:
+        return list(solutions)
+    progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
+    told = []
+    for solution in solutions:
+        if solution.trajectory is not None and solution.leaving is None:
+            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            solution = replace(solution, leaving=found)
+        told.append(solution)
+        progress.advance()
+    return told
+
+
+def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
+    """Those that few enough robots leave, as far as that was tried; all if the study is not robust."""
+    robust = study.problem.robust
+    return [
+        one
+        for one in solutions
+        if robust is None or one.leaving is None or one.leaving.surely_below(1 - robust.confidence)
+    ]
+
+
+def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[str, Any] | None:
+    """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
     problem, robust = study.problem, study.problem.robust
     spread = problem.spread
     if robust is None or spread is None:
         return None
-    drives = [one for one in solutions if one.trajectory is not None and one.evaluation is not None]
-    progress.begin(f"simulate {robust.draws} robots on every drive", len(drives))
-    entries = []
-    for solution in drives:
-        assert solution.trajectory is not None
-        found = solution.leaving
-        if found is None:
-            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
-        entries.append(_entry(solution, found))
-        progress.advance()
+    drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
     return {
         "kind": robust.kind,
         "confidence": robust.confidence,
@@ -84,14 +101,15 @@ def robustness(
                 strict=True,
             )
         ],
-        "results": entries,
+        "results": [_entry(solution) for solution in drives],
         "bundles": _bundles(problem, drives, seed),
     }
 
 
-def _entry(solution: Solution, found: Leaving) -> dict[str, Any]:
-    evaluation = solution.evaluation
+def _entry(solution: Solution) -> dict[str, Any]:
+    evaluation, found = solution.evaluation, solution.leaving
     assert evaluation is not None
+    assert found is not None
     return {
         "name": solution.name,
         "probability": found.probability,

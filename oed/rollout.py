@@ -122,12 +122,12 @@ class Drive:
             parts.append(ca.horzcat(known, inner)[:, wide])
         return ca.horzcat(*parts)
 
-    def again(self, parameters: Expression, start: Expression) -> Drive:
+    def again(self, parameters: Expression, start: Expression, model: Model | None = None) -> Drive:
         """The drive that the same inputs give a robot with other parameters (p,) from other starts
-        (runs, states).
+        (runs, states), or another model of it.
         """
         return roll_out(
-            self.model,
+            model or self.model,
             self.integration,
             inputs=self.inputs,
             start=start,

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from oed.component import Component
 from oed.errors import Flaw
-from oed.models.coefficient_robot import CoefficientRobot, coefficient_values
+from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import Model
 from oed.prior import Prior
 from oed.quantities import parse_quantity
@@ -56,27 +56,32 @@ class Uncertainty(Component):
         base = _base(tuple(self.within), model, robot)
         units = _units(base)
         flaws = []
-        for name in self.within:
-            key = ("uncertainty", name)
-            if name not in units:
-                text = f"expected one of {', '.join(units)} (of the start pose the last three), got {name!r}"
+        for given in self.within:
+            key = ("uncertainty", given)
+            names = _long_names(given, base)
+            if names[0] not in units:
+                text = f"expected one of {', '.join(units)} (of the start pose the last three), got {given!r}"
                 flaws.append(Flaw(key, text))
                 continue
-            try:
-                self._range(name, _nominal(base)[name], units[name])
-            except ValueError as error:
-                flaws.append(Flaw(key, str(error)))
+            for name in names[:1]:
+                try:
+                    ends = self._range(given, _nominal(base)[name], units[name])
+                    _require_robots(base, name, ends)
+                except ValueError as error:
+                    flaws.append(Flaw(key, str(error)))
         return flaws
 
-    def ranges(self, base: Model) -> tuple[Array, Array]:
+    def ranges(self, base: Model) -> dict[str, tuple[float, float]]:
         """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""
         nominal, units = _nominal(base), _units(base)
-        pairs = [self._range(name, nominal[name], units[name]) for name in self.within]
-        low, high = np.array(pairs).T
-        return low, high
+        return {
+            name: self._range(given, nominal[name], units[name])
+            for given in self.within
+            for name in _long_names(given, base)
+        }
 
-    def _range(self, name: str, nominal: float, unit: str) -> tuple[float, float]:
-        given = self.within[name]
+    def _range(self, key: str, nominal: float, unit: str) -> tuple[float, float]:
+        given = self.within[key]
         if isinstance(given, tuple):
             if self.distribution == "normal":
                 raise ValueError(f"expected a standard deviation, got the range {list(given)}")
@@ -106,8 +111,7 @@ class Spread:
         low, high: ends of their ranges, (q,); of normal ones a standard deviation away.
         covariance: second moments about the nominal values, (q, q).
         uniform: whether each lies within its range for certain, (q,).
-        base: robot that has the uncertain parameters.
-        robot: robot that the problem estimates: the base, or the same seen through its coefficients.
+        robot: that has the uncertain parameters.
         runs: of a drive.
         parameters: how many of the quantities are parameters.
     """
@@ -119,7 +123,6 @@ class Spread:
     high: Array
     covariance: Array
     uniform: npt.NDArray[np.bool_]
-    base: Model
     robot: Model
     runs: int
     parameters: int
@@ -131,10 +134,11 @@ class Spread:
 
     def draws(self, count: int, seed: int) -> Array:
         """Random values (count, q)."""
-        rng = np.random.default_rng([seed, STREAM])
-        values = rng.uniform(self.low, self.high, (count, len(self.names)))
+        # From streams of their own, so that fewer draws are the first of more.
+        flat, bell = (np.random.default_rng([seed, STREAM, kind]) for kind in (0, 1))
+        values = flat.uniform(self.low, self.high, (count, len(self.names)))
         factor, normal = np.linalg.cholesky(self.covariance), ~self.uniform
-        errors = rng.standard_normal((count, len(self.names))) @ factor.T
+        errors = bell.standard_normal((count, len(self.names))) @ factor.T
         values[:, normal] = (self.nominal + errors)[:, normal]
         return np.asarray(values)
 
@@ -166,13 +170,11 @@ class Spread:
         return np.asarray(self.nominal + np.sqrt(size) * _both_ways(size) @ _axes(self.covariance).T)
 
     def robots(self, values: Array) -> Array:
-        """Parameters of the problem's robot (K, p) for values (K, q)."""
-        known = [parameter.name for parameter in self.base.parameters]
-        table = np.tile(np.array(self.base.nominal), (len(values), 1))
+        """Parameters of the robot (K, p) for values (K, q)."""
+        known = [parameter.name for parameter in self.robot.parameters]
+        table = np.tile(np.array(self.robot.nominal), (len(values), 1))
         table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
-        if self.base is self.robot:
-            return table
-        return np.array([coefficient_values(self.base, row)[1] for row in table])
+        return table
 
     def shifts(self, values: Array) -> Array:
         """What start states are off by (K, runs, states) for values (K, q)."""
@@ -191,14 +193,12 @@ class Spread:
 
     @property
     def parameter_slopes(self) -> Array:
-        """Derivatives (p, q) of the problem's robot's parameters by the quantities."""
-        known = [parameter.name for parameter in self.base.parameters]
+        """Derivatives (p, q) of the robot's parameters by the quantities."""
+        known = [parameter.name for parameter in self.robot.parameters]
         chosen = np.zeros((len(known), len(self.names)))
         for column, name in enumerate(self.names[: self.parameters]):
             chosen[known.index(name), column] = 1.0
-        if self.base is self.robot:
-            return chosen
-        return np.asarray(coefficient_values(self.base, np.array(self.base.nominal))[2] @ chosen)
+        return chosen
 
     def start_slopes(self, run: int) -> Array:
         """Derivatives (states, q) of a run's start state by the quantities."""
@@ -209,25 +209,26 @@ class Spread:
         return slopes
 
 
-def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model, runs: int) -> Spread:
+def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model, runs: int) -> Spread | None:
     """The quantities that an uncertainty names, and those that only a prior says something about.
 
-    `robot` is the problem's, which may be seen through its coefficients.
+    `robot` is the problem's, which may be seen through its coefficients. None where nothing is said of it.
     """
     model = robot.base if isinstance(robot, CoefficientRobot) else robot
-    named = tuple(uncertainty.within) if uncertainty is not None else ()
-    base = _base((*named, *(prior.names if prior is not None else ())), model, robot)
+    given = tuple(uncertainty.within) if uncertainty is not None else ()
+    base = _base((*given, *(prior.names if prior is not None else ())), model, robot)
     units, nominal = _units(base), _nominal(base)
-    low, high = dict[str, float](), dict[str, float]()
-    if uncertainty is not None:
-        for name, start, end in zip(named, *uncertainty.ranges(base), strict=True):
-            low[name], high[name] = float(start), float(end)
+    ranges = uncertainty.ranges(base) if uncertainty is not None else {}
+    named = tuple(ranges)
+    low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     known, covariance = _of_prior(prior, base, named)
     for name, square in zip(known, np.diag(covariance), strict=True):
         low[name], high[name] = nominal[name] - square**0.5, nominal[name] + square**0.5
     own = [parameter.name for parameter in base.parameters if parameter.name in low]
     poses = [name for name in START if name in low]
     every = [*own, *poses * runs]
+    if not every:
+        return None
     ends, middle = np.array([[low[name], high[name]] for name in every]), [nominal[name] for name in every]
     flat = uncertainty is not None and uncertainty.distribution == "uniform"
     uniform = np.array([flat and name in named for name in every])
@@ -243,8 +244,7 @@ def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model
         high=ends[:, 1],
         covariance=moments,
         uniform=uniform,
-        base=base,
-        robot=robot,
+        robot=base,
         runs=runs,
         parameters=len(own),
     )
@@ -282,6 +282,23 @@ def _nominal(base: Model) -> Mapping[str, float]:
         **{parameter.name: parameter.nominal for parameter in base.parameters},
         **dict.fromkeys(START, 0.0),
     }
+
+
+def _long_names(name: str, base: Model) -> tuple[str, ...]:
+    # What a key that stands for both sides stands for.
+    sides = (f"{name}_right", f"{name}_left")
+    both = name in base.short_forms and set(sides) <= {parameter.name for parameter in base.parameters}
+    return sides if both else (name,)
+
+
+def _require_robots(base: Model, name: str, ends: Sequence[float]) -> None:
+    if isinstance(base, CoefficientRobot) or name in START:
+        return
+    for end in ends:
+        try:
+            base.with_values({name: end})
+        except ValueError:
+            raise ValueError(f"a robot whose {name} is {end:g} cannot be: narrow the range") from None
 
 
 def _both_ways(size: int) -> Array:

@@ -1,4 +1,4 @@
-"""A skid-steer robot from its first drive to a robust one: both stay in the room that physics drives them in."""
+"""A skid-steer robot from its first drive to a robust one: simulated physics stays in the room on both."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_the_pilot_stays_in_the_room_and_the_next_drive_knows_the_track(tmp_path
     log = write_log(tmp_path / "pilot.csv", motion, np.random.default_rng(0))
     found = next_drive(pilot, [log], duration=16.0, workers=1)
     track = found.estimate.values["track"]
-    # Skidding widens it: rigid wheels on Coulomb friction by 1 + (16/18)^2, here on the way through turns too.
+    # Skidding widens it; in a spin of rigid wheels with dry friction by 1 + (16/18)^2.
     assert 1.4 < track / WHEELS_APART < 2.4
     assert found.study is not None
     assert found.record is not None

@@ -16,6 +16,7 @@ ROUNDS = 12
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
+UNTRIED = "It was not tried with other robots."
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
@@ -33,57 +34,79 @@ class _Assured:
         self.problem, self.context = problem, context
         self.robust: Robust = problem.robust
         self.solutions: list[Solution] = []
-        self.found: Leaving | None = None
+        self.simulations = 0
 
     def run(self, options: Solver) -> Solution:
-        careful, context = self.robust, self.context
-        for index in range(ROUNDS):
-            solution = options.search(replace(self.problem, robust=careful), context)
-            self.solutions.append(solution)
+        careful, quick, context = self.robust, options, self.context
+        last: Leaving | None = None
+        for _ in range(ROUNDS):
+            solution = self._searched(quick, careful, context)
             if solution.trajectory is None:
-                return self._without_design(solution)
-            self.found = self._simulated(solution, index)
-            if self.found.interval[1] <= 1 - careful.confidence or solution.status is Status.INTERRUPTED:
-                return self._told(solution, careful)
-            careful = careful.safer(self.found.worst)
-            options = options.again()
-            context = replace(context, earlier={**context.earlier, solution.name: solution})
-        return self._without_design(replace(solution, status=Status.FAILED))
+                return self._without_design(solution, last)
+            last = solution.leaving
+            if self._enough(solution):
+                return self._searched_well(options, solution, careful)
+            if solution.status is Status.INTERRUPTED or solution.leaving is None:
+                return self._told(solution)
+            careful, quick = careful.safer(solution.leaving.worst), options.again()
+            context = self._knowing(solution)
+        return self._without_design(replace(solution, status=Status.FAILED), last)
 
-    def _simulated(self, solution: Solution, index: int) -> Leaving:
+    def _searched_well(self, options: Solver, solution: Solution, careful: Robust) -> Solution:
+        # How careful to be was found with quick searches: now a whole one, from the best of them.
+        if len(self.solutions) == 1:
+            return self._told(solution)
+        again = self._searched(options.again(quick=False), careful, self._knowing(solution))
+        if self._enough(again) and _objective(again) > _objective(solution):
+            return self._told(again)
+        return self._told(solution)
+
+    def _searched(self, options: Solver, careful: Robust, context: Context) -> Solution:
+        solution = options.search(replace(self.problem, robust=careful), context)
+        self.solutions.append(solution)
+        if solution.trajectory is None:
+            return solution
+        # Scored by the problem as it was given, whatever more was kept in reserve.
+        scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=careful)
+        try:
+            return replace(scored, leaving=self._simulated(scored))
+        except KeyboardInterrupt:
+            detail = f"{solution.detail} {UNTRIED}".strip()
+            return replace(scored, status=Status.INTERRUPTED, detail=detail)
+
+    def _simulated(self, solution: Solution) -> Leaving:
         # With draws of its own each time, lest the drive suit the draws that it is judged by.
         assert solution.trajectory is not None
         self.context.progress.begin(f"simulate {self.robust.draws} robots", 1)
-        seed = self.context.seed + index
+        seed = self.context.seed + self.simulations
+        self.simulations += 1
         found = leaving(self.problem, solution.trajectory, draws=self.robust.draws, seed=seed)
         self.context.progress.advance(f"{found.probability:.2%} leave")
         return found
 
-    def _told(self, solution: Solution, careful: Robust) -> Solution:
-        # Scored by the problem as it was given, whatever more was kept in reserve.
-        assert solution.trajectory is not None
-        return self._whole(
-            replace(
-                solution,
-                evaluation=evaluate(self.problem, solution.trajectory),
-                leaving=self.found,
-                robust=careful,
-            )
-        )
+    def _enough(self, solution: Solution) -> bool:
+        return solution.leaving is not None and solution.leaving.surely_below(1 - self.robust.confidence)
 
-    def _without_design(self, solution: Solution) -> Solution:
+    def _knowing(self, solution: Solution) -> Context:
+        return replace(self.context, earlier={**self.context.earlier, solution.name: solution})
+
+    def _without_design(self, solution: Solution, last: Leaving | None) -> Solution:
         detail = solution.detail
-        if self.found is not None:
+        if last is not None:
             detail = (
-                f"{self.found.probability:.2%} of {self.found.draws} robots left the limits on the best "
-                f"drive so far, more than {1 - self.robust.confidence:.2%}. {detail}"
+                f"{last.probability:.2%} of {last.draws} robots left the limits on the best drive so far, "
+                f"more than {1 - self.robust.confidence:.2%}. {detail}"
             )
         detail = f"{detail} {NARROWER}".strip()
-        return self._whole(replace(solution, trajectory=None, evaluation=None, detail=detail))
+        return self._told(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
 
-    def _whole(self, solution: Solution) -> Solution:
+    def _told(self, solution: Solution) -> Solution:
         return replace(
             solution,
             starts=tuple(start for one in self.solutions for start in one.starts),
             wall_seconds=sum(one.wall_seconds for one in self.solutions),
         )
+
+
+def _objective(solution: Solution) -> float:
+    return float("-inf") if solution.evaluation is None else solution.evaluation.objective

@@ -60,9 +60,10 @@ class Ipopt(Solver):
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
 
-    def again(self) -> Ipopt:
-        """One search from the earlier design."""
-        return self.model_copy(update={"starts": 1, "perturbations": 0, "start_from": self.label})
+    def again(self, *, quick: bool = True) -> Ipopt:
+        """From the earlier design, alone or in the place of the first start."""
+        fewer = {"starts": 1, "perturbations": 0} if quick else {}
+        return self.model_copy(update={**fewer, "start_from": self.label})
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """The best design of all starts; interrupted, the best so far."""

@@ -58,9 +58,9 @@ class Solver(Component, ABC):
         """The result's name."""
         return self.name or self.kind
 
-    def again(self) -> Solver:
-        """The options to search with once more, where an earlier solution of the same name is a good start;
-        the same ones by default.
+    def again(self, *, quick: bool = True) -> Solver:
+        """The options to search with once more, where an earlier solution of the same name is a good start:
+        from that alone if `quick`. The same ones by default.
         """
         return self
 

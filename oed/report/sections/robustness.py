@@ -21,7 +21,7 @@ Entry = Mapping[str, Any]
 NOMINAL = "nominal"
 """Name of the result of the search that kept nothing in reserve."""
 KINDS = {
-    "chance": "every limit on the path is kept with so many standard deviations of its distance in reserve",
+    "chance": "every limit on the path is kept with some standard deviations of its distance in reserve",
     "tube": "every limit on the path is kept with the farthest in reserve that its distance moves, to first "
     "order, within all ranges together",
     "scenarios": "every limit on the path is kept by the robots at the corners of the ranges as well",
@@ -38,7 +38,7 @@ def robustness(record: Record) -> Section | None:
     data = record.data.get("robustness")
     if not data or not data["results"]:
         return None
-    sentences = [_uncertain(data), _verdict(data), *filter(None, [_cost(record, data)])]
+    sentences = filter(None, [_uncertain(data), _ends(record), _verdict(data), _cost(record, data)])
     return Section(
         "Robots other than the nominal one",
         paragraphs=tuple(sentences),
@@ -51,20 +51,35 @@ def _uncertain(data: Entry) -> str:
     ranges = listing([_range(entry) for entry in data["uncertain"]])
     return (
         f"The robot may differ: {ranges}. So {KINDS[data['kind']]}, and a drive counts only if at most "
-        f"{1 - data['confidence']:.2g} of simulated robots, all given the same commands, leave any of these "
+        f"{_percent(1 - data['confidence'])} of simulated robots, all given the same commands, leave any of these "
         f"limits ({listing([words(name) for name in data['limits']])}) at any time."
         f"{OBJECTIVES[data['objective']]}"
     )
+
+
+def _ends(record: Record) -> str:
+    # Where every robot ends cannot be asked for: nothing corrects it on its way.
+    given = record.data["study"]["limits"]
+    ends = [words(name) for name in ("end_position", "end_heading") if given.get(name)]
+    return f"The {listing(ends)} asked for is that of the nominal robot." if ends else ""
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
+def _amount(value: float, unit: str) -> str:
+    return given_text(value, unit) if unit else f"{value:.3g}"
 
 
 def _range(entry: Entry) -> str:
     name, unit = words(entry["name"]), entry["unit"]
     below, above = entry["nominal"] - entry["low"], entry["high"] - entry["nominal"]
     if abs(above - below) > 1e-9 * (above + below):
-        return f"{name} {given_text(entry['low'], unit)} to {given_text(entry['high'], unit)}"
+        return f"{name} {_amount(entry['low'], unit)} to {_amount(entry['high'], unit)}"
     share = f" ({100 * above / abs(entry['nominal']):.3g} % of nominal)" if entry["nominal"] else ""
     spread = "" if entry["uniform"] else " (standard deviation)"
-    return f"{name} ± {given_text(above, unit)}{share}{spread}"
+    return f"{name} ± {_amount(above, unit)}{share}{spread}"
 
 
 def _verdict(data: Entry) -> str:
@@ -95,8 +110,8 @@ def _cost(record: Record, data: Entry) -> str:
         return ""
     return (
         f"What it costs: {best['name']} is worth {share:.1%} of {NOMINAL}, the design found with nothing in "
-        f"reserve, which {plain['probability']:.1%} of the robots would drive beyond the limits, by up to "
-        f"{plain['farthest']:.0%} of their size."
+        f"reserve. On that one {plain['probability']:.1%} of the robots leave the limits; the worst is beyond "
+        f"by {plain['farthest']:.2g} times the limit's size."
     )
 
 
@@ -147,11 +162,18 @@ def _bundle(record: Record, data: Entry, bundle: Entry) -> Bundle:
     for runs, leaves in zip(bundle["paths"], bundle["leaves"], strict=True):
         (outside if leaves else inside).extend(np.array(path) for path in runs)
     return Bundle(
-        f"{bundle['name']}: {quantity(100 * entry['probability'], '%', 2)} leave",
+        f"{bundle['name']}: {_share(entry)} leave",
         tuple(inside),
         tuple(outside),
         tuple(poses[:, :2] for poses in poses_of(result)),
     )
+
+
+def _share(entry: Entry) -> str:
+    # None of so many is no proof that there is none.
+    if not entry["probability"]:
+        return f"less than {quantity(100 * entry['interval'][1], '%', 1)}"
+    return quantity(100 * entry["probability"], "%", 2)
 
 
 def _draw(cases: Sequence[Bundle], room: Room) -> Any:

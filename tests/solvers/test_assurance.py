@@ -1,0 +1,251 @@
+"""A robust search is not done before enough simulated robots keep the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, SPEED, make_problem
+from pydantic import Field
+
+from oed.criteria import D, E
+from oed.evaluation import evaluate
+from oed.leaving import leaving, left
+from oed.limits import Rectangle
+from oed.measurements import Poses
+from oed.problem import Problem
+from oed.robust import ADDED, SAFER, Robust
+from oed.solution import Solution, Status
+from oed.solvers import Genetic, Ipopt, solve
+from oed.solvers.assurance import NARROWER, ROUNDS
+from oed.solvers.solver import Context, Solver
+from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.uncertainty import Uncertainty
+
+RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
+ROOM = Rectangle(x=(-0.4, 0.4), y=(-0.4, 0.4))
+QUICK = Ipopt(starts=1, perturbations=0, second_stage="none")
+DRAWS, CONFIDENCE, BETA = 300, 0.97, 1.2
+SCALES = np.linspace(1.0, 0.4, 31)
+
+
+def problem_of(robust: Robust | None, within: Any = RADII, **parts: Any) -> Problem:
+    given = {
+        "design": DesignSpace(duration=6, samples=12, spline=Spline(coefficients=6)),
+        "measurement": Poses(noise={"position": 0.01, "heading": 0.02}),
+        "criterion": E(scaling="relative"),
+        "limits": (SPEED, ACCELERATION, ROOM),
+        "uncertainty": Uncertainty.model_validate(within),
+        "robust": robust,
+    }
+    return make_problem(**{**given, **parts})
+
+
+def careful(**options: Any) -> Robust:
+    return Robust(**{"draws": DRAWS, "confidence": CONFIDENCE, "beta": BETA, **options})
+
+
+class Larger(Solver):
+    """One drive, as fast as it keeps the limits: `asked` are the problems that it was searched for.
+
+    With `stubborn` it is always the fastest; with `status` it says that it ended so.
+    """
+
+    asked: ClassVar[list[tuple[Problem, Context]]] = []
+    kind: Literal["larger"] = "larger"
+    stubborn: bool = False
+    finds: bool = True
+    status: Status = Field(default=Status.CONVERGED)
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """The fastest."""
+        self.asked.append((problem, context))
+        drives = (self.drive(problem, scale) for scale in SCALES if self.finds)
+        kept = (one for one in drives if self.stubborn or evaluate(problem, one).feasible)
+        best = next(kept, None)
+        scored = None if best is None else evaluate(problem, best)
+        status = Status.FAILED if best is None else self.status
+        return Solution(self.label, self.kind, best, scored, status, seed=context.seed, wall_seconds=1.0)
+
+    def drive(self, problem: Problem, scale: float) -> Trajectory:
+        table = np.zeros((problem.design.all_coefficients, 2))
+        table[1:-1] = scale * np.array([4.0, 3.0])
+        return problem.design.trajectory(table, problem.fixed_starts)
+
+
+@pytest.fixture(autouse=True)
+def nothing_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Larger, "asked", [])
+
+
+def enough(problem: Problem, solution: Solution) -> bool:
+    return solution.leaving.interval[1] <= 1 - problem.robust.confidence
+
+
+@pytest.fixture(scope="module")
+def raised() -> tuple[Problem, Solution, list[tuple[Problem, Context]]]:
+    problem = problem_of(careful())
+    Larger.asked.clear()
+    solution = solve(problem, Larger(name="mine"), seed=3, workers=1)
+    return problem, solution, list(Larger.asked)
+
+
+class TestRaised:
+    def test_too_small_a_reserve_is_raised(self, raised):
+        problem, solution, asked = raised
+        # The last one is a whole search with the reserve that was found to be enough.
+        expected = BETA * SAFER ** np.append(np.arange(len(asked) - 1), len(asked) - 2)
+        assert len(asked) > 2
+        assert enough(problem, solution)
+        assert [one.robust.reach for one, _ in asked] == pytest.approx(expected)
+        assert solution.robust.reach == asked[-1][0].robust.reach
+
+    def test_no_more_than_needed(self, raised):
+        _, _, asked = raised
+        # The drive before the first that few enough left was left by too many.
+        index = len(asked) - 3
+        before = Larger().search(asked[index][0], Context(seed=3))
+        found = leaving(asked[0][0], before.trajectory, draws=DRAWS, seed=3 + index)
+        assert found.interval[1] > 1 - CONFIDENCE
+
+    def test_what_is_told_is_of_the_drive(self, raised):
+        problem, solution, asked = raised
+        again = leaving(problem, solution.trajectory, draws=DRAWS, seed=solution.leaving.seed)
+        assert again.probability == solution.leaving.probability
+        assert solution.evaluation.margins == evaluate(problem, solution.trajectory).margins
+        assert solution.evaluation.feasible
+        assert solution.wall_seconds == len(asked)
+
+    def test_every_drive_is_judged_by_draws_of_its_own(self, raised):
+        _, solution, asked = raised
+        # The whole search at the end has found nothing better.
+        assert solution.leaving.seed == 3 + len(asked) - 2
+
+    def test_the_design_before_is_known_to_the_next_search(self, raised):
+        _, _, asked = raised
+        known = [context.earlier for _, context in asked]
+        assert known[0] == {}
+        assert all(list(one) == ["mine"] for one in known[1:])
+
+    @pytest.mark.parametrize("kind", ["tube", pytest.param("scenarios", marks=pytest.mark.slow)])
+    def test_the_worst_robots_are_added(self, kind: str):
+        normal = {**RADII, "distribution": "normal"}
+        problem = problem_of(careful(kind=kind), normal)
+        solution = solve(problem, Larger(), seed=3, workers=1)
+        kept = solution.robust.kept
+        assert len(Larger.asked) > 1
+        assert 0 < len(kept) <= ADDED * (len(Larger.asked) - 2)
+        assert enough(problem, solution)
+        assert not left(problem, solution.trajectory, np.array(kept)).any()
+        assert solution.robust.reach == pytest.approx(BETA)
+
+    def test_enough_at_once_is_enough(self):
+        problem = problem_of(careful(beta=4.0))
+        solution = solve(problem, Larger(), workers=1)
+        assert len(Larger.asked) == 1
+        assert solution.robust == problem.robust
+
+    @pytest.mark.slow
+    def test_a_search_by_another_criterion_is_made_sure_of_too(self):
+        problem = problem_of(careful())
+        solution = solve(problem, Larger(criterion=D(scaling="relative")), seed=3, workers=1)
+        assert enough(problem, solution)
+        assert solution.criterion == "D"
+        assert solution.evaluation.objective == evaluate(problem, solution.trajectory).objective
+
+    def test_a_problem_that_is_not_robust_is_searched_once(self):
+        solution = solve(problem_of(None), Larger(), workers=1)
+        assert len(Larger.asked) == 1
+        assert (solution.leaving, solution.robust) == (None, None)
+
+
+class TestGivenUp:
+    def test_after_so_many_searches(self):
+        solution = solve(problem_of(careful()), Larger(stubborn=True), workers=1)
+        assert len(Larger.asked) == ROUNDS
+        assert solution.status is Status.FAILED
+        assert (solution.trajectory, solution.evaluation) == (None, None)
+        assert "of 300 robots left the limits on the best drive so far, more than 3.00%" in solution.message
+        assert NARROWER in solution.message
+
+    def test_where_nothing_is_found_it_is_said_what_to_do(self):
+        solution = solve(problem_of(careful()), Larger(finds=False), workers=1)
+        assert len(Larger.asked) == 1
+        assert solution.trajectory is None
+        assert "robots left" not in solution.message
+        assert "a short drive that stays well inside would narrow it" in solution.message
+
+    @pytest.mark.slow
+    def test_a_room_too_small_is_named(self):
+        tiny = Rectangle(x=(-0.01, 0.01), y=(-0.01, 0.01))
+        problem = problem_of(careful(beta=None), {"x": "3 cm"}, limits=(SPEED, ACCELERATION, tiny))
+        solution = solve(problem, QUICK, workers=1)
+        assert solution.status is Status.INFEASIBLE
+        assert solution.trajectory is None
+        assert "workspace" in solution.message
+        assert NARROWER in solution.message
+
+
+class TestInterrupted:
+    def test_the_best_so_far_is_told_with_how_many_leave(self):
+        solution = solve(problem_of(careful()), Larger(status=Status.INTERRUPTED), workers=1)
+        assert len(Larger.asked) == 1
+        assert solution.status is Status.INTERRUPTED
+        assert solution.trajectory is not None
+        assert solution.leaving.interval[1] > 1 - CONFIDENCE
+
+
+@cache
+def designed(workers: int = 1, **options: Any) -> tuple[Problem, Solution]:
+    problem = problem_of(careful(**{"beta": None, **options}))
+    return problem, solve(problem, QUICK, seed=1, workers=workers)
+
+
+@pytest.mark.slow
+class TestSearches:
+    @pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
+    def test_designs_are_kept_by_enough_robots(self, kind: str):
+        problem, solution = designed(kind=kind)
+        assert enough(problem, solution)
+        fresh = leaving(problem, solution.trajectory, draws=3000, seed=77)
+        assert fresh.probability <= 1 - CONFIDENCE
+        assert solution.evaluation.feasible
+
+    def test_the_nominal_design_is_not(self):
+        problem, solution = designed()
+        plain = solve(replace(problem, robust=None), QUICK, seed=1, workers=1)
+        assert leaving(problem, plain.trajectory, draws=500).probability > 0.3
+        assert plain.evaluation.objective > solution.evaluation.objective
+
+    @pytest.mark.parametrize("objective", ["mean", "worst"])
+    def test_what_is_reached_is_what_evaluate_says(self, objective: str):
+        problem, solution = designed(objective=objective)
+        assert solution.evaluation.objective == evaluate(problem, solution.trajectory).objective
+        best = max(start.objective for start in solution.starts if start.objective)
+        assert solution.evaluation.objective == pytest.approx(best, rel=1e-6)
+
+    def test_the_worst_case_of_the_worst_cases_design_is_best(self):
+        problem, plain = designed()
+        judged = replace(problem, robust=careful(beta=None, objective="worst"))
+        options = QUICK.model_copy(update={"start_from": "ipopt"})
+        cautious = solve(judged, options, seed=1, workers=1, earlier={"ipopt": plain})
+        before = evaluate(judged, plain.trajectory).objective
+        assert before < cautious.evaluation.objective < plain.evaluation.objective
+
+    def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("oed.solvers.ipopt.POOL_SECONDS", 0.0)
+        problem = problem_of(careful(beta=2.0))
+        one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
+        np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
+        assert one.leaving.probability == two.leaving.probability
+        assert one.robust == two.robust
+
+    def test_genetic_searches_are_made_sure_of_too(self):
+        problem = problem_of(careful())
+        solution = solve(problem, Genetic(population=30, generations=15), seed=1, workers=1)
+        assert enough(problem, solution)
+        assert solution.evaluation.feasible
+        assert solution.robust.reach > BETA

@@ -1,0 +1,237 @@
+"""How many robots leave their limits: against scoring them one by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, RADIUS, SPEED, TRACK, make_problem, random_drive
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from oed.criteria import E
+from oed.evaluation import TOLERANCE, evaluate
+from oed.leaving import Leaving, leaving, left, path_limits, paths
+from oed.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
+from oed.measurements import Poses
+from oed.models import TractorTrailer
+from oed.problem import Problem
+from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.uncertainty import Uncertainty
+
+RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
+RADII = {RIGHT: "5 %", LEFT: "5 %", "track": "5 %"}
+SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})
+COUNT = 20
+FEW = 12
+"""Robots of the tests that are not slow."""
+
+
+def problem_of(*limits: Any, within: dict[str, Any] = RADII, **parts: Any) -> Problem:
+    runs = parts.pop("runs", 1)
+    space = DesignSpace(duration=6, samples=12, spline=Spline(coefficients=8), runs=runs)
+    given = {
+        "design": space,
+        "measurement": SENSOR,
+        "criterion": E(scaling="relative"),
+        "limits": (SPEED, ACCELERATION, *limits),
+        "uncertainty": Uncertainty(within=within),
+    }
+    return make_problem(**{**given, **parts})
+
+
+def farthest(within: dict[str, Any] = RADII, seed: int = 2, **parts: Any) -> tuple[Trajectory, np.ndarray]:
+    """A drive, and how far its nominal path goes along x and y."""
+    problem = problem_of(within=within, **parts)
+    drive = random_drive(problem, seed, 7.0)
+    return drive, np.abs(evaluate(problem, drive).path[:, :2]).max(axis=0)
+
+
+def boxed(share: float = 1.01, **parts: Any) -> tuple[Problem, Trajectory]:
+    """A room that is larger than the nominal path by a share, and another limit that it touches."""
+    drive, (x, y) = farthest(**parts)
+    room = Rectangle(x=(-share * x, share * x), y=(-2 * y, 2 * y))
+    tip = evaluate(problem_of(**parts), drive).path[-1]
+    column = {"kind": "circle", "x": tip[0] + 0.3, "y": tip[1], "radius": 0.3 - 0.005}
+    return problem_of(room, Obstacles(shapes=[column]), PathLength(bounds=1000), **parts), drive
+
+
+def bulging() -> tuple[Problem, Trajectory]:
+    """A room that a circle's top leaves between two samples: the nominal robot's just does not."""
+    plain = problem_of()
+    coefficients = np.zeros((8, 2))
+    coefficients[1:-1] = 7.4, 3.7
+    drive = plain.design.trajectory(coefficients, plain.fixed_starts)
+    top = evaluate(plain, drive).path[:, 1].max()
+    return problem_of(Rectangle(x=(-3, 3), y=(-top, top))), drive
+
+
+def rounded(share: float = 1.01) -> tuple[Problem, Trajectory]:
+    drive, _ = farthest()
+    reach = np.hypot(*evaluate(problem_of(), drive).path[:, :2].T).max()
+    return problem_of(Circle(radius=share * reach)), drive
+
+
+def trailing() -> tuple[Problem, Trajectory]:
+    robot = TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=0.1, trailer_length=0.4)
+    within = {RIGHT: "5 %", "trailer_length": "10 %"}
+    drive, _ = farthest(within=within, model=robot)
+    largest = np.abs(evaluate(problem_of(within=within, model=robot), drive).path[:, 3]).max()
+    return problem_of(TrailerAngle(bounds=(-largest, largest)), within=within, model=robot), drive
+
+
+def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
+    """The problem of a robot with other values of what is uncertain, and the drive from where that begins."""
+    spread = problem.spread
+    own = dict(zip(spread.names[: spread.parameters], map(float, values), strict=False))
+    starts = drive.starts + spread.shifts(values[None])[0]
+    begun = replace(drive, start=starts if drive.runs > 1 else starts[0])
+    return replace(problem, model=problem.model.with_values(own), uncertainty=None), begun
+
+
+def excesses(problem: Problem, drive: Trajectory, values: np.ndarray) -> np.ndarray:
+    """How far each robot exceeds each limit on its path, as shares of their sizes, by `evaluate`."""
+    names = [limit.name for limit in path_limits(problem)]
+    table = []
+    for row in values:
+        margins = {one.name: one for one in evaluate(*other(problem, drive, row)).margins}
+        table.append([-margins[name].margin / margins[name].size for name in names])
+    return np.array(table)
+
+
+STARTS = {"track": "5 %", "x": "1 cm", "heading": "2 deg"}
+CASES = {
+    "box": lambda: boxed(),
+    "start": lambda: boxed(1.02, within=STARTS),
+    "two_runs": lambda: boxed(1.02, within=STARTS, runs=2),
+    "bulge": bulging,
+    "circle": rounded,
+    "trailer": trailing,
+}
+
+
+@cache
+def counted(name: str) -> tuple[Problem, Trajectory, Leaving, np.ndarray]:
+    problem, drive = CASES[name]()
+    count = FEW if name == "box" else COUNT
+    found = leaving(problem, drive, draws=count, seed=0)
+    return problem, drive, found, excesses(problem, drive, problem.spread.draws(count, 0))
+
+
+every = pytest.mark.parametrize(
+    "name", [name if name == "box" else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+
+
+class TestCounts:
+    @every
+    def test_they_are_those_of_scoring_one_by_one(self, name: str):
+        _, _, found, exact = counted(name)
+        beyond = exact > TOLERANCE
+        assert 0.1 < found.probability < 0.9
+        assert found.probability == beyond.any(axis=1).mean()
+        assert list(found.by_limit.values()) == list(beyond.mean(axis=0))
+
+    @every
+    def test_each_robot_is_told_apart(self, name: str):
+        problem, drive, _, exact = counted(name)
+        values = problem.spread.draws(len(exact), 0)
+        np.testing.assert_array_equal(left(problem, drive, values), (exact > TOLERANCE).any(axis=1))
+
+    @every
+    def test_the_worst_are_those_farthest_beyond(self, name: str):
+        problem, drive, found, exact = counted(name)
+        assert found.farthest == pytest.approx(exact.max(), rel=1e-9)
+        assert found.worst.shape == (4, len(problem.spread.names))
+        reached = excesses(problem, drive, found.worst).max(axis=1)
+        # Beyond the samples' own order only as far as the path goes between two of them.
+        assert reached.min() >= np.sort(exact.max(axis=1))[-8]
+        assert reached.max() == pytest.approx(exact.max(), rel=1e-9)
+
+    def test_limits_are_counted_each(self):
+        _, _, found, exact = counted("box")
+        assert list(found.by_limit) == ["workspace", "obstacles"]
+        assert all(0 < share < found.probability for share in found.by_limit.values())
+        assert exact.shape == (FEW, 2)
+
+    def test_limits_on_the_commands_are_not_counted(self):
+        problem, drive = boxed()
+        fast = replace(drive, coefficients=5 * drive.coefficients)
+        room = replace(problem, limits=(SPEED, Rectangle(x=(-100, 100), y=(-100, 100))))
+        assert not evaluate(replace(room, uncertainty=None), fast).feasible
+        assert leaving(room, fast, draws=20).probability == 0.0
+
+    def test_a_robot_may_leave_between_the_samples_alone(self):
+        problem, drive = bulging()
+        values = problem.spread.draws(400, 5)
+        highest = paths(problem, drive, values)[:, :, 1].max(axis=1)
+        room = next(limit for limit in problem.limits if limit.name == "workspace")
+        beyond = highest > room.y[1] + TOLERANCE * (room.y[1] - room.y[0]) / 2
+        found = left(problem, drive, values)
+        assert np.all(found[beyond])
+        assert beyond.sum() + 5 < found.sum() < 380
+
+    def test_nobody_leaves_a_room_that_is_large_enough(self):
+        problem, drive = boxed(3.0)
+        problem = replace(problem, limits=problem.limits[:3])
+        found = leaving(problem, drive, draws=COUNT)
+        assert (found.probability, found.farthest, found.by_limit) == (0.0, 0.0, {"workspace": 0.0})
+        assert len(found.worst) == 0
+
+    def test_everybody_leaves_a_room_that_is_too_small(self):
+        problem, drive = boxed(0.5)
+        found = leaving(problem, drive, draws=COUNT)
+        assert (found.probability, found.interval[1]) == (1.0, 1.0)
+        assert found.farthest > 0.8
+
+    def test_without_limits_on_the_path_nobody_leaves(self):
+        problem = problem_of(PathLength(bounds=1000))
+        drive = random_drive(problem, 0)
+        found = leaving(problem, drive, draws=200)
+        assert (found.probability, found.by_limit, found.farthest) == (0.0, {}, 0.0)
+        assert not left(problem, drive, problem.spread.draws(5, 0)).any()
+
+    def test_it_needs_something_uncertain(self):
+        problem, drive = boxed()
+        with pytest.raises(ValueError, match="neither an uncertainty nor a prior"):
+            leaving(replace(problem, uncertainty=None), drive)
+
+
+class TestDraws:
+    def test_the_same_seed_tells_the_same(self):
+        problem, drive, found, _ = counted("box")
+        again = leaving(problem, drive, draws=FEW, seed=0)
+        assert replace(again, worst=None) == replace(found, worst=None)
+        np.testing.assert_array_equal(again.worst, found.worst)
+
+    def test_another_seed_draws_others(self):
+        problem, drive, found, _ = counted("box")
+        assert not np.array_equal(leaving(problem, drive, draws=FEW, seed=1).worst, found.worst)
+
+    def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
+        problem, drive, found, _ = counted("box")
+        monkeypatch.setattr("oed.leaving.BATCH", 7)
+        again = leaving(problem, drive, draws=FEW, seed=0)
+        assert (again.probability, again.farthest) == (found.probability, pytest.approx(found.farthest))
+
+
+class TestInterval:
+    @given(draws=st.integers(1, 80), seed=st.integers(0, 99))
+    def test_it_is_clopper_and_pearsons(self, draws: int, seed: int):
+        problem, drive, _, _ = counted("box")
+        found = leaving(problem, drive, draws=draws, seed=seed)
+        expected = binomtest(round(found.probability * draws), draws).proportion_ci(0.95, "exact")
+        np.testing.assert_allclose(found.interval, (expected.low, expected.high), atol=1e-9)
+
+
+class TestPaths:
+    @pytest.mark.parametrize("name", ["box", pytest.param("two_runs", marks=pytest.mark.slow)])
+    def test_they_are_those_of_the_robots(self, name: str):
+        problem, drive, _, _ = counted(name)
+        values = problem.spread.draws(3, 9)
+        expected = [evaluate(*other(problem, drive, row)).poses for row in values]
+        np.testing.assert_allclose(paths(problem, drive, values), expected, atol=1e-12)
