@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from oed.calibration import alternative_flaws, calibrate
+from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
 from oed.files import require_writable
@@ -58,9 +58,6 @@ def estimate(
     if out is not None:
         require_writable(Path(out))
     _require_different([*logs, *apart])
-    flaws = alternative_flaws(study.problem.model, study.calibration.models)
-    if flaws:
-        raise _in_the_study(study, flaws)
     chosen = study.seed if seed is None else seed
     told = _Stages(progress or Silent())
     told("reading logs")
