@@ -16,7 +16,7 @@ ROBOT = "{kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}"
 SLIPPING = "{kind: skid_steer_slip, wheel_radius: 4.9 cm, track: 32 cm, yaw_lag: 10 ms}"
 UNIT = np.eye(3).tolist()
 """A covariance of one pose."""
-LONG = STUDY.replace("duration: 4 s, samples: 40", "duration: 20 s, samples: 100")
+LONG = STUDY.replace("duration: 6 s, samples: 60", "duration: 20 s, samples: 100")
 
 
 def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():

@@ -17,7 +17,7 @@ STUDY = """\
 format: 1
 name: Small trial
 robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}
-trajectory: {duration: 4 s, samples: 40, spline: {degree: 3, coefficients: 8}, start: {x: 0 m, y: 0 m}}
+trajectory: {duration: 6 s, samples: 60, spline: {degree: 3, coefficients: 8}, start: {x: 0 m, y: 0 m}}
 measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
 limits:
   wheel_speed: 10 rad/s
