@@ -43,6 +43,7 @@ def test_predictions_are_dead_reckoning_with_the_encoders():
     assert end > 0.001
 
 
+@pytest.mark.slow
 def test_everything_is_recorded():
     data = small_trial()
     (floor,) = data["floors"]
@@ -64,6 +65,7 @@ def test_everything_is_recorded():
     assert set(floor["paths"]) == set(DRIVES)
 
 
+@pytest.mark.slow
 def test_scatter_is_that_of_the_estimates():
     data = small_trial()
     (floor,) = data["floors"]
@@ -104,6 +106,7 @@ class Impatient(Silent):
             raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("patience", "errors"), [(1, False), (2, True)])
 def test_an_interrupted_trial_keeps_what_was_done(patience: int, errors: bool):
     data = tried(progress=Impatient(patience))

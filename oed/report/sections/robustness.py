@@ -51,8 +51,8 @@ def _uncertain(data: Entry) -> str:
     ranges = listing([_range(entry) for entry in data["uncertain"]])
     return (
         f"The robot may differ: {ranges}. So {KINDS[data['kind']]}, and a drive counts only if at most "
-        f"{_percent(1 - data['confidence'])} of simulated robots, all given the same commands, leave any of these "
-        f"limits ({listing([words(name) for name in data['limits']])}) at any time."
+        f"{_percent(1 - data['confidence'])} of simulated robots, all given the same commands, leave any of "
+        f"these limits ({listing([words(name) for name in data['limits']])}) at any time."
         f"{OBJECTIVES[data['objective']]}"
     )
 
@@ -110,8 +110,8 @@ def _cost(record: Record, data: Entry) -> str:
         return ""
     return (
         f"What it costs: {best['name']} is worth {share:.1%} of {NOMINAL}, the design found with nothing in "
-        f"reserve. On that one {plain['probability']:.1%} of the robots leave the limits; the worst is beyond "
-        f"by {plain['farthest']:.2g} times the limit's size."
+        f"reserve. On that one {plain['probability']:.1%} of the robots leave the limits; the worst is "
+        f"beyond by {plain['farthest']:.2g} times the limit's size."
     )
 
 
