@@ -62,6 +62,7 @@ def compared(growth: float, seed: int = 0, logs: int = 4, **keys) -> Comparison:
     return found
 
 
+@pytest.mark.slow
 class TestChoice:
     def test_the_wider_model_wins_where_it_is_true(self):
         found = compared(0.02)

@@ -113,6 +113,7 @@ class TestStage:
         assert not any(side % 2 for side in stage_of(steered()).frame(0.0).shape[:2])
 
 
+@pytest.mark.slow
 class TestAnimate:
     def test_the_best_drive_in_the_records_folder(self, tmp_path: Path):
         save_record(towing(), tmp_path)
@@ -188,6 +189,7 @@ class TestAnimate:
         assert made.file.stat().st_size < 1.5e6
 
 
+@pytest.mark.slow
 class TestReport:
     """A report shows the film that lies beside it, if it is of its drives."""
 

@@ -13,6 +13,8 @@ from oed.errors import Failure, UserMistake
 from oed.validation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, drive
 from oed.validation.physics.engine import Engine
 
+pytestmark = pytest.mark.slow
+
 FOUR, TWO = FourWheels(), TwoWheelsAndCaster()
 robots = pytest.mark.parametrize("robot", [FOUR, TWO], ids=lambda robot: robot.kind)
 
@@ -70,7 +72,6 @@ def test_sides_exchanged_drive_the_mirror_image(robot: PhysicsRobot):
     assert other.wheel_angles[:, ::-1] == pytest.approx(one.wheel_angles, abs=1e-4)
 
 
-@pytest.mark.slow
 @robots
 def test_half_the_step_hardly_changes_where_it_ends(robot: PhysicsRobot):
     usual, finer = rich_drive(robot), rich_drive(robot.changed(step=robot.step / 2))
@@ -79,7 +80,6 @@ def test_half_the_step_hardly_changes_where_it_ends(robot: PhysicsRobot):
     assert usual.wheel_angles[-1] == pytest.approx(finer.wheel_angles[-1], abs=0.005)
 
 
-@pytest.mark.slow
 @robots
 def test_errors_fall_with_the_step(robot: PhysicsRobot):
     steps = (0.001, 0.0005, 0.000125)

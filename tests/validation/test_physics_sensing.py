@@ -18,6 +18,8 @@ from oed.measurements.poses import AbsoluteNoise
 from oed.models import DifferentialDrive
 from oed.validation.physics import FourWheels, Motion, Sensing, TwoWheelsAndCaster
 
+pytestmark = pytest.mark.slow
+
 NARROW = TwoWheelsAndCaster(wheel_width=0.002)
 EXACT = AbsoluteNoise()
 
@@ -91,7 +93,6 @@ def test_poses_are_not_read_more_often_than_the_motion_was_logged(motion: Motion
         read(motion, pose_rate=200)
 
 
-@pytest.mark.slow
 def test_a_calibration_finds_the_geometry_of_two_wheels():
     sensing = Sensing(noise=AbsoluteNoise(position="1 mm", heading="0.1 deg"), ticks_per_turn=4096)
     rng = np.random.default_rng(0)

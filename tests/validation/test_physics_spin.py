@@ -9,6 +9,8 @@ from physics_drives import coulomb_widening, steady, travelled, widening
 from oed.models import SkidSteer
 from oed.validation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, physics_robot
 
+pytestmark = pytest.mark.slow
+
 PAPER = FourWheels()
 NARROW = TwoWheelsAndCaster(wheel_width=0.002)
 robots = pytest.mark.parametrize("robot", [PAPER, NARROW], ids=lambda robot: robot.kind)
