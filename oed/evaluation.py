@@ -252,10 +252,9 @@ class _Scorer:
     def objective(self, trajectory: Trajectory, matrices: Sequence[Array]) -> float:
         """The criterion of the nominal robot's information, or of all robots that count."""
         problem, values = self.problem, []
-        robots = problem.judged_robots
         if problem.robust is None or problem.robust.objective == "nominal":
             return float(problem.objective.value(matrices))
-        for parameters, shift in robots:
+        for parameters, shift in problem.judged_robots:
             found = self._judged.call(
                 [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
             )

@@ -35,7 +35,7 @@ class Leaving:
         interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
         draws, seed: of the simulation.
         by_limit: share of the draws that exceed each limit.
-        farthest: how far the worst draw exceeds any limit, as a share of the limit's size; 0 for none.
+        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none.
         worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
     """
 
@@ -57,7 +57,9 @@ class Leaving:
         return self.interval[1] <= probability
 
 
-def leaving(problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0) -> Leaving:
+def leaving(
+    problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
+) -> Leaving:
     """Simulate robots drawn from a problem's uncertainty on one drive.
 
     Args:
@@ -65,6 +67,7 @@ def leaving(problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, se
         trajectory: the drive, as commanded: all robots get the same inputs.
         draws: robots.
         seed: of the draws.
+        stream: of draws that are independent of those of other streams of the same seed.
 
     Raises:
         ValueError: the problem says nothing of what is uncertain.
@@ -73,11 +76,12 @@ def leaving(problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, se
     if spread is None:
         raise ValueError("the problem has neither an uncertainty nor a prior")
     limits = path_limits(problem)
-    values = spread.draws(draws, seed)
+    values = spread.draws(draws, seed, stream)
     if not limits:
         return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
     excess = _excess(problem, trajectory, values)
-    beyond = excess > TOLERANCE
+    # What is not a number keeps no limit.
+    beyond = ~(excess <= TOLERANCE)
     any_left = beyond.any(axis=1)
     farthest = excess.max(axis=1)
     order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_left.sum()))]
@@ -96,7 +100,7 @@ def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray
     """Whether robots of uncertain quantities `values` (K, q) leave any limit, (K,)."""
     if not path_limits(problem):
         return np.zeros(len(values), dtype=bool)
-    return np.asarray((_excess(problem, trajectory, values) > TOLERANCE).any(axis=1))
+    return np.asarray((~(_excess(problem, trajectory, values) <= TOLERANCE)).any(axis=1))
 
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:

@@ -197,19 +197,20 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
     data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
     data["name"] = f"{study.name}: next drive"
-    _narrow(data, values)
+    _narrow(data, study, values)
     _stretch(data["trajectory"], duration)
     data.pop("validation", None)
+    data.pop("physics", None)
     return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
 
 
-def _narrow(data: dict[str, Any], values: Mapping[str, float]) -> None:
+def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:
     # What the logs told is uncertain no longer as the study said, but as the prior now says.
-    within = data.get("uncertainty", {}).get("within", {})
-    for name in values:
-        within.pop(name, None)
-    if not within:
-        data.pop("uncertainty", None)
+    said = study.problem.uncertainty
+    data.pop("uncertainty", None)
+    left = None if said is None else said.without(values, study.problem.model)
+    if left is not None:
+        data["uncertainty"] = left.model_dump(mode="json")
     if data.get("robust"):
         data["robust"].pop("kept", None)
         # The corners of wide ranges are for drives before anything is known.

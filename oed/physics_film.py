@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from ctypes.util import find_library
@@ -46,7 +47,7 @@ def film_physics(
         UserMistake: a robot without wheel radii and track, several runs, the engine is not installed.
         Failure: nothing to draw with.
     """
-    if not speed > 0:
+    if not 0 < speed < math.inf:
         raise UserMistake(f"speed: expected more than 0, got {speed:g}")
     _draw_without_a_screen()
     rate = FPS if fps is None else fps

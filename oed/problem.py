@@ -175,7 +175,7 @@ class Problem:
     def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
         """Parameters (p,) and shifts of the start states (runs, states) of the robots that are judged."""
         states = len(self.robot.states)
-        if self.robust is None or self.spread is None:
+        if self.robust is None or self.spread is None or self.robust.objective == "nominal":
             return ((np.array(self.robot.nominal), np.zeros((self.design.runs, states))),)
         values = self.robust.judged(self.spread)
         return tuple(zip(self.spread.robots(values), self.spread.shifts(values), strict=True))
@@ -304,19 +304,25 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
 
 
 def _robust_flaws(problem: Problem) -> list[Flaw]:
-    if problem.robust is None:
+    robust, spread = problem.robust, problem.spread
+    if robust is None and problem.uncertainty is None:
         return []
-    if problem.spread is None:
+    if spread is None:
         text = (
             "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
         )
         return [Flaw(("robust",), text)]
-    if problem.robust.objective != "nominal" and problem.spread.robot != problem.robot:
+    impossible = spread.impossible()
+    if impossible:
+        return [Flaw(("uncertainty" if problem.uncertainty is not None else "prior",), impossible)]
+    if robust is None:
+        return []
+    if robust.objective != "nominal" and spread.robot != problem.robot:
         text = "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
         return [Flaw(("robust", "objective"), text)]
-    names = problem.spread.names
-    if any(len(values) != len(names) for values in problem.robust.kept):
-        return [Flaw(("robust", "kept"), f"expected {len(names)} values each ({', '.join(names)})")]
+    if any(len(values) != len(spread.names) for values in robust.kept):
+        text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
+        return [Flaw(("robust", "kept"), text)]
     return []
 
 

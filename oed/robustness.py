@@ -21,8 +21,8 @@ BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
 """Points of each such path."""
-BUNDLE_SEED = 1
-"""Added to the study's: the robots drawn are not those that the search was made careful with."""
+BUNDLE_STREAM = 1000
+"""Of draws: the robots drawn are not those that a search was made careful with."""
 
 
 def nominal_search(study: Study, *, seed: int, workers: int | None, progress: Progress) -> list[Solution]:
@@ -127,7 +127,7 @@ def _entry(solution: Solution) -> dict[str, Any]:
 def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[dict[str, Any]]:
     # Of the searches' own drives only: where robots with other parameters go.
     assert problem.spread is not None
-    values = problem.spread.draws(BUNDLE, seed + BUNDLE_SEED)
+    values = problem.spread.draws(BUNDLE, seed, BUNDLE_STREAM)
     bundles = []
     for solution in drives:
         if solution.robust is None and solution.name != NOMINAL:

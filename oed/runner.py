@@ -31,7 +31,7 @@ from oed.solution import Solution, Status, scored
 from oed.solvers import SOLVERS, Progress, Silent, solve
 from oed.study import PathFile, Study, file_stem
 from oed.trajectory import Trajectory
-from oed.trial import require_physics
+from oed.trial import require_ready
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -63,7 +63,7 @@ def run(
     if out is not None:
         require_writable(Path(out))
     if study.file.physics is not None:
-        require_physics()
+        require_ready(study.problem, study.file.physics)
     solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
     validation: dict[str, Any] | None = None
     certificate: Certificate | None = None
@@ -218,14 +218,16 @@ def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -
     if evaluation is None or trajectory is None:
         return {}
     values: dict[str, float | None] = {}
+    # Of the nominal robot, whichever the objective is of.
+    problem = replace(study.problem, robust=None)
     for name, criterion in judges.items():
         own = study.problem.criterion
         same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
         # The same matrices serve every criterion that sees the parameters alike.
         value = (
-            float(study.problem.told(criterion).value(list(evaluation.information.values())))
+            float(problem.told(criterion).value(list(evaluation.information.values())))
             if same
-            else evaluate(replace(study.problem, criterion=criterion), trajectory).objective
+            else evaluate(replace(problem, criterion=criterion), trajectory).objective
         )
         values[name] = finite(value)
     return values

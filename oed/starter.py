@@ -29,7 +29,6 @@ ROOM = "3 m x 3 m"
 DURATION = "20 s"
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
-SKIDDING = ("skid_steer", "skid_steer_icr", "skid_steer_slip")
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
 """How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
 UNSURE = "5 %"
@@ -99,7 +98,7 @@ def sizes_needed(robot: str) -> dict[str, str]:
 
 def usual_duration(robot: str) -> str:
     """How long a first drive takes: of robots that skid shorter, so that it stays in the room."""
-    return PILOT if _kind(robot) in SKIDDING else DURATION
+    return PILOT if _model(robot).skids else DURATION
 
 
 def starter(choice: Choice) -> str:
@@ -115,7 +114,8 @@ def starter(choice: Choice) -> str:
     text = _text(choice, known, baselines="[straight, random]")
     model = parse_study(text, "the new study").problem.model
     if _skids(choice) and "track" in type(model).model_fields:
-        widened = {**choice.sizes, "track": f"{EFFECTIVE * getattr(model, 'track'):.3g} m"}  # noqa: B009
+        own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
+        widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
         model = parse_study(_text(choice, known, baselines="[straight, random]")).problem.model
     doubt = _doubt_lines(choice, model)
@@ -208,11 +208,15 @@ def _amount(choice: Choice, parameter: Parameter) -> str:
 
 
 def _skids(choice: Choice) -> bool:
-    return _kind(choice.robot) in SKIDDING
+    return _model(choice.robot).skids
+
+
+def _model(robot: str) -> type[Model]:
+    return _kinds()[_kind(robot)]
 
 
 def _driving(choice: Choice) -> tuple[str, ...]:
-    (kind,) = [model for model in MODELS if model.model_fields["kind"].default == _kind(choice.robot)]
+    kind = _model(choice.robot)
     return (
         tuple(entry.name for entry in kind.inputs if entry.drives) if isinstance(kind.inputs, tuple) else ()
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, Literal
@@ -23,6 +23,8 @@ Array = npt.NDArray[np.float64]
 START: dict[str, str] = {"x": "m", "y": "m", "heading": "rad"}
 """Where the robot is put down: uncertain as well where it is named."""
 STREAM = 11
+LIKELY = 3.0
+"""Standard deviations within which every robot has to be possible."""
 CORNERS = 4
 """Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
 
@@ -63,12 +65,14 @@ class Uncertainty(Component):
                 text = f"expected one of {', '.join(units)} (of the start pose the last three), got {given!r}"
                 flaws.append(Flaw(key, text))
                 continue
-            for name in names[:1]:
-                try:
-                    ends = self._range(given, _nominal(base)[name], units[name])
-                    _require_robots(base, name, ends)
-                except ValueError as error:
-                    flaws.append(Flaw(key, str(error)))
+            if len(names) > 1 and set(names) & set(self.within):
+                flaws.append(Flaw(key, f"says twice what is uncertain of {' and '.join(names)}"))
+                continue
+            try:
+                for name in names:
+                    self._range(given, _nominal(base)[name], units[name])
+            except ValueError as error:
+                flaws.append(Flaw(key, str(error)))
         return flaws
 
     def ranges(self, base: Model) -> dict[str, tuple[float, float]]:
@@ -79,6 +83,17 @@ class Uncertainty(Component):
             for given in self.within
             for name in _long_names(given, base)
         }
+
+    def without(self, names: Iterable[str], model: Model) -> Uncertainty | None:
+        """What it says of other parameters than these; None where that is nothing."""
+        known = set(names)
+        within = {
+            name: self.within[given]
+            for given in self.within
+            for name in _long_names(given, model)
+            if name not in known
+        }
+        return self.model_copy(update={"within": within}) if within else None
 
     def _range(self, key: str, nominal: float, unit: str) -> tuple[float, float]:
         given = self.within[key]
@@ -132,10 +147,9 @@ class Spread:
         farther = np.maximum(self.high - self.nominal, self.nominal - self.low)
         return np.asarray(np.where(self.uniform, farther, reach * farther))
 
-    def draws(self, count: int, seed: int) -> Array:
-        """Random values (count, q)."""
-        # From streams of their own, so that fewer draws are the first of more.
-        flat, bell = (np.random.default_rng([seed, STREAM, kind]) for kind in (0, 1))
+    def draws(self, count: int, seed: int, stream: int = 0) -> Array:
+        """Random values (count, q); the first of more, and independent of those of another stream."""
+        flat, bell = (np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1))
         values = flat.uniform(self.low, self.high, (count, len(self.names)))
         factor, normal = np.linalg.cholesky(self.covariance), ~self.uniform
         errors = bell.standard_normal((count, len(self.names))) @ factor.T
@@ -175,6 +189,20 @@ class Spread:
         table = np.tile(np.array(self.robot.nominal), (len(values), 1))
         table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
         return table
+
+    def impossible(self) -> str:
+        """Which robot within three standard deviations, or the ranges, cannot be; "" where all can."""
+        if isinstance(self.robot, CoefficientRobot):
+            return ""
+        names = self.names[: self.parameters]
+        for row in np.vstack([self.ends(LIKELY), self.extremes(LIKELY), self.moments()]):
+            values = {name: float(value) for name, value in zip(names, row, strict=False)}
+            try:
+                self.robot.with_values(values)
+            except ValueError:
+                text = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+                return f"a robot of {text} cannot be: narrow the ranges"
+        return ""
 
     def shifts(self, values: Array) -> Array:
         """What start states are off by (K, runs, states) for values (K, q)."""
@@ -289,16 +317,6 @@ def _long_names(name: str, base: Model) -> tuple[str, ...]:
     sides = (f"{name}_right", f"{name}_left")
     both = name in base.short_forms and set(sides) <= {parameter.name for parameter in base.parameters}
     return sides if both else (name,)
-
-
-def _require_robots(base: Model, name: str, ends: Sequence[float]) -> None:
-    if isinstance(base, CoefficientRobot) or name in START:
-        return
-    for end in ends:
-        try:
-            base.with_values({name: end})
-        except ValueError:
-            raise ValueError(f"a robot whose {name} is {end:g} cannot be: narrow the range") from None
 
 
 def _both_ways(size: int) -> Array:

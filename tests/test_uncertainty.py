@@ -99,7 +99,6 @@ class TestFlaws:
         [
             ("width", "1 cm", "expected one of wheel_radius_right, wheel_radius_left, track, x, y, heading"),
             ("wheel_base", "5 %", "got 'wheel_base'"),
-            ("track", 5, "a robot whose track is -4.82 cannot be"),
             ("track", "-1 cm", "expected a positive amount, got '-1 cm'"),
             ("track", "-5 %", "expected a positive amount, got '-5 %'"),
             ("track", 0, "expected a positive amount, got 0"),
@@ -289,6 +288,19 @@ class TestRobots:
         spread = spread_of(uncertain, model=robot, estimate=("c11", "c12", "c21", "c22"))
         assert spread.robot == robot
         assert spread.robots(np.array([[0.05, 0.2]]))[0].tolist() == [0.05, RADIUS, TRACK, 0.2, 0.0]
+
+    @pytest.mark.parametrize("distribution", ["uniform", "normal"])
+    def test_ranges_in_which_no_robot_can_be_are_refused(self, distribution):
+        within = {"track": 5} if distribution == "uniform" else {"track": "40 %"}
+        (message,) = flaws_of(within, distribution).values()
+        assert "cannot be: narrow the ranges" in message
+        assert "track -" in message
+
+    def test_what_is_left_without_some_parameters(self):
+        model = DifferentialDrive(wheel_radius=RADIUS, track=TRACK)
+        said = Uncertainty.model_validate({"wheel_radius": "5 %", "track": "1 cm", "x": 0.1})
+        assert said.without([RIGHT, "track"], model).within == {LEFT: "5 %", "x": 0.1}
+        assert said.without([RIGHT, LEFT, "track", "x"], model) is None
 
     def test_one_name_for_both_radii(self):
         assert spread_of({"wheel_radius": "5 %", "track": "1 cm"}).names == (RIGHT, LEFT, "track")

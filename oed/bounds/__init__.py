@@ -80,7 +80,8 @@ def _caps_of_runs(problem: Problem) -> list[Cap]:
         return list(_caps(problem))
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
-        replace(problem, design=space.model_copy(update={"runs": 1, "start": start})) for start in starts
+        replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
+        for start in starts
     ]
     unequal = len(set(starts)) > 1
     found = [list(_caps(single)) for single in (singles if unequal else singles[:1])]

@@ -83,6 +83,8 @@ class Model(Component, ABC):
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
+    skids: ClassVar[bool] = False
+    """Whether it turns by sliding over the ground, which nobody can tell from its geometry."""
     short_forms: ClassVar[tuple[str, ...]] = ()
     """Keys that stand for several parameters at once."""
 

@@ -28,6 +28,7 @@ class SkidSteer(TwoSidedGeometry, Model):
     slip_inner: Slip = 0.0
     slip_transition: Annotated[AngularSpeed, Field(gt=0)] = 0.1
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    skids: ClassVar[bool] = True
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES
 
     @property

@@ -32,6 +32,7 @@ class SkidSteerIcr(Model):
     alpha_right: Alpha = 1.0
     alpha_left: Alpha = 1.0
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    skids: ClassVar[bool] = True
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = (
         ("c11", "c12"),
         ("c21", "c22"),

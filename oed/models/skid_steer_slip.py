@@ -50,6 +50,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
     track_per_curvature: Length | None = None
     x_icr: Length | None = None
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    skids: ClassVar[bool] = True
 
     @model_validator(mode="after")
     def _a_track_in_every_turn(self) -> SkidSteerSlip:

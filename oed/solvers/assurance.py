@@ -16,6 +16,8 @@ ROUNDS = 12
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
+FINAL = 0
+"""Stream of the draws that decide and are reported: no drive was made more careful with them."""
 UNTRIED = "It was not tried with other robots."
 
 
@@ -34,7 +36,6 @@ class _Assured:
         self.problem, self.context = problem, context
         self.robust: Robust = problem.robust
         self.solutions: list[Solution] = []
-        self.simulations = 0
 
     def run(self, options: Solver) -> Solution:
         careful, quick, context = self.robust, options, self.context
@@ -43,12 +44,17 @@ class _Assured:
             solution = self._searched(quick, careful, context)
             if solution.trajectory is None:
                 return self._without_design(solution, last)
-            last = solution.leaving
-            if self._enough(solution):
-                return self._searched_well(options, solution, careful)
             if solution.status is Status.INTERRUPTED or solution.leaving is None:
                 return self._told(solution)
-            careful, quick = careful.safer(solution.leaving.worst), options.again()
+            if self._enough(solution):
+                solution = self._tried(solution, FINAL)
+                if solution.status is Status.INTERRUPTED:
+                    return self._told(solution)
+                if self._enough(solution):
+                    return self._searched_well(options, solution, careful)
+            last = solution.leaving
+            assert last is not None
+            careful, quick = careful.safer(last.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
 
@@ -58,7 +64,10 @@ class _Assured:
             return self._told(solution)
         again = self._searched(options.again(quick=False), careful, self._knowing(solution))
         if self._enough(again) and _objective(again) > _objective(solution):
-            return self._told(again)
+            again = self._tried(again, FINAL)
+            solution = again if self._enough(again) else solution
+        if again.status is Status.INTERRUPTED:
+            solution = replace(solution, status=Status.INTERRUPTED)
         return self._told(solution)
 
     def _searched(self, options: Solver, careful: Robust, context: Context) -> Solution:
@@ -68,21 +77,22 @@ class _Assured:
             return solution
         # Scored by the problem as it was given, whatever more was kept in reserve.
         scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=careful)
-        try:
-            return replace(scored, leaving=self._simulated(scored))
-        except KeyboardInterrupt:
-            detail = f"{solution.detail} {UNTRIED}".strip()
-            return replace(scored, status=Status.INTERRUPTED, detail=detail)
-
-    def _simulated(self, solution: Solution) -> Leaving:
         # With draws of its own each time, lest the drive suit the draws that it is judged by.
+        return self._tried(scored, FINAL + len(self.solutions))
+
+    def _tried(self, solution: Solution, stream: int) -> Solution:
         assert solution.trajectory is not None
-        self.context.progress.begin(f"simulate {self.robust.draws} robots", 1)
-        seed = self.context.seed + self.simulations
-        self.simulations += 1
-        found = leaving(self.problem, solution.trajectory, draws=self.robust.draws, seed=seed)
-        self.context.progress.advance(f"{found.probability:.2%} leave")
-        return found
+        progress, draws = self.context.progress, self.robust.draws
+        progress.begin(f"simulate {draws} robots", 1)
+        try:
+            found = leaving(
+                self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
+            )
+        except KeyboardInterrupt:
+            detail = solution.detail if solution.leaving else f"{solution.detail} {UNTRIED}".strip()
+            return replace(solution, status=Status.INTERRUPTED, detail=detail)
+        progress.advance(f"{found.probability:.2%} leave")
+        return replace(solution, leaving=found)
 
     def _enough(self, solution: Solution) -> bool:
         return solution.leaving is not None and solution.leaving.surely_below(1 - self.robust.confidence)
@@ -94,10 +104,10 @@ class _Assured:
         detail = solution.detail
         if last is not None:
             detail = (
-                f"{last.probability:.2%} of {last.draws} robots left the limits on the best drive so far, "
-                f"more than {1 - self.robust.confidence:.2%}. {detail}"
+                f"On the last drive {last.probability:.2%} of {last.draws} robots left the limits (up to "
+                f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may. {detail}"
             )
-        detail = f"{detail} {NARROWER}".strip()
+        detail = f"{detail.strip()} {NARROWER}".strip()
         return self._told(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
 
     def _told(self, solution: Solution) -> Solution:

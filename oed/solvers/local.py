@@ -91,7 +91,7 @@ class LocalSearch:
         self.design = DesignExpressions(problem)
         self.scale = self.design.scale
         robots = [[matrix / self.scale for matrix in matrices] for matrices in self.design.robots]
-        self._scaled = robots[0]
+        self._scaled = [matrix / self.scale for matrix in self.design.matrices]
         self._epigraph = epigraph_of(problem, robots)
         self._matrices = ca.Function("matrices", [self.design.unknowns], list(chain.from_iterable(robots)))
 

@@ -57,16 +57,18 @@ class DesignExpressions:
             refine=refine,
             runs=space.runs,
         )
+        self.matrices = [one.matrix for one in problem.estimations(self.drive)]
         self.robots = [self._matrices(*robot) for robot in problem.judged_robots]
         self.rows = [_dependent(rows, self.unknowns) for rows in problem.limit_rows(self.drive)]
 
     def _matrices(self, parameters: Array, shift: Array) -> list[Expression]:
         # The information that the same inputs give a robot with these parameters, started there.
         drive, nominal = self.drive, np.array(self.problem.robot.nominal)
-        if not np.array_equal(parameters, nominal) or shift.any():
-            begin, _ = drive.ends_of(drive.poses)
-            drive = drive.again(ca.SX(ca.DM(parameters)), begin + ca.DM(shift))
-        return [one.matrix for one in self.problem.estimations(drive)]
+        if np.array_equal(parameters, nominal) and not shift.any():
+            return self.matrices
+        begin, _ = drive.ends_of(drive.poses)
+        other = drive.again(ca.SX(ca.DM(parameters)), begin + ca.DM(shift))
+        return [one.matrix for one in self.problem.estimations(other)]
 
     def _coefficients(self) -> Expression:
         inputs = len(self.problem.model.inputs)

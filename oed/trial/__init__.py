@@ -6,6 +6,6 @@ calibrated from each drive alone and predicts, by its encoders, where other driv
 
 from oed.trial.candidates import trial_flaws
 from oed.trial.options import Trial
-from oed.trial.run import require_physics, run_trial
+from oed.trial.run import require_ready, run_trial
 
-__all__ = ["Trial", "require_physics", "run_trial", "trial_flaws"]
+__all__ = ["Trial", "require_ready", "run_trial", "trial_flaws"]

@@ -41,8 +41,13 @@ def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
     Raises:
         ProblemError: a model that the study's measurement or criterion does not suit.
     """
-    others = [Candidate(one.label, _redesigned(problem, one)) for one in trial.models]
-    return (Candidate(str(problem.model.kind), problem), *others)
+    others = [Candidate(one.label, _redesigned(problem, trial, one)) for one in trial.models]
+    return (Candidate(readable(problem.model.kind), problem), *others)
+
+
+def readable(identifier: str) -> str:
+    """An identifier as words."""
+    return identifier.replace("_", " ")
 
 
 def trial_flaws(problem: Problem, trial: Trial | None) -> list[Flaw]:
@@ -70,19 +75,19 @@ def _misfits(problem: Problem) -> Iterator[str]:
 
 
 def _model_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
-    known = {str(problem.model.kind)}
+    known = {readable(problem.model.kind)}
     for index, one in enumerate(trial.models):
         place: Key = ("physics", "models", index)
         if one.label in known:
             yield Flaw(place, f"a second model named {one.label}; give each a `name` of its own")
         known.add(one.label)
         found = one.flaws(problem.model.input_names)
-        yield from (Flaw(place, text) for text in found or _design_flaws(problem, one))
+        yield from (Flaw(place, text) for text in found or _design_flaws(problem, trial, one))
 
 
-def _design_flaws(problem: Problem, one: Alternative) -> list[str]:
+def _design_flaws(problem: Problem, trial: Trial, one: Alternative) -> list[str]:
     try:
-        _redesigned(problem, one)
+        _redesigned(problem, trial, one)
     except ProblemError as error:
         return [f"{one.label}: {flaw}" for flaw in error.flaws]
     return []
@@ -101,7 +106,8 @@ def _method_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
         yield Flaw(("physics", "methods", trial.methods.index("two_stage")), text)
 
 
-def _redesigned(problem: Problem, one: Alternative) -> Problem:
+def _redesigned(problem: Problem, trial: Trial, one: Alternative) -> Problem:
     # Nothing is known of another model's parameters beforehand.
     known = replace(problem, prior=None, uncertainty=None, robust=None)
-    return replace(known, model=one.robot, estimate=one.estimate)
+    criterion = trial.criterion or problem.criterion
+    return replace(known, model=one.robot, estimate=one.estimate, criterion=criterion)

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator
 from oed.calibration import Alternative, CalibrationOptions
 from oed.calibration.options import Method
 from oed.component import Component, OneOf
+from oed.criteria import CRITERIA, Criterion
 from oed.quantities import Ratio
 from oed.trial.paths import EVERYDAY
 from oed.validation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
@@ -30,6 +31,7 @@ class Trial(Component):
         repeats: robots drawn for each floor.
         variation: how much they differ.
         models: robots to calibrate besides the study's own, each with an optimal drive of its own.
+        criterion: of these drives; the study's if None.
         drives: everyday paths to calibrate from, as large as the limits allow in the study's duration;
             slow_... is the first half of one at half the speed.
         held_out: random drives that predictions are tried on.
@@ -43,6 +45,7 @@ class Trial(Component):
     repeats: Annotated[int, Field(ge=2)] = 20
     variation: Variation = Variation()
     models: tuple[Alternative, ...] = ()
+    criterion: Annotated[Criterion, OneOf(CRITERIA)] | None = None
     drives: Annotated[tuple[PathName, ...], Field(min_length=1)] = EVERYDAY_DRIVES
     held_out: Annotated[int, Field(ge=1)] = 8
     calibration: CalibrationOptions = AS_DESIGNED

@@ -30,13 +30,13 @@ class Planned:
 
     Attributes:
         name: of the drive.
-        model: for which it is optimal; None of an everyday path.
+        model: that it is designed for; None of an everyday path.
         solution: with the drive, scored for that model or else for the study's own.
         told: standard deviations of the study's own parameters that it promises; None without a drive.
     """
 
     name: str
-    model: str | None
+    model: Candidate | None
     solution: Solution
     told: Mapping[str, float] | None
 
@@ -106,7 +106,7 @@ class Outcome:
         return Floor(
             friction=friction,
             drives=drives,
-            optimal={one.model: one.name for one in self.planned if one.model and one.name in drives},
+            optimal={one.model.name: one.name for one in self.planned if one.model and one.name in drives},
             fits=tuple(self.fits),
             repeats=Repeats(each, self.trial.resamples, self.seed),
             values={
@@ -165,7 +165,7 @@ def _model_data(one: Candidate) -> dict[str, Any]:
     table = {entry.name: entry for entry in one.problem.robot.parameters}
     return {
         "name": one.name,
-        "robot": one.problem.model.model_dump(mode="json", exclude_none=True),
+        "kind": one.problem.model.kind,
         "parameters": [
             {
                 "name": name,
@@ -182,7 +182,10 @@ def _planned_data(one: Planned) -> dict[str, Any]:
     evaluation, trajectory = one.solution.evaluation, one.solution.trajectory
     return {
         "name": one.name,
-        "model": one.model,
+        "model": None if one.model is None else one.model.name,
+        "criterion": None
+        if one.model is None
+        else one.solution.criterion or one.model.problem.criterion.kind,
         "status": one.solution.status.value,
         "message": one.solution.message,
         "feasible": one.drivable is not None,

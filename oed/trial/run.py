@@ -7,13 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 from oed.calibration.fitting import Fitting
+from oed.errors import Flaw, ProblemError
 from oed.evaluation import evaluate
+from oed.identifiability import require_identifiable
 from oed.measurements import Poses
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import Progress, Solver, default_workers, solve
 from oed.solvers.parallel import run_tasks
-from oed.trial.candidates import Candidate, candidates
+from oed.trial.candidates import Candidate, candidates, readable
 from oed.trial.experiment import Bench, Found, Repeat, repeated
 from oed.trial.options import Trial
 from oed.trial.outcome import Outcome, Planned
@@ -22,13 +24,22 @@ from oed.validation.physics import Sensing
 from oed.validation.physics.engine import engine_library
 
 
-def require_physics() -> None:
-    """Refuse a trial at once where nothing can be simulated.
+def require_ready(problem: Problem, trial: Trial) -> None:
+    """Refuse at once a trial that would fail later.
 
     Raises:
         UserMistake: the engine is not installed; says how to.
+        ProblemError: models with parameters that no drive tells apart.
     """
     engine_library()
+    flaws: list[Flaw] = []
+    for index, model in enumerate(candidates(problem, trial)[1:]):
+        try:
+            require_identifiable(model.problem)
+        except ProblemError as error:
+            flaws += [Flaw(("physics", "models", index), flaw.message) for flaw in error.flaws]
+    if flaws:
+        raise ProblemError(flaws)
 
 
 def run_trial(
@@ -52,7 +63,6 @@ def run_trial(
         workers: processes; does not change the result.
         progress: told how far the work is.
     """
-    require_physics()
     models, fits = candidates(problem, trial), _fits(problem, trial)
     planned: list[Planned] = []
     found: dict[tuple[int, int], Found] = {}
@@ -72,18 +82,27 @@ def run_trial(
     return Outcome(trial, models, tuple(planned), fits, found, seed).data(interrupted=interrupted)
 
 
+def _search(solver: Solver, trial: Trial, *, own: bool) -> Solver:
+    # The trial's criterion goes before one that the study's own robot is searched for by.
+    if own or trial.criterion is None:
+        return solver
+    return solver.model_copy(update={"criterion": None})
+
+
 def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:
     own, *others = candidates(problem, trial)
     usual = trial.calibration.method
     fits = {one.name: one.fitting(trial.calibration, usual) for one in (own, *others)}
     further = [method for method in trial.methods if method != usual]
-    return fits | {f"{own.name} by {method}": own.fitting(trial.calibration, method) for method in further}
+    return fits | {
+        f"{own.name} by {readable(method)}": own.fitting(trial.calibration, method) for method in further
+    }
 
 
 def _designed(problem: Problem, model: Candidate, solution: Solution) -> Planned:
     evaluation = solution.evaluation if solution.trajectory is not None else None
     told = None if evaluation is None else _told(problem, solution)
-    return Planned(f"optimal for {model.name}", model.name, solution, told)
+    return Planned(f"optimal for {model.name}", model, solution, told)
 
 
 def _told(problem: Problem, solution: Solution) -> Mapping[str, float]:
@@ -98,7 +117,7 @@ def _everyday(problem: Problem, name: str, seed: int) -> Planned:
     trajectory = everyday(problem, name, seed)
     evaluation = evaluate(problem, trajectory)
     solution = Solution(name, "baseline", trajectory, evaluation, Status.SCORED, seed=seed)
-    return Planned(name, None, solution, evaluation.standard_deviations)
+    return Planned(readable(name), None, solution, evaluation.standard_deviations)
 
 
 def _bench(

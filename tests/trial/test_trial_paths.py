@@ -63,7 +63,7 @@ def test_held_out_drives_are_none_that_is_calibrated_from():
         ("{kind: poses,", "{kind: poses, quantities: [x, y],", "expected a measurement of poses"),
         ("{kind: poses,", "{kind: poses, lever_arm: {x: 3 cm},", "leave out the lever arm"),
         ("noise: {position: 1 cm, heading: 1 deg}", f"noise: {{covariance: {UNIT}}}", "not as a covariance"),
-        ("name: lag, ", "name: differential_drive, ", "a second model named differential_drive"),
+        ("name: lag, ", "name: differential drive, ", "a second model named differential drive"),
         ("yaw_lag: 10 ms", "yaw_lag: 10 ms, estimate: [tracks]", "expected some of its parameters"),
         ("[circle, ", "[circle, circle, ", "circle is listed twice"),
         ("[circle, ", "[oval, ", "drives"),

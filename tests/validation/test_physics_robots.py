@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 import oed
 from oed.component import OneOf
 from oed.errors import UserMistake
-from oed.models import DifferentialDrive, OffsetDrive, SkidSteer, Tricycle
+from oed.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerSlip, Tricycle
 from oed.presets import preset_names
 from oed.validation.physics import (
     PHYSICS_ROBOTS,
@@ -90,6 +90,13 @@ class TestFromAModel:
         assert (robot.mass, robot.wheelbase) == pytest.approx((3, 0.16))
         assert list(robot.motor.model_dump().values()) == pytest.approx([1, 10, 1, 0.001])
         assert list(robot.suspension.model_dump().values()) == pytest.approx([1000, 40])
+
+    def test_robots_that_skid_have_four_wheels(self):
+        slipping = SkidSteerSlip(wheel_radius=0.049, track=0.18, yaw_lag=0.01)
+        assert isinstance(physics_robot(slipping), FourWheels)
+        assert isinstance(
+            physics_robot(DifferentialDrive(wheel_radius=0.049, track=0.18)), TwoWheelsAndCaster
+        )
 
     @pytest.mark.parametrize("name", preset_names())
     def test_every_preset_drives_with_its_geometry(self, name: str):

@@ -64,6 +64,17 @@ def test_noise_may_grow_with_speed(motion: Motion):
     assert np.max(scatter[speeds < 0.01]) < 0.001
 
 
+def test_noise_may_grow_with_the_yaw_rate(motion: Motion):
+    noise = AbsoluteNoise(heading_per_yaw_rate=0.05)
+    logs = [read(motion, seed, noise=noise, pose_rate=50) for seed in range(10)]
+    rates = np.abs(np.gradient(motion.poses[:, 2], motion.times))
+    scatter = np.std([errors(motion, log)[:, 2] for log in logs], axis=0)
+    turning = rates > 0.3
+    assert turning.sum() > 20
+    assert np.median(scatter[turning] / rates[turning]) == pytest.approx(0.05, rel=0.15)
+    assert np.max(scatter[rates < 0.01], initial=0.0) < 0.001
+
+
 def test_noise_may_be_a_covariance(motion: Motion):
     matrix = ((4e-6, 3e-6, 0), (3e-6, 4e-6, 0), (0, 0, 1e-4))
     logs = [read(motion, seed, noise={"covariance": matrix}, pose_rate=50) for seed in range(10)]

@@ -21,8 +21,8 @@ DRIVES = {
     "straight": "straight there",
     "circle": "one circle to the left",
     "square": "a square to the left and one to the right, spinning at the corners, at the limits of speed",
-    "slow_square": "the square to the left alone, over the whole duration at half the speed",
-    "straight_and_spin": "there, a full turn on the spot, back, and the turn undone",
+    "slow square": "the square to the left alone, over the whole duration at half the speed",
+    "straight and spin": "there, a full turn on the spot, back, and the turn undone",
     "random": "splines drawn at random, of another draw than any held-out drive",
 }
 """Everyday path -> what it is."""
@@ -71,7 +71,10 @@ def _drives(data: Entry) -> str:
         if entry["model"] is None and entry["name"] in DRIVES
     ]
     everyday = f" Everyday paths are as large as the limits allow. {'; '.join(told)}." if told else ""
-    return f"Every model has an optimal drive of its own, designed at nominal values.{everyday}"
+    designed = listing(
+        [f"{entry['model']} by {entry['criterion']}" for entry in data["planned"] if entry["model"]]
+    )
+    return f"Every model has an optimal drive of its own, designed at nominal values: {designed}.{everyday}"
 
 
 def _notices(data: Entry, floors: Sequence[Entry]) -> Iterator[str]:
@@ -112,11 +115,10 @@ def _error_verdict(goals: Sequence[Entry]) -> str:
     # Of every model but the study's own, from its own optimal drive.
     first = goals[0]
     apart = _by(goals, "model")
-    told = [f"{one[0]['model']} {_ratios(one)} as much ({_reached(one)})" for one in apart]
+    told = [f"{one[0]['model']} {_ratios(one)} ({_reached(one)})" for one in apart]
     return (
-        f"Calibrated from the optimal drive of its own instead of {first['other_drive']}, every model that "
-        f"knows of slip is wrong by another share on held-out drives: {'; '.join(told)}. The aim is at most "
-        f"{first['most']:g} times."
+        f"Held-out error of a model from its own optimal drive, against that of the same model from "
+        f"{first['other_drive']}: {'; '.join(told)}. The aim is at most {first['most']:g} times."
     )
 
 
@@ -215,8 +217,9 @@ def _scatter_table(data: Entry, floors: Sequence[Entry]) -> Table:
 
 
 def _scatter_cells(entry: Entry, own: Entry, promised: Mapping[str, float | None]) -> tuple[Cell, ...]:
-    shares = [_share(promised.get(one["name"]), one["scale"]) for one in own["parameters"]]
-    noise = None if None in shares else float(np.sqrt(np.mean(np.square(shares))))  # type: ignore[arg-type]
+    sizes = [(promised.get(one["name"]), one["scale"]) for one in own["parameters"]]
+    shares = [100 * size / scale for size, scale in sizes if size is not None]
+    noise = float(np.sqrt(np.mean(np.square(shares)))) if len(shares) == len(sizes) else None
     total = entry["total"]
     return (
         *(100 * value for value in entry["relative"]),
@@ -224,10 +227,6 @@ def _scatter_cells(entry: Entry, own: Entry, promised: Mapping[str, float | None
         f"{100 * (total['low'] or 0):.3f} to {100 * (total['high'] or 0):.3f}",
         noise,
     )
-
-
-def _share(size: float | None, scale: float) -> float | None:
-    return None if size is None else 100 * size / scale
 
 
 def _goal_table(floors: Sequence[Entry]) -> Table:

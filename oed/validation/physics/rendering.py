@@ -51,4 +51,4 @@ def frames(
 
 def _rows(times: npt.NDArray[np.float64], rate: float) -> npt.NDArray[np.intp]:
     wanted = np.arange(0, times[-1] + 1e-9, 1 / rate)
-    return np.unique(np.searchsorted(times, wanted - 1e-9).clip(max=len(times) - 1))
+    return np.asarray(np.searchsorted(times, wanted - 1e-9).clip(max=len(times) - 1))

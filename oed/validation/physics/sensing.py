@@ -60,7 +60,7 @@ class Sensing(Component):
             input_times=motion.times,
             integrals=self._encoded(motion.wheel_angles, rng),
             pose_times=motion.times[rows],
-            poses=motion.poses[rows] + self._errors(_speeds(motion)[rows], rng),
+            poses=motion.poses[rows] + self._errors(_speeds(motion)[rows], _yaw_rates(motion)[rows], rng),
             quantities=QUANTITIES,
         )
 
@@ -83,15 +83,22 @@ class Sensing(Component):
         ticks = np.floor(angles / tick + rng.random(angles.shape[1]))
         return np.asarray(tick * (ticks - ticks[0]))
 
-    def _errors(self, speeds: Array, rng: np.random.Generator) -> Array:
+    def _errors(self, speeds: Array, yaw_rates: Array, rng: np.random.Generator) -> Array:
         standard = rng.normal(size=(len(speeds), len(QUANTITIES)))
         if self.noise.covariance is not None:
             return np.asarray(standard @ np.linalg.cholesky(np.array(self.noise.covariance)).T)
-        columns = [
-            np.hypot(self.noise.deviation(name) or 0.0, self.noise.per_speed(name) * speeds)
+        variances = [
+            (self.noise.deviation(name) or 0.0) ** 2
+            + (self.noise.per_speed(name) * speeds) ** 2
+            + (self.noise.per_yaw_rate(name) * yaw_rates) ** 2
             for name in QUANTITIES
         ]
-        return np.asarray(standard * np.column_stack(columns))
+        return np.asarray(standard * np.sqrt(np.column_stack(variances)))
+
+
+def _yaw_rates(motion: Motion) -> Array:
+    # (n,) [rad/s].
+    return np.asarray(np.gradient(motion.poses[:, 2], motion.times))
 
 
 def _speeds(motion: Motion) -> Array:

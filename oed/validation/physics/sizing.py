@@ -28,7 +28,7 @@ def physics_robot(
 ) -> PhysicsRobot:
     """The physics of a robot with a model's wheel radii and track.
 
-    A `skid_steer` gets four wheels; a `differential_drive` or `offset_drive` two, and a caster half a track
+    A robot that skids gets four wheels; any other with wheel radii and a track two, and a caster half a track
     behind, a quarter of the way to which the centre of mass lies. What is not given is the paper's robot's,
     scaled: the mass with the track, springs and motors so that everything happens in the same time.
 
@@ -49,7 +49,7 @@ def physics_robot(
     right, left = sides.radii
     known = {"wheel_radius_right": right, "wheel_radius_left": left, "track": sides.track}
     known |= _scaled(sides, mass)
-    if model.kind == "skid_steer":
+    if model.skids:
         base = WHEELBASE_TO_TRACK * sides.track if wheelbase is None else wheelbase
         return FourWheels.model_validate({**known, "wheelbase": base, **fields})
     if wheelbase is not None:

@@ -1,0 +1,125 @@
+"""The report's section on a trial: tables with the best marked, verdicts that follow the numbers, figures."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+from trials import small_trial, study_of
+
+from oed.record import Record
+from oed.report.panels import svg_text
+from oed.report.section import Section
+from oed.report.sections.physics import BEST, physics
+
+pytestmark = pytest.mark.slow
+
+
+def section_of(data: dict[str, Any] | None) -> Section | None:
+    return physics(Record({"physics": data, "results": [], "study": study_of().echo()}))
+
+
+@pytest.fixture(scope="module")
+def shown() -> Section:
+    section = section_of(small_trial())
+    assert section is not None
+    return section
+
+
+def goal(kind: str, ratio: float | None, most: float, **other: Any) -> dict[str, Any]:
+    """Of which the interval is a tenth either way."""
+    found = {
+        "kind": kind,
+        "friction": 0.6,
+        "drive": "optimal for lag",
+        "model": "lag",
+        "other_drive": "square",
+        "other_model": "lag",
+        "ratio": ratio,
+        "interval": [None, None] if ratio is None else [0.9 * ratio, 1.1 * ratio],
+        "most": most,
+        "met": ratio is not None and ratio <= most,
+        "sure": ratio is not None and 1.1 * ratio <= most,
+    }
+    return {**found, **other}
+
+
+def verdicts_of(*goals: dict[str, Any]) -> str:
+    data = copy.deepcopy(small_trial())
+    data["floors"][0]["goals"] = list(goals)
+    section = section_of(data)
+    assert section is not None
+    return "\n".join(section.paragraphs[2:])
+
+
+def test_records_without_a_trial_have_no_section():
+    assert section_of(None) is None
+    assert physics(Record({"results": [], "study": {}})) is None
+
+
+def test_the_least_error_is_marked(shown: Section):
+    errors = small_trial()["floors"][0]["errors"]
+    least = min((one for one in errors if one["value"] is not None), key=lambda one: one["value"])
+    table = shown.tables[0]
+    marked = [(row[0], index) for row in table.cells for index, cell in enumerate(row) if BEST in cell]
+    fits = [column.title for column in table.columns]
+    assert [(drive, fits[index]) for drive, index in marked] == [(least["drive"], least["fit"])]
+    row = next(row for row in table.cells if row[0] == least["drive"])
+    assert f"{1000 * least['value']:.3g}" in row[fits.index(least["fit"])]
+
+
+def test_scatter_stands_beside_what_noise_alone_would_make_of_it(shown: Section):
+    rows = {row[1]: row for row in shown.tables[1].rows}
+    assert 0.01 < rows["random"][-1] < 10
+    # A circle does not tell the parameters apart.
+    assert rows["circle"][-1] is None
+
+
+def test_verdicts_follow_the_numbers():
+    assert "The aim, at most 0.5 times, is reached." in verdicts_of(goal("scatter", 0.3, 0.5))
+    assert "though not by all of the interval" in verdicts_of(goal("scatter", 0.48, 0.5))
+    assert "0.70 times (0.63 to 0.77)" in verdicts_of(goal("error", 0.7, 0.5))
+    assert "(not reached)" in verdicts_of(goal("error", 0.7, 0.5))
+    assert "∞" in verdicts_of(goal("error", None, 0.5))
+    two = verdicts_of(goal("error", 0.3, 0.5), goal("error", 0.7, 0.5, friction=0.9))
+    assert "not reached at friction 0.9" in two
+    best = verdicts_of(goal("best", 0.8, 1.0, other_model="differential drive"))
+    assert "optimal for lag with lag against square with differential drive 0.80 times" in best
+    assert verdicts_of() == ""
+
+
+def test_an_interrupted_trial_says_so():
+    data = {**small_trial(), "interrupted": True}
+    section = section_of(data)
+    assert section is not None
+    assert "interrupted; of 3 robots each, 3 at friction 0.6 had driven" in section.notices[0]
+    empty = {"friction": 0.6, "done": 0, "errors": [], "scatter": [], "goals": []}
+    section = section_of({**data, "floors": [empty]})
+    assert section is not None
+    assert section.tables == ()
+    assert "too few" in section.notices[0]
+
+
+def test_drives_that_break_the_limits_are_named():
+    data = copy.deepcopy(small_trial())
+    data["planned"][2]["feasible"] = False
+    section = section_of(data)
+    assert section is not None
+    assert "Left out, for they break the limits or were not found: circle." in section.notices[0]
+
+
+def test_figures_are_drawn(shown: Section):
+    texts = [svg_text(picture.draw) for picture in shown.figures]
+    assert "held-out error [mm]" in texts[0]
+    assert all(name in texts[0] for name in ("lag", "circle", "friction 0.6"))
+    assert "planned" in texts[1]
+
+
+def test_two_floors_are_shown_side_by_side():
+    data = small_trial()
+    other = {**copy.deepcopy(data["floors"][0]), "friction": 0.9}
+    section = section_of({**data, "floors": [*data["floors"], other]})
+    assert section is not None
+    assert len(section.tables) == 4
+    assert "friction 0.9" in svg_text(section.figures[0].draw)
