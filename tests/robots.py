@@ -131,12 +131,19 @@ def _trailer_angle(
 def _slip_twist(inputs: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     """Of all effects: track + k |yaw rate| + k s, s by the angle whose tangent is turning over driving."""
     right, left = np.array(parameters[:2]) * inputs
-    track, per_yaw_rate, per_curvature, ahead = parameters[-4:]
+    track, per_yaw_rate, per_curvature = parameters[-6:-3]
     turning, driving = np.abs(np.subtract(*inputs)) / 2, np.hypot(np.sum(inputs) / 2, 0.1 / np.sqrt(2))
     tightness = np.sin(np.arctan2(turning, driving)) ** 2
     asked = np.hypot((right - left) / track, 0.05) - 0.05
     yaw_rate = (right - left) / (track + per_yaw_rate * asked + per_curvature * tightness)
-    return np.array([(right + left) / 2, -ahead * yaw_rate, yaw_rate])
+    return _slid((right + left) / 2, yaw_rate, parameters)
+
+
+def _slid(speed: float, yaw_rate: float, parameters: np.ndarray) -> np.ndarray:
+    """About a centre of its own, and outwards as far as friction has to hold it in its bend."""
+    ahead, beside, drift = parameters[-3:]
+    outwards = drift * speed * yaw_rate * np.hypot(yaw_rate, 0.01)
+    return np.array([speed + beside * yaw_rate, -ahead * yaw_rate - outwards, yaw_rate])
 
 
 def _lagging(
@@ -164,7 +171,7 @@ def _lagging_twist(
 ) -> np.ndarray:
     turned = _lagging(state, twist, period, parameters[3], steps)[1]
     mean = turned / period if period else state[3]
-    return np.array([twist[0], -parameters[6] * mean, mean])
+    return _slid(twist[0] - parameters[-2] * twist[2], mean, parameters)
 
 
 SLIP = {
@@ -174,6 +181,8 @@ SLIP = {
     "track_per_yaw_rate": 0.02,
     "track_per_curvature": 0.07,
     "x_icr": -0.03,
+    "y_icr": 0.02,
+    "drift": 0.03,
 }
 
 EXAMPLES: dict[str, tuple[Example, ...]] = {
@@ -326,7 +335,7 @@ def motion_by_parameters(robot: Example) -> Motion:
         return motion
     if robot.model.kind == "skid_steer_slip":
         return lambda inputs, parameters: _slip_twist(
-            inputs, np.concatenate([parameters[:3], parameters[-3:]])
+            inputs, np.concatenate([parameters[:3], parameters[-5:]])
         )
     inputs, parameters = ca.SX.sym("u", len(robot.model.inputs)), ca.SX.sym("p", len(robot.model.nominal))
     twist = ca.Function("twist", [inputs, parameters], [robot.model.twist(inputs, parameters)])

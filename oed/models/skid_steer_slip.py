@@ -1,5 +1,5 @@
-"""Skid steer whose slip is put together: a lag of the yaw rate, an effective track that grows in turns, and a
-centre of rotation ahead of or behind the origin.
+"""Skid steer whose slip is put together: a lag of the yaw rate, an effective track that grows in turns, a
+centre of rotation beside the origin, and a drift out of bends.
 """
 
 from __future__ import annotations
@@ -12,10 +12,14 @@ from pydantic import Field, model_validator
 from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
 from oed.models.wheels import COEFFICIENT_NAMES, TWO_WHEEL_SPEEDS, TwoSidedGeometry, two_sided_coefficients
-from oed.quantities import Duration, Length, LengthPerYawRate
+from oed.quantities import Duration, Length, LengthPerYawRate, Unit
+
+Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 
 SOFT_YAW_RATE = 0.05
 """Yaw rate [rad/s] over which the corner of its magnitude at 0 is rounded."""
+SOFT_DRIFT = 0.01
+"""The same where it drives a drift [rad/s]."""
 SOFT_WHEEL_SPEED = 0.1
 """Wheel speed [rad/s] over which the measure of curvature, which rest leaves open, is rounded."""
 INSTANT = 0.05
@@ -40,8 +44,10 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
             of the plain track, (r_R w_R - r_L w_L) / track, so that the effective track follows from the
             inputs at once; the one that results would have to be solved for.
         track_per_curvature: k [m]: the effective track is track + k s, with s of `tightness`.
-        x_icr: how far ahead of the origin the centre of rotation lies [m]: the lateral speed is -x_icr times
-            the yaw rate.
+        x_icr, y_icr: how far ahead of the origin and to its left the centre of spins lies [m]: the lateral
+            speed is -x_icr, the forward speed y_icr times the yaw rate more.
+        drift: k [s^2]: in bends the wheels slide outwards, at the lateral speed -k V Omega |Omega|. The
+            friction that holds the robot in its bend takes so much sliding.
     """
 
     kind: Literal["skid_steer_slip"] = "skid_steer_slip"
@@ -49,6 +55,8 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
     track_per_yaw_rate: LengthPerYawRate | None = None
     track_per_curvature: Length | None = None
     x_icr: Length | None = None
+    y_icr: Length | None = None
+    drift: Drift | None = None
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
 
@@ -56,8 +64,9 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
     def _a_track_in_every_turn(self) -> SkidSteerSlip:
         if self.track + (self.track_per_curvature or 0.0) <= 0:
             raise ValueError("track_per_curvature leaves no track on a spin")
-        if abs(self.x_icr or 0.0) > 10 * self.track:
-            raise ValueError("x_icr lies far outside the robot; is its unit right?")
+        for name in ("x_icr", "y_icr"):
+            if abs(getattr(self, name) or 0.0) > 10 * self.track:
+                raise ValueError(f"{name} lies far outside the robot; is its unit right?")
         return self
 
     @property
@@ -72,22 +81,26 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
 
     @property
     def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
-        """Those of the matrix c where only x_icr is there; a lag and a changing track are not linear."""
-        if any(one is not None for one in (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature)):
+        """Those of the matrix c where at most x_icr is there."""
+        others = (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature, self.y_icr, self.drift)
+        if any(one is not None for one in others):
             return ()
         return COEFFICIENT_NAMES if self.x_icr is None else (*COEFFICIENT_NAMES, ("c31", "c32"))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius_right, wheel_radius_left, track [m]; of yaw_lag [s], track_per_yaw_rate [m s/rad],
-        track_per_curvature and x_icr [m] those that are given.
+        track_per_curvature, x_icr and y_icr [m] and drift [s^2] those that are given.
         """
-        # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin.
+        # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift
+        # as fast as the way ahead at 1 rad/s.
         own = (
             ("yaw_lag", self.yaw_lag, "s", 0.0),
             ("track_per_yaw_rate", self.track_per_yaw_rate, "m*s/rad", self.track),
             ("track_per_curvature", self.track_per_curvature, "m", self.track),
             ("x_icr", self.x_icr, "m", self.track),
+            ("y_icr", self.y_icr, "m", self.track),
+            ("drift", self.drift, "s^2", 1.0),
         )
         given = (Parameter(name, value, unit, size) for name, value, unit, size in own if value is not None)
         return (*self.geometry_parameters, *given)
@@ -112,7 +125,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
             return coefficient_twist(self, inputs, parameters)
         right, left = parameters[0] * inputs[0], parameters[1] * inputs[1]
         yaw_rate = (right - left) / self._effective_track(inputs, parameters)
-        return ca.vertcat((right + left) / 2, -self._ahead(parameters) * yaw_rate, yaw_rate)
+        return self._slid((right + left) / 2, yaw_rate, parameters)
 
     def tightness(self, inputs: Expression) -> Expression:
         """How tightly wheel speeds (2,) make a robot turn: s = (w_R - w_L)^2 / (w_R^2 + w_L^2) / 2 in [0, 1].
@@ -136,7 +149,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
         if lag is None:
             return twist
         mean = twist[2] + (state[3] - twist[2]) * _means(lag, period)[0]
-        return ca.vertcat(twist[0], twist[1] - self._ahead(parameters) * (mean - twist[2]), mean)
+        return self._slid(twist[0] - self._or_zero("y_icr", parameters) * twist[2], mean, parameters)
 
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
@@ -157,9 +170,16 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
             found += per_yaw_rate * (ca.sqrt(plain**2 + SOFT_YAW_RATE**2) - SOFT_YAW_RATE)
         return found if per_curvature is None else found + per_curvature * self.tightness(inputs)
 
-    def _ahead(self, parameters: Expression) -> Expression:
-        ahead = self._value("x_icr", parameters)
-        return 0 if ahead is None else ahead
+    def _slid(self, speed: Expression, yaw_rate: Expression, parameters: Expression) -> Expression:
+        # The twist of wheels that roll at a mean speed while the robot turns.
+        x_icr, y_icr, drift = (self._or_zero(name, parameters) for name in ("x_icr", "y_icr", "drift"))
+        magnitude = ca.sqrt(yaw_rate**2 + SOFT_DRIFT**2)
+        outwards = drift * speed * yaw_rate * magnitude
+        return ca.vertcat(speed + y_icr * yaw_rate, -x_icr * yaw_rate - outwards, yaw_rate)
+
+    def _or_zero(self, name: str, parameters: Expression) -> Expression:
+        value = self._value(name, parameters)
+        return 0 if value is None else value
 
     def _value(self, name: str, parameters: Expression) -> Expression | None:
         # Of a parameter that may be absent.

@@ -103,10 +103,11 @@ class _Assured:
     def _without_design(self, solution: Solution, last: Leaving | None) -> Solution:
         detail = solution.detail
         if last is not None:
-            detail = (
+            told = (
                 f"On the last drive {last.probability:.2%} of {last.draws} robots left the limits (up to "
-                f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may. {detail}"
+                f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may."
             )
+            detail = f"{told} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()
         return self._told(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
 

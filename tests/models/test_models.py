@@ -56,7 +56,7 @@ def test_names_and_units(example: Example):
     names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
     assert len(set(names)) == len(names)
     assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s"}
-    assert {parameter.unit for parameter in model.parameters} <= {"m", "rad", "s", "m*s/rad", ""}
+    assert {parameter.unit for parameter in model.parameters} <= {"m", "rad", "s", "s^2", "m*s/rad", ""}
     assert len(model.state_units) == len(model.states)
     assert len(model.nominal) == len(model.parameters)
     assert model.states[:3] == ("x", "y", "heading")

@@ -15,7 +15,14 @@ from oed.models import DifferentialDrive, Model, PythonRobot, SkidSteerIcr, Skid
 from oed.models.coefficient_robot import CoefficientRobot
 
 SIZES = {"wheel_radius_right": 0.051, "wheel_radius_left": 0.047, "track": 0.18}
-EFFECTS = {"yaw_lag": 0.3, "track_per_yaw_rate": 0.02, "track_per_curvature": 0.07, "x_icr": -0.03}
+EFFECTS = {
+    "yaw_lag": 0.3,
+    "track_per_yaw_rate": 0.02,
+    "track_per_curvature": 0.07,
+    "x_icr": -0.03,
+    "y_icr": 0.02,
+    "drift": 0.03,
+}
 FULL = SkidSteerSlip(**SIZES, **EFFECTS)
 LAG = SkidSteerSlip(**SIZES, yaw_lag=0.3)
 PLAIN = DifferentialDrive(**SIZES)
@@ -42,9 +49,20 @@ class TestEffects:
 
     @given(right=speeds, left=speeds)
     def test_effects_of_no_size_change_nothing(self, right: float, left: float):
-        none = SkidSteerSlip(**SIZES, track_per_yaw_rate=0, track_per_curvature=0, x_icr=0)
+        none = SkidSteerSlip(**SIZES, track_per_yaw_rate=0, track_per_curvature=0, x_icr=0, y_icr=0, drift=0)
         assert twist_of(none, [right, left]) == pytest.approx(twist_of(PLAIN, [right, left]), abs=1e-14)
-        assert [entry.scale for entry in none.parameters[3:]] == [0.18] * 3
+        assert [entry.scale for entry in none.parameters[3:]] == [0.18] * 4 + [1.0]
+
+    @pytest.mark.parametrize("forwards", [1, -1])
+    @pytest.mark.parametrize("left", [1, -1])
+    def test_it_drifts_out_of_the_bend(self, forwards: int, left: int):
+        drifting = SkidSteerSlip(wheel_radius=0.05, track=0.18, drift=0.04)
+        inputs = forwards * (np.array([6.0, 5.0]) if left * forwards > 0 else np.array([5.0, 6.0]))
+        speed, lateral, yaw_rate = twist_of(drifting, inputs)
+        assert np.sign([speed, yaw_rate]).tolist() == [forwards, left]
+        # The bend's middle lies to the side that speed times yaw rate points to.
+        assert lateral == pytest.approx(-0.04 * speed * yaw_rate * abs(yaw_rate), rel=1e-2)
+        assert np.sign(lateral) == -forwards * left
 
     @given(right=speeds, left=speeds)
     def test_a_centre_alone_is_that_of_centres_of_rotation(self, right: float, left: float):
@@ -57,7 +75,7 @@ class TestEffects:
         )
 
     def test_any_other_effect_is_not_linear(self):
-        for name in ("yaw_lag", "track_per_yaw_rate", "track_per_curvature"):
+        for name in ("yaw_lag", "track_per_yaw_rate", "track_per_curvature", "y_icr", "drift"):
             model = SkidSteerSlip(**SIZES, **{name: EFFECTS[name]})
             assert model.coefficient_names == ()
             with pytest.raises(NotImplementedError, match="skid_steer_slip"):
@@ -101,7 +119,7 @@ class TestEffects:
         with pytest.raises(ValidationError, match="no track on a spin"):
             SkidSteerSlip(**SIZES, track_per_curvature=-0.18)
 
-    @pytest.mark.parametrize("wrong", [{"yaw_lag": 0}, {"yaw_lag": -1}, {"x_icr": 3}])
+    @pytest.mark.parametrize("wrong", [{"yaw_lag": 0}, {"yaw_lag": -1}, {"x_icr": 3}, {"y_icr": -3}])
     def test_wrong_values_are_refused(self, wrong):
         with pytest.raises(ValidationError, match=next(iter(wrong))):
             SkidSteerSlip(**SIZES, **wrong)
@@ -112,7 +130,7 @@ class TestEffects:
 
     def test_other_values(self):
         model = FULL.with_values({"yaw_lag": 0.4, "x_icr": 0.01})
-        assert model.nominal == pytest.approx([*SIZES.values(), 0.4, 0.02, 0.07, 0.01])
+        assert model.nominal == pytest.approx([*SIZES.values(), 0.4, 0.02, 0.07, 0.01, 0.02, 0.03])
         bare = SkidSteerSlip(**SIZES).with_values({"track": 0.2})
         assert bare.states == ("x", "y", "heading")
 
@@ -124,13 +142,14 @@ class TestLag:
         """States (K, 4) of inputs held for `period` each, by SciPy."""
         states, state = [np.array(start)], np.array(start)
         lag = model.nominal[3]
-        ahead = model.nominal[6] if len(model.nominal) > 4 else 0.0
+        ahead, beside, drift = model.nominal[6:] if len(model.nominal) > 4 else (0.0, 0.0, 0.0)
         for inputs in self.INPUTS:
-            forward, _, asked = twist_of(model, inputs)
+            moved, _, asked = twist_of(model, inputs)
 
-            def rate(_, now, forward=forward, asked=asked):
+            def rate(_, now, speed=moved - beside * asked, asked=asked):
                 heading, turning = now[2:]
-                left = -ahead * turning
+                forward = speed + beside * turning
+                left = -ahead * turning - drift * speed * turning * np.hypot(turning, 0.01)
                 return [
                     forward * np.cos(heading) - left * np.sin(heading),
                     forward * np.sin(heading) + left * np.cos(heading),
@@ -201,7 +220,10 @@ class TestLag:
         assert np.array_equal(after(FULL, state, [9.0, -9.0], 0.0), state)
         asked = FULL.twist(ca.DM([9, -9]), ca.DM(FULL.nominal))
         instant = ca.evalf(FULL.mean_twist(ca.DM(state), asked, ca.DM(FULL.nominal), ca.DM(0)))
-        assert np.array(instant).ravel() == pytest.approx([float(asked[0]), 0.03 * 1.5, 1.5])
+        # Wheels that turn against each other, the right one larger: the mean speed is theirs.
+        speed = (0.051 - 0.047) * 9 / 2
+        lateral = 0.03 * 1.5 - 0.03 * speed * 1.5 * np.hypot(1.5, 0.01)
+        assert np.array(instant).ravel() == pytest.approx([speed + 0.02 * 1.5, lateral, 1.5])
 
 
 class TestSeam:
@@ -231,7 +253,7 @@ class TestSeam:
         assert after(model, state, inputs, 0.1) == pytest.approx(after(LAG, state, inputs, 0.1), abs=1e-14)
 
     def test_mirrored_inputs_make_the_mirrored_turn(self):
-        alike = SkidSteerSlip(wheel_radius=0.05, track=0.18, **EFFECTS)
+        alike = SkidSteerSlip(wheel_radius=0.05, track=0.18, **{**EFFECTS, "y_icr": 0.0})
         found, mirrored = (
             after(alike, [0, 0, 0, rate], inputs, 0.2) for rate, inputs in ((0.5, [6, 2]), (-0.5, [2, 6]))
         )
