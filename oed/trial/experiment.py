@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from oed.calibration.fitting import Fitting
 from oed.calibration.ready import ready
 from oed.calibration.reckoning import reckoned
-from oed.errors import UserMistake
+from oed.errors import Failure, UserMistake
 from oed.logs.log import Log
 from oed.trajectory import Trajectory
 from oed.validation.physics import Motion, PhysicsRobot, Sensing, Variation, drive
@@ -21,6 +22,8 @@ Array = npt.NDArray[np.float64]
 
 STREAM = 29
 """Of the random numbers that robots and noise are drawn from."""
+DRAWS = 100
+"""Of a robot that stands, before giving up."""
 LEAST_RATE = 50.0
 """At which motion is logged at least, and dead reckoning reads the encoders [1/s]."""
 ORIGIN = np.zeros(3)
@@ -88,13 +91,23 @@ class Found:
     friction: float
 
 
-def repeated(repeat: Repeat) -> Found:
-    """Draw a robot, drive, calibrate, predict."""
-    bench = repeat.bench
-    rng = np.random.default_rng([bench.seed, STREAM, repeat.floor, repeat.number])
-    robot = bench.variation.draw(bench.robot.changed(friction=repeat.friction), rng)
+def repeated(repeat: Repeat) -> Found | None:
+    """Draw a robot, drive, calibrate, predict; None for a robot that tips over or whose simulation fails."""
+    try:
+        return _repeated(repeat)
+    except Failure:
+        return None
+
+
+def _repeated(repeat: Repeat) -> Found:
+    bench, numbers = repeat.bench, (repeat.bench.seed, STREAM, repeat.floor, repeat.number)
+    robot = _drawn(bench, repeat.friction, np.random.default_rng(numbers))
     motions = {name: _driven(bench, robot, planned) for name, planned in bench.drives.items()}
-    logs = {name: bench.sensing.read(motion, rng, name) for name, motion in motions.items()}
+    # Each drive has noise of its own, whichever others there are.
+    logs = {
+        name: bench.sensing.read(motion, np.random.default_rng([*numbers, crc32(name.encode())]), name)
+        for name, motion in motions.items()
+    }
     held_out = [exact_log(_driven(bench, robot, planned)) for planned in bench.held_out]
     shape = len(bench.drives), len(bench.fits)
     end, along = (np.full((*shape, len(held_out)), np.inf) for _ in range(2))
@@ -109,6 +122,17 @@ def repeated(repeat: Repeat) -> Found:
             end[row, column], along[row, column] = np.transpose(errors)
     paths = {name: motion.poses[:, :2] for name, motion in motions.items()}
     return Found(values, end, along, misfit, paths, robot.friction)
+
+
+def _drawn(bench: Bench, friction: float, rng: np.random.Generator) -> PhysicsRobot:
+    # One that stands: those whose centre of mass lies beyond their wheels are drawn again.
+    nominal = bench.robot.changed(friction=friction)
+    for _ in range(DRAWS):
+        try:
+            return bench.variation.draw(nominal, rng)
+        except ValueError:
+            continue
+    raise Failure(f"none of {DRAWS} robots drawn can stand: narrow the variation of the centre of mass")
 
 
 def exact_log(motion: Motion) -> Log:
@@ -144,7 +168,7 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
     try:
         usable = ready(fitting.robot, fitting.integration, [log], compare_clocks=options.clock_offset)
         fit = fitting.fitted(usable).fit
-    except UserMistake:
+    except (UserMistake, np.linalg.LinAlgError):
         return None
     there = fit.layout.valid if fit.white.ndim == 3 and not fit.motions else np.ones(len(fit.white), bool)
     misfit = float(np.mean(fit.white[there] ** 2))

@@ -82,13 +82,6 @@ def run_trial(
     return Outcome(trial, models, tuple(planned), fits, found, seed).data(interrupted=interrupted)
 
 
-def _search(solver: Solver, trial: Trial, *, own: bool) -> Solver:
-    # The trial's criterion goes before one that the study's own robot is searched for by.
-    if own or trial.criterion is None:
-        return solver
-    return solver.model_copy(update={"criterion": None})
-
-
 def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:
     own, *others = candidates(problem, trial)
     usual = trial.calibration.method
@@ -144,8 +137,9 @@ def _drive(
     count = len(bench.drives) + len(bench.held_out)
     progress.begin(f"drive {count} drives with each simulated robot", len(tasks))
 
-    def take(index: int, result: Found) -> None:
-        found[tasks[index].floor, tasks[index].number] = result
+    def take(index: int, result: Found | None) -> None:
+        if result is not None:
+            found[tasks[index].floor, tasks[index].number] = result
         progress.advance()
 
     run_tasks(repeated, tasks, workers, take)

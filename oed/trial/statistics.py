@@ -63,10 +63,10 @@ class Repeats:
 
     def ratio(self, one: Cells, other: Cells) -> Interval:
         """The least median of some (drive, fit) over the least of others, chosen anew in every resample."""
-        return interval(
-            float(_least(self.medians, one) / _least(self.medians, other)),
-            _least(self.resampled, one) / _least(self.resampled, other),
-        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = float(_least(self.medians, one) / _least(self.medians, other))
+            resampled = _least(self.resampled, one) / _least(self.resampled, other)
+        return interval(value, resampled)
 
     def best(self, cells: Cells) -> tuple[int, int]:
         """The (drive, fit) of least median."""
