@@ -21,6 +21,8 @@ from oed.validation import Validation
 
 FORMAT = 1
 FILE = "record.json"
+NOMINAL = "nominal"
+"""Name of the result of a robust study's search without any reserve."""
 
 
 @dataclass(frozen=True)

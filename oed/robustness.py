@@ -11,10 +11,10 @@ import numpy as np
 from oed.evaluation import evaluate
 from oed.leaving import leaving, left, path_limits, paths
 from oed.problem import Problem
-from oed.record import finite, rounded
+from oed.record import NOMINAL, finite, rounded
 from oed.solution import Solution
 from oed.solvers import Progress, solve
-from oed.study import NOMINAL, Study
+from oed.study import Study
 
 UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
 BUNDLE = 40

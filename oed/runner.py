@@ -72,9 +72,8 @@ def run(
         if not interrupted:
             certificate = _certificate(study, listener)
             solutions += _lattice_drive(study, certificate)
-            solutions += _baselines(
-                study, paths, best_of(solutions, study.problem.criterion), chosen, listener
-            )
+            best = best_of(safe(study, solutions), study.problem.criterion)
+            solutions += _baselines(study, paths, best, chosen, listener)
             solutions = tried(study, solutions, chosen, listener)
             validation = simulated(study, solutions, chosen, listener, workers)
             physics = driven_in_physics(study, solutions, chosen, listener, workers)

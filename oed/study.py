@@ -25,7 +25,7 @@ from oed.models import MODELS, Model
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
-from oed.record import Record, load_record
+from oed.record import NOMINAL, Record, load_record
 from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
@@ -36,8 +36,6 @@ from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
 
 FORMAT = 1
-NOMINAL = "nominal"
-"""Name of the result of a robust study's search without any reserve."""
 
 
 def _limit_table() -> Any:

@@ -37,8 +37,6 @@ from oed.problem import Problem, prior_of
 
 Array = npt.NDArray[np.float64]
 
-ASKEW = 0.5
-"""Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
 )

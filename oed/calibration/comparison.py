@@ -149,7 +149,9 @@ def scored(models: Sequence[Compared], readings: float, inflation: float, way: W
         values = {
             place: value
             for place, one in enumerate(models)
-            if not one.reason and (value := _value(one, measure, readings, inflation)) is not None
+            if not one.reason
+            and (value := _value(one, measure, readings, inflation)) is not None
+            and math.isfinite(value)
         }
         if not values:
             continue

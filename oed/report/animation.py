@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.record import FILE, Record, load_record
@@ -183,7 +183,7 @@ def with_film(section: Section, record: Record, folder: Path) -> Section:
             f"`oed animate` with this folder makes a film of it, `{NAME}`, which is then shown here as well."
         )
         return replace(section, paragraphs=(*section.paragraphs, hint))
-    found = json.loads(told.removeprefix(MARK)) if told.startswith(MARK) else None
+    found = _marked(told)
     if found is None:
         return replace(section, film=Film(file, "A film of the drive", f"The film in `{NAME}`."))
     names = list(map(str, found["results"]))
@@ -206,3 +206,14 @@ def _comment(file: Path) -> str | None:
     except OSError:
         return None
     return comment.decode(errors="replace") if isinstance(comment, bytes) else str(comment)
+
+
+def _marked(comment: str) -> Mapping[str, Any] | None:
+    # What a film that was made here says of itself; None of any other.
+    if not comment.startswith(MARK):
+        return None
+    try:
+        found = json.loads(comment.removeprefix(MARK))
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) and {"results", "drives"} <= set(found) else None

@@ -228,8 +228,9 @@ class TestReport:
         gone = {**towing().data, "results": towing().data["results"][1:]}
         assert "data:image/gif" not in self.pages(Record(gone), tmp_path)[0]
 
-    def test_a_film_from_elsewhere(self, tmp_path: Path):
-        Image.new("RGB", (9, 9)).save(tmp_path / "drive.gif")
+    @pytest.mark.parametrize("comment", ["", "oed on holiday", 'oed {"results": []}', "oed 7"])
+    def test_a_film_from_elsewhere(self, comment: str, tmp_path: Path):
+        Image.new("RGB", (9, 9)).save(tmp_path / "drive.gif", comment=comment.encode())
         html, markdown = self.pages(towing(), tmp_path)
         assert "![A film of the drive](drive.gif)" in markdown
         assert "data:image/gif" in html

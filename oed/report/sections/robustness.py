@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.record import Record
+from oed.record import NOMINAL, Record
 from oed.report.driven import Bundle, poses_of
 from oed.report.judging import study_aim
 from oed.report.rooms import Room, room_of
@@ -18,8 +18,6 @@ from oed.report.wording import given_text, listing, quantity, words
 
 Entry = Mapping[str, Any]
 
-NOMINAL = "nominal"
-"""Name of the result of the search that kept nothing in reserve."""
 KINDS = {
     "chance": "every limit on the path is kept with some standard deviations of its distance in reserve",
     "tube": "every limit on the path is kept with the farthest in reserve that its distance moves, to first "
