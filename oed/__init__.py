@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from oed.criteria import G as G
     from oed.criteria import I as I
     from oed.criteria import ModifiedE as ModifiedE
+    from oed.departures import Leaving as Leaving
+    from oed.departures import leaving as leaving
     from oed.driven import score_path as score_path
     from oed.errors import Failure as Failure
     from oed.errors import LogError as LogError
@@ -108,6 +110,7 @@ if TYPE_CHECKING:
     from oed.report import animate as animate
     from oed.report import write_estimate as write_estimate
     from oed.report import write_report as write_report
+    from oed.robust import Robust as Robust
     from oed.rollout import Drive as Drive
     from oed.runner import run as run
     from oed.solution import Solution as Solution
@@ -125,6 +128,7 @@ if TYPE_CHECKING:
     from oed.trajectory import Spline as Spline
     from oed.trajectory import StartPose as StartPose
     from oed.trajectory import Trajectory as Trajectory
+    from oed.uncertainty import Uncertainty as Uncertainty
     from oed.validation import Validation as Validation
     from oed.validation import validate as validate
 
@@ -146,6 +150,10 @@ _HOMES = {
         "G",
         "I",
         "ModifiedE",
+    ),
+    "oed.departures": (
+        "Leaving",
+        "leaving",
     ),
     "oed.driven": ("score_path",),
     "oed.errors": (
@@ -256,6 +264,7 @@ _HOMES = {
         "write_estimate",
         "write_report",
     ),
+    "oed.robust": ("Robust",),
     "oed.rollout": ("Drive",),
     "oed.runner": ("run",),
     "oed.solution": (
@@ -281,6 +290,7 @@ _HOMES = {
         "StartPose",
         "Trajectory",
     ),
+    "oed.uncertainty": ("Uncertainty",),
     "oed.validation": (
         "Validation",
         "validate",

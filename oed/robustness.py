@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from oed.departures import leaving, left, path_limits, paths
 from oed.evaluation import evaluate
-from oed.leaving import leaving, left, path_limits, paths
 from oed.problem import Problem
 from oed.record import NOMINAL, finite, rounded
 from oed.solution import Solution
@@ -61,12 +61,18 @@ def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Prog
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
-    """Those that few enough robots leave, as far as that was tried; all if the study is not robust."""
+    """Those that few enough robots leave, as far as that was tried; all if the study is not robust.
+
+    The search with nothing in reserve is for comparison only, whatever it has found.
+    """
     robust = study.problem.robust
+    if robust is None:
+        return list(solutions)
+    allowed = 1 - robust.confidence
     return [
         one
         for one in solutions
-        if robust is None or one.leaving is None or one.leaving.surely_below(1 - robust.confidence)
+        if one.name != NOMINAL and (one.leaving is None or one.leaving.surely_below(allowed))
     ]
 
 

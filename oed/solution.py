@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from oed.departures import Leaving
 from oed.evaluation import Evaluation, evaluate
-from oed.leaving import Leaving
 from oed.problem import Problem
 from oed.robust import Robust
 from oed.trajectory import Trajectory

@@ -226,6 +226,9 @@ def _study(source: YamlSource) -> Study:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
     flaws += file.log.flaws(file.robot) if file.log is not None else []
+    if file.uncertainty is not None and file.robust is None:
+        text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
+        flaws.append(Flaw(("uncertainty",), text))
     if file.calibration is not None:
         flaws += alternative_flaws(file.robot, file.calibration.models)
     try:

@@ -23,7 +23,7 @@ FLOORS: tuple[set[str], ...] = (
     {"criteria"},
     {"problem"},
     {"evaluation"},
-    {"leaving", "solution", "identifiability"},
+    {"departures", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},
     {"estimators"},
     {"validation", "calibration"},

@@ -12,12 +12,15 @@ import yaml
 from driven_robot import ROOM_STUDY, write_log
 from studies import saved_study, small
 
+from oed.departures import leaving
 from oed.driven import score_logs
+from oed.errors import StudyError
 from oed.evaluation import evaluate
-from oed.leaving import leaving
 from oed.next_drive import next_drive
 from oed.record import Record, drive_of, load_record
+from oed.robustness import safe
 from oed.runner import run
+from oed.solution import Solution, Status
 from oed.study import Study, parse_study
 
 WITHIN = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %, x: 1 cm}"
@@ -119,8 +122,19 @@ class TestRecord:
 
 class TestWhatIsAsked:
     def test_a_study_that_is_not_robust_has_none(self, tmp_path):
-        study = saved_study(tmp_path, small(solvers="", baselines="[straight]", uncertainty=WITHIN))
+        study = saved_study(tmp_path, small(solvers="", baselines="[straight]"))
         assert run(study, workers=1).data["robustness"] is None
+
+    def test_an_uncertainty_that_nothing_has_to_survive_is_refused(self, tmp_path):
+        with pytest.raises(StudyError, match="uncertainty: is what a robust drive has to survive"):
+            saved_study(tmp_path, small(solvers="", baselines="[straight]", uncertainty=WITHIN))
+
+    def test_the_search_without_reserve_is_never_the_best(self, ran):
+        study, _, _ = ran
+        alike = [
+            Solution(name, "ipopt", None, None, Status.CONVERGED) for name in ("ipopt", "nominal", "circle")
+        ]
+        assert [one.name for one in safe(study, alike)] == ["ipopt", "circle"]
 
     @pytest.mark.slow
     def test_the_search_without_reserve_may_be_left_out(self, tmp_path):

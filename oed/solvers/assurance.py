@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from oed.departures import Leaving, leaving
 from oed.evaluation import evaluate
-from oed.leaving import Leaving, leaving
 from oed.problem import Problem
 from oed.robust import Robust
 from oed.solution import Solution, Status

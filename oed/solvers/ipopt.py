@@ -158,7 +158,8 @@ class _Search:
         if self.best is None:
             return
         rng = self.context.rng(1)
-        self.context.progress.begin("perturb and solve again", left)
+        if left:
+            self.context.progress.begin("perturb and solve again", left)
         while left > 0:
             base = self.best.unknowns
             points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]

@@ -61,7 +61,7 @@ def goals(floor: Floor) -> list[dict[str, Any]]:
     """Every goal with the ratio found on a floor; none where there is nothing to compare."""
     if not floor.optimal or not floor.everyday:
         return []
-    return [*_scatter_goals(floor), *_error_goals(floor), _best_goal(floor)]
+    return [*_scatter_goals(floor), *_error_goals(floor), *_best_goal(floor)]
 
 
 def _scatter_goals(floor: Floor) -> Iterator[dict[str, Any]]:
@@ -84,15 +84,20 @@ def _error_goals(floor: Floor) -> Iterator[dict[str, Any]]:
     aims += [(name, CIRCLE_GOAL) for name in floor.everyday if name == "circle"]
     for model, drive in floor.optimal.items():
         for other, most in aims:
+            if not np.isfinite(floor.repeats.medians[floor.cell(other, model)]):
+                # What most robots' calibrations refused is no error to compare with.
+                continue
             found = floor.repeats.ratio([floor.cell(drive, model)], [floor.cell(other, model)])
             yield _goal("error", floor, (drive, model), (other, model), found, most)
 
 
-def _best_goal(floor: Floor) -> dict[str, Any]:
+def _best_goal(floor: Floor) -> Iterator[dict[str, Any]]:
     designed, everyday = floor.cells(list(floor.optimal.values())), floor.cells(floor.everyday)
     best = [floor.repeats.best(cells) for cells in (designed, everyday)]
+    if not np.isfinite(floor.repeats.medians[best[1]]):
+        return
     one, other = ((floor.drives[drive], floor.fits[fit]) for drive, fit in best)
-    return _goal("best", floor, one, other, floor.repeats.ratio(designed, everyday), BEST_GOAL)
+    yield _goal("best", floor, one, other, floor.repeats.ratio(designed, everyday), BEST_GOAL)
 
 
 def _squares(floor: Floor) -> list[str]:

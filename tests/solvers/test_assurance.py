@@ -12,8 +12,8 @@ from builders import ACCELERATION, SPEED, make_problem
 from pydantic import Field
 
 from oed.criteria import D, E
+from oed.departures import leaving, left
 from oed.evaluation import evaluate
-from oed.leaving import leaving, left
 from oed.limits import Rectangle
 from oed.measurements import Poses
 from oed.problem import Problem

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from oed.leaving import leaving
+from oed.departures import leaving
 from oed.problem import Problem
 from oed.solvers import Ipopt, solve
 from oed.study import parse_study

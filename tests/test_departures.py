@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from oed.criteria import E
+from oed.departures import Leaving, leaving, left, path_limits, paths
 from oed.evaluation import TOLERANCE, evaluate
-from oed.leaving import Leaving, leaving, left, path_limits, paths
 from oed.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.measurements import Poses
 from oed.models import TractorTrailer
@@ -214,7 +214,7 @@ class TestDraws:
 
     def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         problem, drive, found, _ = counted("box")
-        monkeypatch.setattr("oed.leaving.BATCH", 7)
+        monkeypatch.setattr("oed.departures.BATCH", 7)
         again = leaving(problem, drive, draws=FEW, seed=0)
         assert (again.probability, again.farthest) == (found.probability, pytest.approx(found.farthest))
 
