@@ -19,8 +19,8 @@ from oed.problem import Problem
 from oed.solution import Solution
 from oed.solvers import Ipopt, solve
 
-settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=20)
-settings.register_profile("quick", settings.get_profile("seeded"), max_examples=8)
+settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=12)
+settings.register_profile("quick", settings.get_profile("seeded"), max_examples=6)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -24,9 +24,9 @@ RATE = 10.0
 
 
 def quick_pilot() -> Study:
-    text = PILOT.read_text().replace("starts: 6, perturbations: 2", "starts: 2, perturbations: 0")
+    text = PILOT.read_text().replace("starts: 6, perturbations: 2", "starts: 1, perturbations: 0")
     text = text.replace("baselines: [circle, figure_eight, random]", "baselines: []")
-    assert "starts: 2" in text
+    assert "starts: 1" in text
     return parse_study(text.replace("kind: scenarios", "kind: scenarios, compare: false, draws: 1000"))
 
 
@@ -60,7 +60,7 @@ def test_the_pilot_stays_in_the_room_and_the_next_drive_knows_the_track(tmp_path
     motion = driven(best_drive(pilot))
     assert farthest(motion) < HALF_SIDE
     log = write_log(tmp_path / "pilot.csv", motion, np.random.default_rng(0))
-    found = next_drive(pilot, [log], duration=16.0, workers=1)
+    found = next_drive(pilot, [log], duration=12.0, workers=1)
     track = found.estimate.values["track"]
     # Skidding widens it; in a spin of rigid wheels with dry friction by 1 + (16/18)^2.
     assert 1.4 < track / WHEELS_APART < 2.4
@@ -69,7 +69,7 @@ def test_the_pilot_stays_in_the_room_and_the_next_drive_knows_the_track(tmp_path
     problem = found.study.problem
     assert problem.robust.kind == "chance"
     assert problem.uncertainty is None
-    assert problem.design.duration == 16.0
+    assert problem.design.duration == 12.0
     assert problem.design.period == pytest.approx(0.2)
     second = driven(best_drive(found.record))
     # What slip does beyond the model is not in the reserve: the room is kept to a few centimetres.
