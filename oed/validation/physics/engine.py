@@ -59,13 +59,13 @@ class Engine:
         Raises:
             UserMistake: the engine is not installed.
         """
-        self.library = engine_library()
+        self.mujoco = engine_library()
         self.robot = robot
-        self.model = self.library.MjModel.from_xml_string(describe(robot))
+        self.model = self.mujoco.MjModel.from_xml_string(describe(robot))
         if step is not None:
             self.model.opt.timestep = step
         self._set_contacts()
-        self.data = self.library.MjData(self.model)
+        self.data = self.mujoco.MjData(self.model)
         self._wheels = [int(self.model.joint(wheel.name).qposadr[0]) for wheel in robot.wheels]
         right = np.array([wheel.left < 0 for wheel in robot.wheels], dtype=float)
         self._sides = np.array([right / right.sum(), (1 - right) / (1 - right).sum()])
@@ -104,7 +104,7 @@ class Engine:
         # Both halves of every wheel's controller.
         self.data.ctrl[:] = np.tile(np.asarray(wheel_speeds) @ (self._sides > 0), 2)
         with self._unlogged():
-            self.library.mj_step(self.model, self.data, nstep=steps)
+            self.mujoco.mj_step(self.model, self.data, nstep=steps)
         self._check()
 
     def settle(self, start: Sequence[float]) -> None:
@@ -122,7 +122,7 @@ class Engine:
             self.advance((0, 0), round(0.1 / self.model.opt.timestep))
         data, turn = self.data, (start[2] - self.pose[2]) / 2
         turned = np.zeros(4)
-        self.library.mju_mulQuat(turned, np.array([np.cos(turn), 0, 0, np.sin(turn)]), data.qpos[3:7])
+        self.mujoco.mju_mulQuat(turned, np.array([np.cos(turn), 0, 0, np.sin(turn)]), data.qpos[3:7])
         data.qpos[:2], data.qpos[3:7], data.qpos[self._wheels] = start[:2], turned, 0.0
         data.qvel[:], data.qacc_warmstart[:], data.act[:], data.time = 0, 0, 0, 0
 
@@ -132,17 +132,17 @@ class Engine:
         height = self.robot.height
         self.data.qpos[:7] = x, y, height, np.cos(heading / 2), 0, 0, np.sin(heading / 2)
         self.data.qpos[self._wheels] = np.asarray(wheel_angles) @ (self._sides > 0)
-        self.library.mj_forward(self.model, self.data)
+        self.mujoco.mj_forward(self.model, self.data)
 
     @contextmanager
     def _unlogged(self) -> Iterator[None]:
         # The engine would write its warnings to a file in the working directory; `_check` sees what they say.
-        before = self.library.get_mju_user_warning()
-        self.library.set_mju_user_warning(lambda text: None)
+        before = self.mujoco.get_mju_user_warning()
+        self.mujoco.set_mju_user_warning(lambda text: None)
         try:
             yield
         finally:
-            self.library.set_mju_user_warning(before)
+            self.mujoco.set_mju_user_warning(before)
 
     @property
     def _rests(self) -> bool:

@@ -33,7 +33,7 @@ def frames(
     """
     engine = Engine(robot)
     try:
-        renderer = engine.library.Renderer(engine.model, *size)
+        renderer = engine.mujoco.Renderer(engine.model, *size)
     except Exception as error:
         # Every drawing library fails in a way of its own.
         raise Failure(
