@@ -1,0 +1,91 @@
+"""`python -m benchmarks [NAME ...] [--write]`: run the benchmarks, each in a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import multiprocessing
+import platform
+import sys
+from datetime import date
+from pathlib import Path
+
+from benchmarks.figure import Figure
+
+BENCHMARKS: tuple[str, ...] = ()
+"""Modules of this folder, in the order of the table."""
+
+README = Path(__file__).parent.parent / "README.md"
+BEGIN, END = "<!-- benchmarks: written by make bench -->", "<!-- end of benchmarks -->"
+
+
+def main() -> int:
+    """Print the table; with --write put it into README.md."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"some of {', '.join(BENCHMARKS)}")
+    parser.add_argument("--write", action="store_true", help="write the table into README.md")
+    options = parser.parse_args()
+    strangers = sorted(set(options.names) - set(BENCHMARKS))
+    if strangers:
+        parser.error(f"no benchmark {', '.join(strangers)}; there are {', '.join(BENCHMARKS)}")
+    if options.write and options.names:
+        parser.error("--write needs all benchmarks: leave out the names")
+    found = [figure for name in options.names or BENCHMARKS for figure in _alone(name)]
+    table = _table(found)
+    print(table)
+    if options.write:
+        _write(table)
+    return 0
+
+
+def _alone(name: str) -> list[Figure]:
+    # A process of its own: what one benchmark has compiled or cached must not help the next.
+    print(f"{name} ...", file=sys.stderr, flush=True)
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(_figures, (name,))
+
+
+def _figures(name: str) -> list[Figure]:
+    found: list[Figure] = importlib.import_module(f"benchmarks.{name}").figures()
+    return found
+
+
+def _table(figures: list[Figure]) -> str:
+    rows = [
+        f"Measured on {date.today().isoformat()}, {_machine()}, Python {platform.python_version()}.",
+        "",
+        "| | oed | compared with | ratio | goal |",
+        "|---|---|---|---|---|",
+    ]
+    for one in figures:
+        ratio = "" if math.isnan(one.ratio) else f"{one.ratio:.3g}"
+        rows.append(f"| {one.what} | {one.ours} | {one.against} | {ratio} | {_goal(one)} |")
+    return "\n".join(rows)
+
+
+def _goal(figure: Figure) -> str:
+    if figure.goal is None:
+        return ""
+    sign = "≥" if figure.at == "least" else "≤"
+    return f"{sign} {figure.goal:g}: {'reached' if figure.reached else 'missed'}"
+
+
+def _machine() -> str:
+    models = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return f"{len(models)} x {models[0] if models else platform.machine()}"
+
+
+def _write(table: str) -> None:
+    text = README.read_text()
+    before, rest = text.split(BEGIN)
+    after = rest.split(END)[1]
+    README.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
