@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.solvers.program import DesignExpressions, Program
+from oed.solvers.design import DesignExpressions
+from oed.solvers.program import Program
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
         auxiliary=relaxation,
         equalities=ca.SX(0, 1),
         floors=ca.SX(0, 1),
-        relaxed=ca.vertsplit(relaxation),
+        relaxing=True,
         options={"ipopt.max_iter": 150},
     )
     needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.rows))]

@@ -2,43 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import islice
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.criteria.criterion import Epigraph
 from oed.expression import Expression
 from oed.problem import Problem
 
 Array = npt.NDArray[np.float64]
 
 
-def epigraph_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Epigraph:
-    """A problem's objective as smooth optimisation, of the matrices of each robot judged.
+@dataclass(frozen=True)
+class Objective:
+    """What a search maximises, as smooth optimisation.
 
-    Its `initial` takes the matrices of all robots, one robot after the other.
+    Attributes:
+        maximised: scalar expression.
+        variables: auxiliary unknowns, (k,).
+        equalities: expressions that must vanish, (e,).
+        floors: expressions that must not be negative, (f,).
+        initial: values (k,) of the auxiliary unknowns for the numeric matrices of every robot judged.
     """
+
+    maximised: Expression
+    variables: Expression
+    equalities: Expression
+    floors: Expression
+    initial: Callable[[Sequence[Sequence[Array]]], Array]
+
+
+def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Objective:
+    """A problem's objective, of the matrices of each robot judged."""
     each = [problem.objective.epigraph(matrices) for matrices in robots]
-    if len(each) == 1:
-        return each[0]
-    mean = problem.robust is not None and problem.robust.objective == "mean"
+    alone = len(each) == 1
+    mean = alone or (problem.robust is not None and problem.robust.objective == "mean")
     objectives = ca.vertcat(*(one.objective for one in each))
     level = ca.SX(0, 1) if mean else ca.SX.sym("level")
 
-    def initial(numeric: Sequence[Array]) -> Array:
-        rest = iter(numeric)
-        own = [list(islice(rest, len(matrices))) for matrices in robots]
-        begun = [one.initial(matrices) for one, matrices in zip(each, own, strict=True)]
-        worst = min(float(problem.objective.value(matrices)) for matrices in own)
-        return np.concatenate([[] if mean else [worst], *begun])
+    def initial(numeric: Sequence[Sequence[Array]]) -> Array:
+        begun = [one.initial(matrices) for one, matrices in zip(each, numeric, strict=True)]
+        worst = [] if mean else [min(float(problem.objective.value(matrices)) for matrices in numeric)]
+        return np.concatenate([worst, *begun])
 
-    return Epigraph(
-        objective=ca.sum1(objectives) / len(each) if mean else level,
+    return Objective(
+        maximised=ca.sum1(objectives) / len(each) if mean else level,
         variables=ca.vertcat(level, *(one.variables for one in each)),
         equalities=ca.vertcat(*(one.equalities for one in each)),
-        initial=initial,
         floors=ca.vertcat(*(one.floors for one in each), ca.SX(0, 1) if mean else objectives - level),
+        initial=initial,
     )

@@ -19,7 +19,7 @@ from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 from oed.solvers.solver import Context, Solver
 from oed.solvers.starts import random_drives, start_bounds
 
@@ -123,7 +123,7 @@ def _bounds(design: DesignExpressions) -> Array:
     return np.vstack([coefficients, start_bounds(design)])
 
 
-def _as_pymoo(design: DesignExpressions, threads: int) -> Any:
+def _as_pymoo(design: DesignExpressions) -> Any:
     # Made inside a function, for pymoo is loaded only when such a search runs.
     from pymoo.core.problem import Problem as PymooProblem
 
@@ -140,7 +140,7 @@ def _as_pymoo(design: DesignExpressions, threads: int) -> Any:
             )
 
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            values, violations = design.score_many(x, threads)
+            values, violations = design.score_many(x)
             out["F"] = -values[:, None]
             out["G"] = violations
 
@@ -175,9 +175,7 @@ class _Run:
         algorithm = options.algorithm(sampling)
         termination = get_termination("n_gen", options.generations)
         seed = int(rng.integers(2**31))
-        algorithm.setup(
-            _as_pymoo(self.design, self.context.workers), termination=termination, seed=seed, verbose=False
-        )
+        algorithm.setup(_as_pymoo(self.design), termination=termination, seed=seed, verbose=False)
         self.context.progress.begin(options.kind, options.generations)
         while algorithm.has_next():
             algorithm.next()

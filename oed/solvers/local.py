@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, islice
 from typing import Any
 
 import casadi as ca
@@ -18,8 +17,9 @@ from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.solution import Status
-from oed.solvers.epigraph import epigraph_of
-from oed.solvers.program import DesignExpressions, Outcome, Program
+from oed.solvers.design import DesignExpressions
+from oed.solvers.epigraph import objective_of
+from oed.solvers.program import Outcome, Program
 
 Array = npt.NDArray[np.float64]
 
@@ -90,19 +90,17 @@ class LocalSearch:
         self.settings = settings
         self.design = DesignExpressions(problem)
         self.scale = self.design.scale
-        robots = [[matrix / self.scale for matrix in matrices] for matrices in self.design.robots]
-        self._scaled = [matrix / self.scale for matrix in self.design.matrices]
-        self._epigraph = epigraph_of(problem, robots)
-        self._matrices = ca.Function("matrices", [self.design.unknowns], list(chain.from_iterable(robots)))
+        self._robots = [[matrix / self.scale for matrix in matrices] for matrices in self.design.robots]
+        self._objective = objective_of(problem, self._robots)
 
     @cached_property
     def _first(self) -> Program:
         return Program(
             self.design,
-            objective=self._epigraph.objective,
-            auxiliary=self._epigraph.variables,
-            equalities=self._epigraph.equalities,
-            floors=self._epigraph.floors,
+            objective=self._objective.maximised,
+            auxiliary=self._objective.variables,
+            equalities=self._objective.equalities,
+            floors=self._objective.floors,
             options=self.settings.ipopt,
         )
 
@@ -111,9 +109,9 @@ class LocalSearch:
         return Program(
             self.design,
             objective=self._secondary(),
-            auxiliary=self._epigraph.variables,
-            equalities=self._epigraph.equalities,
-            floors=ca.vertcat(self._epigraph.floors, self._epigraph.objective),
+            auxiliary=self._objective.variables,
+            equalities=self._objective.equalities,
+            floors=ca.vertcat(self._objective.floors, self._objective.maximised),
             options=self.settings.ipopt,
         )
 
@@ -122,25 +120,20 @@ class LocalSearch:
             fastest = self.problem.model.twist(
                 ca.DM(self.design.input_scale), ca.DM(self.problem.model.nominal)
             )
-            return -self.design.drive.path_length(softening=max(0.01 * abs(float(fastest[0])), 1e-6))
-        return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._scaled)
+            return -self.design.terms.drive.path_length(softening=max(0.01 * abs(float(fastest[0])), 1e-6))
+        return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start."""
-        return self._tightened(self._first, unknowns, np.zeros(self._epigraph.floors.shape[0]))
+        return self._tightened(self._first, unknowns, np.zeros(self._objective.floors.shape[0]))
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        value = self._objective(self._numeric(unknowns))
+        value = float(self.design.objective(self._numeric(unknowns)))
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
-        floors = np.append(np.zeros(self._epigraph.floors.shape[0]), level)
+        floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
         return self._tightened(self._second, unknowns, floors)
-
-    def _objective(self, matrices: Sequence[Array]) -> float:
-        rest = iter(matrices)
-        own = [list(islice(rest, len(one))) for one in self.design.robots]
-        return float(self.problem.together([self.problem.objective.value(one) for one in own]))
 
     def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
         began = time.perf_counter()
@@ -159,11 +152,10 @@ class LocalSearch:
 
     def initial(self, unknowns: Array) -> Array:
         """The epigraph's auxiliary unknowns for a design."""
-        return self._epigraph.initial(self._numeric(unknowns))
+        return self._objective.initial(self._numeric(unknowns))
 
-    def _numeric(self, unknowns: Array) -> list[Array]:
-        matrices = self._matrices.call([unknowns])
-        return [np.array(matrix) for matrix in matrices]
+    def _numeric(self, unknowns: Array) -> list[list[Array]]:
+        return [[matrix / self.scale for matrix in own] for own in self.design.matrices_of(unknowns)]
 
     def _excess(self, evaluation: Evaluation) -> Array:
         # Half the tolerance is left for rounding, so that the design passes other people's checks as well.

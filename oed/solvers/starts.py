@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.limits.workspace import workspace_of
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 
 Array = npt.NDArray[np.float64]
 

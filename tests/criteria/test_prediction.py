@@ -20,7 +20,7 @@ from oed.evaluation import evaluate
 from oed.measurements import AbsoluteNoise, Displacements, LeverArm, Poses
 from oed.models import Model
 from oed.problem import Problem
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 
 robots = pytest.mark.parametrize("example", cases(PLANAR))
 quantities = pytest.mark.parametrize("quantity", ["position", "heading"])
@@ -188,7 +188,7 @@ def schur(matrix: np.ndarray, kept: list[int]) -> np.ndarray:
 def whole_information(problem: Problem, seed: int) -> np.ndarray:
     """F of a random drive on all parameters and nuisances, SI, nothing eliminated."""
     design = DesignExpressions(problem)
-    (estimation,) = problem.estimations(design.drive)
+    (estimation,) = problem.estimations(design.terms.drive)
     function = ca.Function(
         "F",
         [design.unknowns],

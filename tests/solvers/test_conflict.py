@@ -13,7 +13,7 @@ from oed.limits import Rectangle, WheelSpeed
 from oed.measurements import Displacements
 from oed.problem import Problem
 from oed.solvers.conflict import describe_conflict
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import random_drives
 from oed.trajectory import DesignSpace, Spline
 

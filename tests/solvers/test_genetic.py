@@ -16,7 +16,7 @@ from oed.measurements import Displacements
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 from oed.trajectory import DesignSpace, Spline
 
 PROBLEM = make_problem()

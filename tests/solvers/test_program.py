@@ -12,7 +12,8 @@ from oed.evaluation import evaluate
 from oed.limits import WheelSpeed
 from oed.measurements import Displacements
 from oed.models import SkidSteer
-from oed.solvers.program import DesignExpressions, Program
+from oed.solvers.design import DesignExpressions
+from oed.solvers.program import Program
 from oed.trajectory import DesignSpace, Spline
 
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
@@ -41,7 +42,7 @@ def random_unknowns(design: DesignExpressions, seed: int = 0, share: float = 0.5
 def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
     """All matrices and limit rows of z, and their Jacobian."""
     everything = ca.vertcat(
-        *(ca.vec(matrix) for matrix in design.robots[0]), *(rows.expression for rows in design.rows)
+        *(ca.vec(matrix) for matrix in design.terms.matrices), *(rows.expression for rows in design.rows)
     )
     values = ca.Function("values", [design.unknowns], [everything])
     return values, ca.Function("jacobian", [design.unknowns], [ca.jacobian(everything, design.unknowns)])
@@ -60,8 +61,7 @@ def test_jacobian_is_the_finite_difference(overrides):
 def test_gradient_of_the_scored_criterion_is_the_finite_difference(overrides):
     design = make_design(overrides)
     weight = np.array([[1.0, 0.3], [0.3, 2.0]])
-    *matrices, _ = design.scores(design.unknowns)
-    merit = sum(ca.trace(ca.DM(weight) @ matrix) for matrix in matrices)
+    merit = sum(ca.trace(ca.DM(weight) @ matrix) for matrix in design.terms.matrices)
     function = ca.Function("merit", [design.unknowns], [merit])
     gradient = ca.Function("gradient", [design.unknowns], [ca.gradient(merit, design.unknowns)])
     point = random_unknowns(design, 1)
@@ -75,12 +75,12 @@ def test_the_program_says_what_evaluate_says(overrides, share: float):
     design = make_design(overrides)
     point = random_unknowns(design, 2, share)
     evaluation = evaluate(design.problem, design.trajectory(point))
-    *matrices, violations = design.scores(point)
-    for matrix, name in zip(matrices, evaluation.information, strict=True):
-        np.testing.assert_allclose(np.array(matrix), evaluation.information[name], rtol=1e-10, atol=1e-10)
+    _, violations = design.score_many(point[None, :])
+    for matrix, name in zip(design.matrices_of(point)[0], evaluation.information, strict=True):
+        np.testing.assert_allclose(matrix, evaluation.information[name], rtol=1e-10, atol=1e-10)
     # Coefficients bound the curve, so speeds count for more here; positions are seen at the samples only.
     named = {margin.name: margin.violation / margin.size for margin in evaluation.margins}
-    for limit, violation in zip(design.problem.limits, np.array(violations).ravel(), strict=True):
+    for limit, violation in zip(design.problem.limits, violations[0], strict=True):
         if limit.name == "workspace":
             assert violation <= named[limit.name] + 1e-12
         else:
@@ -111,8 +111,8 @@ def test_many_candidates_score_as_each_does(overrides):
     candidates = np.array([random_unknowns(design, seed) for seed in range(5)])
     values, violations = design.score_many(candidates)
     for candidate, value, violation in zip(candidates, values, violations, strict=True):
-        *matrices, single = design.scores(candidate)
-        expected = design.problem.criterion.value([np.array(matrix) for matrix in matrices])
+        _, single = design.terms.scores(candidate)
+        expected = design.problem.criterion.value(design.matrices_of(candidate)[0])
         assert value == pytest.approx(float(expected), rel=1e-12)
         np.testing.assert_allclose(violation, np.array(single).ravel(), rtol=1e-12)
     assert 0 < design.scale < np.inf
@@ -120,8 +120,7 @@ def test_many_candidates_score_as_each_does(overrides):
 
 def test_speeds_and_accelerations_are_linear_and_positions_are_not():
     design = make_design({})
-    linear = [design.is_linear(rows) for rows in design.rows]
-    assert linear == [True, True, False]
+    assert design.terms.linear == [True, True, False]
 
 
 def test_rows_that_rest_fixes_are_left_out():
@@ -138,7 +137,7 @@ class TestProgram:
 
     def program(self, sign: int = 1, floors: bool = False) -> tuple[Program, ca.Function]:
         design = make_design({"limits": self.limits})
-        reached = design.drive.poses[-1, 0]
+        reached = design.terms.drive.poses[-1, 0]
         nothing = ca.SX(0, 1)
         program = Program(
             design,
@@ -166,5 +165,5 @@ class TestProgram:
     def test_no_limit_is_exceeded_at_the_samples(self):
         program, _ = self.program()
         outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0))
-        *_, violations = program.design.scores(outcome.unknowns)
+        _, violations = program.design.score_many(outcome.unknowns[None, :])
         assert np.array(violations).max() <= 1e-7

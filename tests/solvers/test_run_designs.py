@@ -15,7 +15,7 @@ from oed.measurements import Displacements, Poses
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import Genetic, Ipopt, solve
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import random_poses, start_bounds
 from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
 

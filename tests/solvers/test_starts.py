@@ -7,7 +7,7 @@ import pytest
 from builders import ACCELERATION, make_problem
 
 from oed.limits import Rectangle, WheelSpeed
-from oed.solvers.program import DesignExpressions
+from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import perturbed, random_drives, starting_points
 from oed.trajectory import DesignSpace, Spline
 

@@ -1,0 +1,136 @@
+"""Programs put together by the chain rule, against finite differences of the program itself."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from builders import SPEED, make_problem
+
+from oed.criteria import A, D, E, G, ModifiedE
+from oed.criteria.prediction import Leg
+from oed.measurements import Displacements, Poses
+from oed.robust import Robust
+from oed.solvers.chain import ChainRule, Frame
+from oed.solvers.design import DesignExpressions
+from oed.solvers.epigraph import objective_of
+from oed.solvers.terms import terms_of
+from oed.trajectory import DesignSpace, Spline
+from oed.uncertainty import Uncertainty
+
+SPACE = {"duration": 4, "samples": 12, "spline": Spline(coefficients=6)}
+POSES = Poses(noise={"position": 0.01, "heading": 0.02})
+UNCERTAIN = Uncertainty(within={"track": 0.05})
+
+VARIANTS = {
+    "E": {"criterion": E(scaling="none")},
+    "D, free start": {"criterion": D(scaling="none"), "design": DesignSpace(**SPACE, start="free")},
+    "A, both regressions": {
+        "criterion": A(scaling="none"),
+        "measurement": Displacements(segments=4, regressor="both"),
+    },
+    "modified E": {"criterion": ModifiedE(scaling="none")},
+    "G": {
+        "criterion": G(test_drive=(Leg(inputs=(3, 4), duration=2), Leg(inputs=(4, 3), duration=1))),
+        "measurement": POSES,
+    },
+    "mean of robots": {
+        "criterion": E(),
+        "measurement": POSES,
+        "uncertainty": UNCERTAIN,
+        "robust": Robust(objective="mean"),
+    },
+    "worst of robots": {
+        "criterion": E(),
+        "measurement": POSES,
+        "uncertainty": UNCERTAIN,
+        "robust": Robust(objective="worst", kind="scenarios"),
+    },
+}
+
+
+def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.ndarray]:
+    """A search's program, and a point of it."""
+    design = DesignExpressions(make_problem(**{"design": DesignSpace(**SPACE), **overrides}))
+    robots = [[matrix / design.scale for matrix in own] for own in design.robots]
+    sought = objective_of(design.problem, robots)
+    target = sought.maximised
+    if bent:
+        target = sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in robots[0])
+    conditions = ca.vertcat(sought.equalities, sought.floors)
+    chain = ChainRule(design, Frame(design.terms, relaxing=False), target, sought.variables, conditions)
+    z = np.random.default_rng(1).uniform(-0.5, 0.5, design.size)
+    numeric = [[matrix / design.scale for matrix in own] for own in design.matrices_of(z)]
+    return chain, np.concatenate([z, sought.initial(numeric)])
+
+
+def check(chain: ChainRule, point: np.ndarray) -> None:
+    """Gradient and Jacobian are the program's slopes, the Hessian that of its Lagrangian."""
+    program, given = chain.program, chain.derivatives
+    values = ca.Function("values", [program["x"]], [program["f"], program["g"]])
+    slope = oracle.central_difference(lambda x: np.array(values(x)[0]), point, 1e-6).ravel()
+    found = np.array(given["grad_f"](point, [])[1]).ravel()
+    np.testing.assert_allclose(found, slope, rtol=1e-5, atol=1e-6 * (1 + np.abs(slope).max()))
+    rows, jacobian = map(np.array, given["jac_g"](point, []))
+    np.testing.assert_array_equal(rows, np.array(values(point)[1]))
+    expected = oracle.central_difference(lambda x: np.array(values(x)[1]), point, 1e-6)
+    np.testing.assert_allclose(jacobian, expected, rtol=1e-5, atol=1e-6 * (1 + np.abs(expected).max()))
+    multipliers = np.random.default_rng(2).normal(size=len(rows))
+
+    def lagrangian_slope(x: np.ndarray) -> np.ndarray:
+        through = np.array(given["jac_g"](x, [])[1]).T @ multipliers
+        return 0.7 * np.array(given["grad_f"](x, [])[1]).ravel() + through
+
+    expected = oracle.central_difference(lagrangian_slope, point, 1e-5)
+    upper = np.array(given["hess_lag"](point, [], 0.7, multipliers))
+    size = 1e-5 * (1 + np.abs(expected).max())
+    np.testing.assert_allclose(upper, np.triu(expected), rtol=1e-4, atol=size)
+
+
+@pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS.keys())
+def test_derivatives_are_finite_differences(overrides: dict):
+    check(*make_chain(overrides))
+
+
+@pytest.mark.parametrize("name", ["E", "A, both regressions"])
+def test_so_are_those_of_an_objective_that_bends_with_the_information(name: str):
+    check(*make_chain(VARIANTS[name], bent=True))
+
+
+def test_a_relaxed_program_holds_every_row_twice():
+    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE)))
+    frame = Frame(design.terms, relaxing=True)
+    relaxation = ca.SX.sym("relaxation", len(design.rows))
+    chain = ChainRule(design, frame, -ca.sum1(relaxation), relaxation, ca.SX(0, 1))
+    point = np.concatenate([np.random.default_rng(0).uniform(-1, 1, design.size), [0.1, 0.2, 0.3]])
+    check(chain, point)
+    assert chain.program["g"].shape[0] == 2 * sum(len(rows.lower) for rows in design.rows)
+
+
+def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
+    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=(SPEED,)))
+    (low, high), (least, _) = Frame(design.terms, relaxing=False).bounds(np.array([0.25]))
+    np.testing.assert_allclose(high, np.full(design.size, 0.75))
+    np.testing.assert_allclose(low, -high)
+    assert len(least) == 0
+
+
+class TestSharedTerms:
+    def test_criteria_of_the_same_matrices_share_them(self):
+        first = make_problem(design=DesignSpace(**SPACE), criterion=E(scaling="none"))
+        second = make_problem(design=DesignSpace(**SPACE), criterion=D(scaling="none"))
+        assert terms_of(first) is terms_of(second)
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            {"criterion": E(scaling="none", subset=("c21",))},
+            {"measurement": Displacements(segments=3)},
+            {"limits": (SPEED,)},
+        ],
+        ids=["subset", "measurement", "limits"],
+    )
+    def test_problems_of_other_matrices_or_limits_do_not(self, other: dict):
+        plain = {"design": DesignSpace(**SPACE), "criterion": E(scaling="none")}
+        assert terms_of(make_problem(**plain)) is not terms_of(make_problem(**{**plain, **other}))
