@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test bench lint clean
+.PHONY: demo test bench bench-peers lint clean
 
 demo: .venv/installed
 	$(BIN)/oed run problems/choi_skid_steer.yaml
@@ -12,6 +12,9 @@ test: .venv/installed-dev
 
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write
+
+bench-peers: .venv-peers/installed
+	.venv-peers/bin/python -m benchmarks.peers
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .
@@ -31,5 +34,11 @@ lint: .venv/installed-dev
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@ .venv/installed
 
+# The peers have a place of their own: the package does not need them.
+.venv-peers/installed: pyproject.toml benchmarks/peers-requirements.txt | .venv/bin/python
+	.venv/bin/python -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --editable . --requirement benchmarks/peers-requirements.txt
+	touch $@
+
 clean:
-	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-peers build dist .mypy_cache .pytest_cache .ruff_cache
