@@ -12,6 +12,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimators.replicated import normal_equations, solved
+
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
@@ -25,17 +27,15 @@ def corrected(designs: Array, measured: Array, per_sample: Array, heading_noise:
     """Estimates (R, q): [W~'W~/k^2 - (k^-2 - 1) S1]^-1 W~'y/k.
 
     Args:
-        designs: W~ of each replicate, (R, rows, q).
-        measured: y, (R, rows).
+        designs: W~ of each replicate, (rows, q, R).
+        measured: y, (rows, R).
         per_sample: rows of single samples, (N, 2, q).
         heading_noise: standard deviation of a measured heading [rad].
     """
     shrink = shrinkage(heading_noise)
     own = per_sample.reshape(-1, per_sample.shape[-1])
-    normal = np.einsum("rij,rik->rjk", designs, designs) / shrink**2
-    normal -= (shrink**-2 - 1) * (own.T @ own)
-    right = np.einsum("rij,ri->rj", designs, measured) / shrink
-    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
+    normal, right = normal_equations(designs, measured)
+    return solved(normal / shrink**2 - (shrink**-2 - 1) * (own.T @ own), right / shrink)
 
 
 def corrected_covariance(

@@ -9,9 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import quad
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
+import scipy
 
 from oed.errors import Flaw, ProblemError
 from oed.estimators.estimate import Estimate
@@ -137,8 +135,10 @@ class Nonlinear(Estimator):
 
         start = self._initial / scale
         if self.loss == "linear":
-            return least_squares(residuals, start, jacobian, method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        return least_squares(
+            return scipy.optimize.least_squares(
+                residuals, start, jacobian, method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12
+            )
+        return scipy.optimize.least_squares(
             residuals, start, jacobian, loss=self._partly_robust(len(measured)), xtol=1e-10, ftol=1e-12
         )
 
@@ -207,7 +207,7 @@ class Nonlinear(Estimator):
             blocks.append(np.linalg.cholesky(np.linalg.inv(precision)))
         entries = self.readings.nuisances
         blocks += [np.array([[entry.deviation]]) for entry in entries if entry.deviation is not None]
-        return np.asarray(block_diag(*blocks)) if blocks else np.zeros((0, 0))
+        return np.asarray(scipy.linalg.block_diag(*blocks)) if blocks else np.zeros((0, 0))
 
     @cached_property
     def _white_slope(self) -> Array:
@@ -262,4 +262,4 @@ def _normal_mean(function: Callable[[float], float]) -> float:
     def weighed(size: float) -> float:
         return 2 * function(size) * math.exp(-(size**2) / 2) / math.sqrt(2 * math.pi)
 
-    return float(quad(weighed, 0.0, 1.0)[0] + quad(weighed, 1.0, np.inf)[0])
+    return float(scipy.integrate.quad(weighed, 0.0, 1.0)[0] + scipy.integrate.quad(weighed, 1.0, np.inf)[0])

@@ -7,17 +7,18 @@ known, predicted by the first stage [Choi, eq. 16], or measured at every sample.
 from __future__ import annotations
 
 from functools import cached_property
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import block_diag
+import scipy
 
 from oed.errors import Flaw, ProblemError
 from oed.estimators.errors_in_variables import corrected, corrected_covariance
 from oed.estimators.estimate import Estimate
 from oed.estimators.estimator import Estimator, EstimatorName
+from oed.estimators.measured_headings import MeasuredHeadings
+from oed.estimators.replicated import least_squares
 from oed.measurements.displacements import Displacements
 from oed.measurements.measurement import Measurement
 from oed.problem import Problem
@@ -61,6 +62,7 @@ class Regression(Estimator):
         chosen = measurement.regressions
         self.parameters = tuple(entry for block in chosen for entry in self.regressors.names[block])
         self.true = np.concatenate([self.regressors.true[block] for block in chosen])
+        self._maps: dict[str, Array] = {}
         self._check_rank()
 
     @cached_property
@@ -79,7 +81,7 @@ class Regression(Estimator):
             blocks = [self._linear_block(name, name) for name in self.measurement.regressions]
             if "position" in self.measurement.regressions:
                 blocks[-1] = self._corrected_covariance()
-        return np.asarray(block_diag(*blocks))
+        return np.asarray(scipy.linalg.block_diag(*blocks))
 
     @cached_property
     def linear_covariance(self) -> Array:
@@ -112,18 +114,20 @@ class Regression(Estimator):
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
         linear = {name: true[name] + noise[name] @ self._map(name).T for name in noise}
-        errors = np.zeros((count, 0))
+        readings = {name: noise[name] + designs[name] @ true[name] for name in noise}
         if "position" in noise and self.heading == "predicted":
             first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
             linear["position"] = linear["position"] - first @ self._map("position").T
-        if "position" in noise and self.heading == "measured":
-            errors = self._noise("heading") * rng.standard_normal((count, self.regressors.samples))
-            linear["position"] = linear["position"] - errors @ (self._map("position") @ self._turned).T
-        estimates = self._estimates(
-            {name: noise[name] + designs[name] @ true[name] for name in noise}, errors
-        )
         chosen = self.measurement.regressions
-        return estimates, np.hstack([linear[name] for name in chosen])
+        if "position" not in noise or self.heading != "measured":
+            return self._estimates(readings), np.hstack([linear[name] for name in chosen])
+        effect, estimates = self._map("position") @ self._turned, []
+        for own in self._measured_headings.blocks(count):
+            errors = rng.standard_normal((own.stop - own.start, self.regressors.samples))
+            errors *= self._noise("heading")
+            linear["position"][own] -= errors @ effect.T
+            estimates.append(self._estimates({name: rows[own] for name, rows in readings.items()}, errors))
+        return np.concatenate(estimates), np.hstack([linear[name] for name in chosen])
 
     def fit(
         self,
@@ -147,7 +151,7 @@ class Regression(Estimator):
         readings = {
             name: _readings(*given[name], expected=len(designs[name]))[None] for name in self._simulated
         }
-        errors = np.zeros((1, 0))
+        errors = None
         if self.heading == "measured" and "position" in readings:
             measured = _readings("headings", headings, expected=self.regressors.samples)
             errors = (measured - self.regressors.directions)[None]
@@ -163,7 +167,7 @@ class Regression(Estimator):
             message="Solved by linear least squares.",
         )
 
-    def _residuals(self, readings: dict[str, Array], errors: Array, values: Array) -> Array:
+    def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:
         # In units of the noise, against the design with the headings that were used.
         parts, first = [], 0
         for name in self.measurement.regressions:
@@ -171,25 +175,25 @@ class Regression(Estimator):
             if name == "position" and self.heading == "predicted":
                 turned = readings["heading"] @ self._map("heading").T
                 design = self.regressors.predicted_positions(turned)[0]
-            elif name == "position" and self.heading == "measured":
-                design = self._noisy_designs(errors)[0]
+            elif name == "position" and errors is not None:
+                design = self._measured_headings.designs(errors)[:, :, 0]
             own = values[first : first + design.shape[1]]
             first += design.shape[1]
             parts.append(self._whiteners[name] @ (readings[name][0] - design @ own) / self._noise(name))
         return np.concatenate(parts)
 
-    def _estimates(self, readings: dict[str, Array], errors: Array) -> Array:
+    def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
         # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.
         found = {name: rows @ self._map(name).T for name, rows in readings.items()}
         if "position" in found and self.heading == "predicted":
-            designs = self.regressors.predicted_positions(found["heading"])
-            found["position"] = self._least_squares(designs, readings["position"])
-        if "position" in found and self.heading == "measured":
-            found["position"] = self._with_measured_headings(errors, readings["position"])
+            designs = self.regressors.predicted_positions(found["heading"]).transpose(1, 2, 0)
+            found["position"] = self._least_squares(designs, readings["position"].T)
+        if errors is not None:
+            found["position"] = self._with_measured_headings(errors, readings["position"].T)
         return np.hstack([found[name] for name in self.measurement.regressions])
 
     def _with_measured_headings(self, errors: Array, measured: Array) -> Array:
-        designs = self._noisy_designs(errors)
+        designs = self._measured_headings.designs(errors)
         if self.name == "errors_in_variables":
             return corrected(designs, measured, self.regressors.per_sample, self._noise("heading"))
         return self._least_squares(designs, measured)
@@ -254,13 +258,17 @@ class Regression(Estimator):
 
     def _map(self, name: str) -> Array:
         # (q, rows): the estimator at the true design, from readings to coefficients.
-        inverse = np.linalg.pinv(self._weighted(name))
-        return np.asarray(inverse @ self._whiteners[name] if self._weighs else inverse)
+        if name not in self._maps:
+            inverse = np.linalg.pinv(self._weighted(name))
+            self._maps[name] = np.asarray(inverse @ self._whiteners[name] if self._weighs else inverse)
+        return self._maps[name]
 
     def _least_squares(self, designs: Array, measured: Array) -> Array:
+        # Of replicates, (2 P, q, R) and (2 P, R).
         if self._weighs:
             whitener = self._whiteners["position"]
-            designs, measured = whitener @ designs, measured @ whitener.T
+            rows = designs.reshape(len(designs), -1)
+            designs, measured = (whitener @ rows).reshape(designs.shape), whitener @ measured
         return least_squares(designs, measured)
 
     @cached_property
@@ -274,16 +282,9 @@ class Regression(Estimator):
         matrix[2 * segment + 1, np.arange(samples)] = moves[:, 0]
         return matrix
 
-    def _noisy_designs(self, errors: Array) -> Array:
-        # W~ of every replicate: each sample's rows turned by its own heading error, then summed by segment.
-        edges = self.regressors.edges
-        turns = np.exp(1j * errors)
-        rows = self.regressors.per_sample[:, 0] + 1j * self.regressors.per_sample[:, 1]
-        designs = np.empty((len(errors), 2 * (len(edges) - 1), rows.shape[1]))
-        for segment, (first, last) in enumerate(pairwise(edges)):
-            sums = turns[:, first:last] @ rows[first:last]
-            designs[:, 2 * segment], designs[:, 2 * segment + 1] = sums.real, sums.imag
-        return designs
+    @cached_property
+    def _measured_headings(self) -> MeasuredHeadings:
+        return MeasuredHeadings(self.regressors.per_sample, self.regressors.edges)
 
     def _check_rank(self) -> None:
         for name in self._simulated:
@@ -292,13 +293,6 @@ class Regression(Estimator):
                 names = ", ".join(self.regressors.names[name])
                 text = f"the drive does not tell {names} apart; nothing to simulate"
                 raise ProblemError([Flaw(("validation",), text)])
-
-
-def least_squares(designs: Array, measured: Array) -> Array:
-    """Ordinary least squares of each replicate, (R, rows, q) and (R, rows) to (R, q) [Choi, eq. 16]."""
-    normal = np.einsum("rij,rik->rjk", designs, designs)
-    right = np.einsum("rij,ri->rj", designs, measured)
-    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
 
 
 def _readings(what: str, values: npt.ArrayLike | None, *, expected: int) -> Array:

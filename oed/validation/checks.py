@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+import scipy
+
+from oed.validation.tally import COVERAGE, Tally
 
 Array = npt.NDArray[np.float64]
-
-COVERAGE = 0.95
 
 
 @dataclass(frozen=True)
@@ -32,58 +32,55 @@ class Check:
 
 def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
     """All tests of errors (R, p) against their promised covariance (p, p), at joint level `alpha`."""
-    whitened = np.linalg.solve(np.linalg.cholesky(covariance), errors.T).T
-    nees = np.einsum("ij,ij->i", whitened, whitened)
-    checks = (
-        bias(whitened, alpha),
-        likelihood_ratio(whitened, alpha),
-        mean_nees(nees, whitened.shape[1], alpha),
-        extreme_eigenvalues(whitened, alpha),
-        coverage(nees, whitened.shape[1], alpha),
-        nees_distribution(nees, whitened.shape[1], alpha),
-    )
-    return holm(checks, alpha)
+    return check_tally(Tally.of(errors, covariance), alpha)
 
 
-def bias(whitened: Array, alpha: float) -> Check:
+def check_tally(tally: Tally, alpha: float) -> tuple[Check, ...]:
+    """All tests of tallied errors, at joint level `alpha`."""
+    tests = (bias, likelihood_ratio, mean_nees, extreme_eigenvalues, coverage, nees_distribution)
+    return holm([test(tally, alpha) for test in tests], alpha)
+
+
+def bias(tally: Tally, alpha: float) -> Check:
     """R zbar'zbar against chi2_p: is the mean estimate the truth?"""
-    count, size = whitened.shape
-    mean = whitened.mean(axis=0)
-    statistic = float(count * mean @ mean)
-    expected = (0.0, float(stats.chi2.ppf(1 - alpha, size)))
+    mean, size = tally.whitened.mean, tally.size
+    statistic = float(tally.count * mean @ mean)
+    expected = (0.0, float(scipy.stats.chi2.ppf(1 - alpha, size)))
     return Check(
-        "bias", "is the mean estimate the truth?", statistic, expected, float(stats.chi2.sf(statistic, size))
+        "bias",
+        "is the mean estimate the truth?",
+        statistic,
+        expected,
+        float(scipy.stats.chi2.sf(statistic, size)),
     )
 
 
-def likelihood_ratio(whitened: Array, alpha: float) -> Check:
+def likelihood_ratio(tally: Tally, alpha: float) -> Check:
     """Bartlett-corrected likelihood ratio of the covariance against chi2_{p(p+1)/2}."""
-    count, size = whitened.shape
-    nu = count - 1
-    sample = np.cov(whitened, rowvar=False).reshape(size, size)
+    nu, size, sample = tally.count - 1, tally.size, tally.whitened.covariance
     _, logdet = np.linalg.slogdet(sample)
     raw = nu * (np.trace(sample) - logdet - size)
     statistic = float(raw * (1 - (2 * size + 1 - 2 / (size + 1)) / (6 * nu - 1)))
     degrees = size * (size + 1) / 2
-    expected = (0.0, float(stats.chi2.ppf(1 - alpha, degrees)))
-    p_value = float(stats.chi2.sf(statistic, degrees))
+    expected = (0.0, float(scipy.stats.chi2.ppf(1 - alpha, degrees)))
+    p_value = float(scipy.stats.chi2.sf(statistic, degrees))
     return Check("covariance", "are size and shape of the covariance right?", statistic, expected, p_value)
 
 
-def mean_nees(nees: Array, size: int, alpha: float) -> Check:
+def mean_nees(tally: Tally, alpha: float) -> Check:
     """Mean normalised squared error against its two-sided chi2 interval."""
-    degrees = len(nees) * size
-    total = float(nees.sum())
-    low, high = (float(value) / degrees for value in stats.chi2.ppf([alpha / 2, 1 - alpha / 2], degrees))
-    p_value = 2 * min(float(stats.chi2.cdf(total, degrees)), float(stats.chi2.sf(total, degrees)))
+    degrees, total = tally.count * tally.size, tally.nees
+    low, high = (
+        float(value) / degrees for value in scipy.stats.chi2.ppf([alpha / 2, 1 - alpha / 2], degrees)
+    )
+    p_value = 2 * min(float(scipy.stats.chi2.cdf(total, degrees)), float(scipy.stats.chi2.sf(total, degrees)))
     return Check("NEES", "is the variance right on average?", total / degrees, (low, high), min(1.0, p_value))
 
 
-def extreme_eigenvalues(whitened: Array, alpha: float) -> Check:
+def extreme_eigenvalues(tally: Tally, alpha: float) -> Check:
     """The whitened sample covariance's eigenvalue farthest from 1, against a concentration bound."""
-    count, size = whitened.shape
-    nu = count - 1
-    values = np.linalg.eigvalsh(np.cov(whitened, rowvar=False).reshape(size, size))
+    nu, size = tally.count - 1, tally.size
+    values = np.linalg.eigvalsh(tally.whitened.covariance)
     roots = np.sqrt(values)
     farthest = int(np.argmax(np.abs(roots - 1.0)))
     reach = (math.sqrt(size) + math.sqrt(2 * math.log(2 / alpha))) / math.sqrt(nu)
@@ -94,23 +91,22 @@ def extreme_eigenvalues(whitened: Array, alpha: float) -> Check:
     return Check("eigenvalues", question, float(values[farthest]), expected, p_value)
 
 
-def coverage(nees: Array, size: int, alpha: float) -> Check:
+def coverage(tally: Tally, alpha: float) -> Check:
     """Share of estimates inside the 95 % ellipsoid, by the exact binomial test."""
-    inside = int(np.count_nonzero(nees <= stats.chi2.ppf(COVERAGE, size)))
-    test = stats.binomtest(inside, len(nees), COVERAGE)
-    low, high = (
-        float(value) / len(nees) for value in stats.binom.ppf([alpha / 2, 1 - alpha / 2], len(nees), COVERAGE)
-    )
+    test = scipy.stats.binomtest(tally.inside, tally.count, COVERAGE)
+    bounds = scipy.stats.binom.ppf([alpha / 2, 1 - alpha / 2], tally.count, COVERAGE)
+    low, high = (float(value) / tally.count for value in bounds)
     question = "does the 95 % ellipse hold 95 % of the estimates?"
-    return Check("coverage", question, inside / len(nees), (low, high), float(test.pvalue))
+    return Check("coverage", question, tally.inside / tally.count, (low, high), float(test.pvalue))
 
 
-def nees_distribution(nees: Array, size: int, alpha: float) -> Check:
+def nees_distribution(tally: Tally, alpha: float) -> Check:
     """Kolmogorov-Smirnov distance of the normalised squared errors from chi2_p."""
-    result = stats.kstest(nees, stats.chi2(size).cdf)
-    limit = float(stats.kstwo.ppf(1 - alpha, len(nees)))
+    statistic = tally.levels.distance
+    limit = float(scipy.stats.kstwo.ppf(1 - alpha, tally.count))
     question = "are the errors normal, as intervals assume?"
-    return Check("distribution", question, float(result.statistic), (0.0, limit), float(result.pvalue))
+    p_value = float(scipy.stats.kstwo.sf(statistic, tally.count))
+    return Check("distribution", question, statistic, (0.0, limit), p_value)
 
 
 def holm(checks: Sequence[Check], alpha: float) -> tuple[Check, ...]:

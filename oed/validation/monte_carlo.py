@@ -13,10 +13,11 @@ import numpy.typing as npt
 
 from oed.estimators import Estimator, EstimatorName, Heading, Loss, make_estimator
 from oed.problem import Problem
-from oed.solvers.parallel import run_tasks
+from oed.solvers.parallel import Workers, run_tasks
 from oed.solvers.progress import Progress, Silent
 from oed.trajectory import Trajectory
-from oed.validation.checks import Check, check_all
+from oed.validation.checks import Check, check_tally
+from oed.validation.tally import Moments, Tally
 
 Array = npt.NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def validate(
     loss: Loss = "linear",
     seed: int = 0,
     alpha: float = ALPHA,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Progress | None = None,
 ) -> Validation:
     """Simulate `replicates` experiments of a drive and test an estimator's covariance against them.
@@ -116,7 +117,7 @@ def validate(
         loss: of the residuals of joint least squares.
         seed: of all noise.
         alpha: joint level of the tests.
-        workers: processes; does not change the result.
+        workers: processes, or a cluster; does not change the result.
         progress: told how far it is.
 
     Raises:
@@ -130,34 +131,32 @@ def validate(
         for index in range(math.ceil(replicates / size))
     ]
     listener.begin("simulate experiments", len(batches))
-    results: list[tuple[Array, Array]] = [(np.zeros(0), np.zeros(0))] * len(batches)
+    total = _Total()
 
-    def take(index: int, result: tuple[Array, Array]) -> None:
-        results[index] = result
+    def take(index: int, result: _Result) -> None:
+        total.take(index, result)
         listener.advance()
 
     run_tasks(_simulate, batches, workers, take)
-    estimates = np.concatenate([estimate for estimate, _ in results])
-    linear = np.concatenate([estimate for _, estimate in results])
-    true, promised = chosen.true, chosen.promised
-    ratio, error = _paired_ratio(
-        estimates - true, linear - true, np.diag(promised), np.diag(chosen.linear_covariance)
-    )
+    found, true, promised = total.result, chosen.true, chosen.promised
+    root, whitened = np.linalg.cholesky(promised), found.tally.whitened
+    # E[linear^2] is known exactly, so only the difference of squares is left to chance.
+    ratio = np.diag(chosen.linear_covariance) / np.diag(promised) + found.paired.mean
     return Validation(
         estimator=chosen.name,
         heading=heading,
-        replicates=len(estimates),
+        replicates=found.tally.count,
         seed=seed,
         alpha=alpha,
         parameters=chosen.parameters,
         true=true,
-        mean=estimates.mean(axis=0),
+        mean=true + root @ whitened.mean,
         promised=promised,
-        sampled=np.cov(estimates, rowvar=False).reshape(len(true), len(true)),
+        sampled=root @ whitened.covariance @ root.T,
         paired_ratio=ratio,
-        paired_error=error,
-        checks=check_all(estimates - true, promised, alpha),
-        estimates=estimates[:SHOWN],
+        paired_error=np.sqrt(np.diag(found.paired.covariance) / found.paired.count),
+        checks=check_tally(found.tally, alpha),
+        estimates=found.estimates,
     )
 
 
@@ -169,15 +168,43 @@ class _Batch:
     size: int
 
 
-def _simulate(batch: _Batch) -> tuple[Array, Array]:
+@dataclass
+class _Result:
+    # Of a batch, or of all so far.
+    tally: Tally
+    paired: Moments
+    estimates: Array
+
+    def add(self, other: _Result) -> None:
+        self.tally.add(other.tally)
+        self.paired.add(other.paired)
+        missing = SHOWN - len(self.estimates)
+        if missing > 0:
+            self.estimates = np.concatenate([self.estimates, other.estimates[:missing]])
+
+
+class _Total:
+    """The sum of all batches, added in their order whatever the order in which workers end them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, _Result] = {}
+        self._batches = 0
+        self.result: _Result
+
+    def take(self, index: int, result: _Result) -> None:
+        self._waiting[index] = result
+        while self._batches in self._waiting:
+            following = self._waiting.pop(self._batches)
+            if self._batches:
+                self.result.add(following)
+            else:
+                self.result = following
+            self._batches += 1
+
+
+def _simulate(batch: _Batch) -> _Result:
     rng = np.random.default_rng([batch.seed, STREAM, batch.index])
-    return batch.estimator.replicate(rng, batch.size)
-
-
-def _paired_ratio(
-    errors: Array, linear: Array, promised: Array, linear_variance: Array
-) -> tuple[Array, Array]:
-    # E[linear^2] is known exactly, so only the difference of squares is left to chance.
-    differences = (errors**2 - linear**2) / promised
-    ratio = linear_variance / promised + differences.mean(axis=0)
-    return ratio, differences.std(axis=0, ddof=1) / math.sqrt(len(errors))
+    estimates, linear = batch.estimator.replicate(rng, batch.size)
+    true, promised = batch.estimator.true, batch.estimator.promised
+    differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(promised)
+    return _Result(Tally.of(estimates - true, promised), Moments.of(differences), estimates[:SHOWN].copy())

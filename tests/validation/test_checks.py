@@ -20,6 +20,7 @@ from oed.validation.checks import (
     mean_nees,
     nees_distribution,
 )
+from oed.validation.tally import Tally
 
 ALPHA = 0.05
 SEEDS = 200
@@ -83,46 +84,50 @@ def errors(seed: int = 0, count: int = 4000, size: int = 4) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((count, size))
 
 
+def tally(rows: np.ndarray) -> Tally:
+    """Of errors that are promised to be independent, of variance one."""
+    return Tally.of(rows, np.eye(rows.shape[1]))
+
+
 class TestWrongCovariance:
     """Every test sees what it is there to see."""
 
     def test_bias(self):
         shift = np.array([0.1, 0, 0, 0])
-        assert bias(errors(), 0.01).p_value > 0.01
-        assert bias(errors() + shift, 0.01).p_value < 1e-4
-        assert bias(errors() + shift, 0.01).statistic > bias(errors() + shift, 0.01).expected[1]
+        assert bias(tally(errors()), 0.01).p_value > 0.01
+        assert bias(tally(errors() + shift), 0.01).p_value < 1e-4
+        assert bias(tally(errors() + shift), 0.01).statistic > bias(tally(errors() + shift), 0.01).expected[1]
 
     def test_shape(self):
         mixed = errors()
         mixed[:, 1] = 0.2 * mixed[:, 0] + math.sqrt(0.96) * mixed[:, 1]
-        assert likelihood_ratio(mixed, 0.01).p_value < 1e-4
+        assert likelihood_ratio(tally(mixed), 0.01).p_value < 1e-4
         # The size is right, so the mean squared error cannot tell.
-        assert mean_nees(np.sum(mixed**2, axis=1), 4, 0.01).p_value > 0.01
+        assert mean_nees(tally(mixed), 0.01).p_value > 0.01
 
     def test_size(self):
-        assert mean_nees(np.sum(errors() ** 2, axis=1), 4, 0.01).p_value > 0.01
+        assert mean_nees(tally(errors()), 0.01).p_value > 0.01
         for factor in (0.95, 1.05):
-            assert mean_nees(factor * np.sum(errors() ** 2, axis=1), 4, 0.01).p_value < 0.002
+            assert mean_nees(tally(math.sqrt(factor) * errors()), 0.01).p_value < 0.002
 
     def test_one_direction(self):
         stretched = errors() * [1, 1, 1, 1.2]
-        check = extreme_eigenvalues(stretched, 0.01)
+        check = extreme_eigenvalues(tally(stretched), 0.01)
         assert check.p_value < 0.01
         assert check.statistic == pytest.approx(1.44, rel=0.06)
         assert not check.expected[0] < check.statistic < check.expected[1]
 
     def test_coverage(self):
-        nees = np.sum(errors() ** 2, axis=1)
-        assert coverage(nees, 4, 0.01).p_value > 0.01
-        check = coverage(1.15 * nees, 4, 0.01)
+        assert coverage(tally(errors()), 0.01).p_value > 0.01
+        check = coverage(tally(math.sqrt(1.15) * errors()), 0.01)
         assert check.p_value < 1e-3
         assert check.statistic < check.expected[0] < 0.95 < check.expected[1]
 
     def test_heavy_tails(self):
         rng = np.random.default_rng(0)
         heavy = rng.standard_t(4, (4000, 4)) / math.sqrt(2)
-        assert nees_distribution(np.sum(heavy**2, axis=1), 4, 0.01).p_value < 1e-6
-        assert nees_distribution(np.sum(errors() ** 2, axis=1), 4, 0.01).p_value > 0.01
+        assert nees_distribution(tally(heavy), 0.01).p_value < 1e-6
+        assert nees_distribution(tally(errors()), 0.01).p_value > 0.01
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
     def test_five_per_cent_are_noticed(self, factor: float):
@@ -140,24 +145,24 @@ class TestFormulas:
     sample = np.array([[1.0, 0.0], [0.0, 2.0], [-1.0, 0.0], [0.0, -1.0]])
 
     def test_bias(self):
-        assert bias(self.sample, 0.05).statistic == pytest.approx(4 * 0.25**2)
-        assert bias(self.sample, 0.05).expected == (0, pytest.approx(5.9915, abs=1e-4))
+        assert bias(tally(self.sample), 0.05).statistic == pytest.approx(4 * 0.25**2)
+        assert bias(tally(self.sample), 0.05).expected == (0, pytest.approx(5.9915, abs=1e-4))
 
     def test_likelihood_ratio(self):
         # S = diag(2/3, 19/12): u = 3 (tr S - ln det S - 2), corrected by 1 - (5 - 2/3) / 17.
         raw = 3 * (2 / 3 + 19 / 12 - math.log(2 / 3 * 19 / 12) - 2)
         corrected = raw * (1 - (5 - 2 / 3) / 17)
-        check = likelihood_ratio(self.sample, 0.05)
+        check = likelihood_ratio(tally(self.sample), 0.05)
         assert check.statistic == pytest.approx(corrected)
         assert check.p_value == pytest.approx(stats.chi2.sf(corrected, 3))
 
     def test_mean_nees(self):
-        check = mean_nees(np.sum(self.sample**2, axis=1), 2, 0.05)
+        check = mean_nees(tally(self.sample), 0.05)
         assert check.statistic == pytest.approx(7 / 8)
         assert check.expected == pytest.approx(stats.chi2.ppf([0.025, 0.975], 8) / 8)
 
     def test_eigenvalues(self):
-        check = extreme_eigenvalues(self.sample, 0.05)
+        check = extreme_eigenvalues(tally(self.sample), 0.05)
         assert check.statistic == pytest.approx(19 / 12)
         reach = (math.sqrt(2) + math.sqrt(2 * math.log(40))) / math.sqrt(3)
         assert check.expected == (0.0, pytest.approx((1 + reach) ** 2))
