@@ -6,8 +6,9 @@ The names below are the public interface; they are loaded when first used, so th
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from oed.lazy import loader
 
 if TYPE_CHECKING:
     from oed.bounds import Certificate as Certificate
@@ -115,6 +116,7 @@ if TYPE_CHECKING:
     from oed.runner import run as run
     from oed.solution import Solution as Solution
     from oed.solution import Status as Status
+    from oed.solvers import Cluster as Cluster
     from oed.solvers import CmaEs as CmaEs
     from oed.solvers import DifferentialEvolution as DifferentialEvolution
     from oed.solvers import Genetic as Genetic
@@ -272,6 +274,7 @@ _HOMES = {
         "Status",
     ),
     "oed.solvers": (
+        "Cluster",
         "CmaEs",
         "DifferentialEvolution",
         "Genetic",
@@ -296,18 +299,8 @@ _HOMES = {
         "validate",
     ),
 }
-_HOME = {name: module for module, names in _HOMES.items() for name in names}
-
-__all__ = sorted(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name from its module."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'oed' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
+__all__ = sorted(name for names in _HOMES.values() for name in names)
+__getattr__ = loader(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -1,8 +1,7 @@
-"""What the command line shows: progress, tables and errors, all on standard error but for results."""
+"""What the command line shows with rich: progress on standard error, and results as tables."""
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -62,16 +61,6 @@ def progress(quiet: bool) -> Iterator[Progress]:
         yield bars
     finally:
         bars.end()
-
-
-def print_json(data: Mapping[str, Any]) -> None:
-    """One JSON object on standard output."""
-    sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
-
-
-def say(text: str) -> None:
-    """A line on standard error."""
-    sys.stderr.write(f"{text}\n")
 
 
 def print_results(results: Sequence[Mapping[str, Any]]) -> None:
@@ -215,3 +204,39 @@ def print_estimate(data: Mapping[str, Any]) -> None:
     console.print(table)
     for line in estimate_lines(data):
         console.print(line, highlight=False, markup=False)
+
+
+def print_sweep(data: Mapping[str, Any]) -> None:
+    """A sweep's points as a table, the best marked, and what went wrong, on standard output."""
+    keys = [axis["key"] for axis in data["keys"]]
+    table = Table(box=None, pad_edge=False)
+    for heading in (
+        *(axis["name"] for axis in data["keys"]),
+        "best result",
+        "objective",
+        "lambda_min",
+        "gap",
+        "status",
+        "time [s]",
+    ):
+        table.add_column(Text(heading), justify="left" if heading in ("best result", "status") else "right")
+    for row in data["points"]:
+        objective = number(row["objective"]) + (" *" if row["folder"] == data["best"] else "  ")
+        table.add_row(
+            *(Text(row["values"][key]) for key in keys),
+            row["design"] or "-",
+            objective,
+            number(row["lambda_min"]),
+            "-" if row["gap"] is None else percent(row["gap"]),
+            row["status"],
+            number(row["seconds"], 3),
+        )
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    if data["best"] is not None:
+        print("* the best of them")
+    elif not data["comparable"]:
+        print("objectives of different criteria, parameters or measurements do not compare")
+    for row in data["points"]:
+        if row["objective"] is None:
+            console.print(f"{row['label']}: {row['message']}", highlight=False, markup=False)

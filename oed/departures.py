@@ -8,7 +8,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import beta
+import scipy
 
 from oed.evaluation import TOLERANCE
 from oed.limits.limit import PathLimit
@@ -204,6 +204,6 @@ def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
 
 def _interval(count: int, draws: int) -> tuple[float, float]:
     tail = (1 - LEVEL) / 2
-    low = float(beta.ppf(tail, count, draws - count + 1)) if count else 0.0
-    high = float(beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
+    low = float(scipy.stats.beta.ppf(tail, count, draws - count + 1)) if count else 0.0
+    high = float(scipy.stats.beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
     return low, high

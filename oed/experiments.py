@@ -10,14 +10,14 @@ from pydantic import ValidationError
 from oed.errors import ProblemError, UserMistake
 from oed.record import Record, drive_of, validation_data
 from oed.solution import Solution, scored
-from oed.solvers import Ipopt, Progress, Silent, default_workers
+from oed.solvers import Ipopt, Progress, Silent, Workers, default_workers
 from oed.study import Study, ValidationOptions, recorded_study
 from oed.trial import run_trial
 from oed.validation import validate
 
 
 def simulated(
-    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: int | None
+    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> dict[str, Any] | None:
     """A record's `validation`; None for a study that does not ask for one."""
     options = study.file.validation
@@ -51,7 +51,7 @@ def validated(
     options: ValidationOptions,
     *,
     seed: int | None = None,
-    workers: int | None = None,
+    workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Record:
     """A saved record with its drives simulated anew.
@@ -60,7 +60,7 @@ def validated(
         saved: the record.
         options: of the simulation.
         seed: of the noise; None for the record's.
-        workers: processes; does not change the result.
+        workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
 
     Raises:
@@ -80,7 +80,7 @@ def _simulated(
     options: ValidationOptions,
     seed: int,
     progress: Progress,
-    workers: int | None,
+    workers: Workers | None,
 ) -> dict[str, Any]:
     entries = []
     for solution in solutions:
@@ -109,7 +109,7 @@ def _simulated(
 
 
 def driven_in_physics(
-    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: int | None
+    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> dict[str, Any] | None:
     """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())

@@ -19,7 +19,7 @@ from oed.files import require_writable, write_text
 from oed.quantities import parse_quantity
 from oed.record import FILE, Record
 from oed.runner import run
-from oed.solvers import Progress
+from oed.solvers import Progress, Workers
 from oed.study import Study, parse_study, recorded_study
 
 Array = npt.NDArray[np.float64]
@@ -74,7 +74,7 @@ def next_drive(
     duration: float | None = None,
     out: str | Path | None = None,
     seed: int | None = None,
-    workers: int | None = None,
+    workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> NextDrive:
     """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
@@ -89,7 +89,7 @@ def next_drive(
             splines' knots per second stay the same.
         out: folder for the next study, its record and designs, and the estimate; nothing is written without.
         seed: of every random draw, instead of the study's.
-        workers: processes; does not change the result.
+        workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
 
     Raises:

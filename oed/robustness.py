@@ -13,7 +13,7 @@ from oed.evaluation import evaluate
 from oed.problem import Problem
 from oed.record import NOMINAL, finite, rounded
 from oed.solution import Solution
-from oed.solvers import Progress, solve
+from oed.solvers import Progress, Workers, solve
 from oed.study import Study
 
 UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
@@ -25,7 +25,7 @@ BUNDLE_STREAM = 1000
 """Of draws: the robots drawn are not those that a search was made careful with."""
 
 
-def nominal_search(study: Study, *, seed: int, workers: int | None, progress: Progress) -> list[Solution]:
+def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress: Progress) -> list[Solution]:
     """What the study's first search finds with nothing in reserve, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.

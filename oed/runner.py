@@ -17,7 +17,7 @@ from oed.criteria import A, Criterion, D, E
 from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table
 from oed.experiments import driven_in_physics, simulated
 from oed.files import require_writable
-from oed.path_file import read_trajectory, write_trajectory
+from oed.path_file import write_trajectory
 from oed.record import (
     FORMAT,
     Record,
@@ -28,7 +28,7 @@ from oed.record import (
 )
 from oed.robustness import nominal_search, robustness, safe, tried
 from oed.solution import Solution, Status, scored
-from oed.solvers import SOLVERS, Progress, Silent, solve
+from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
 from oed.study import PathFile, Study, file_stem
 from oed.trajectory import Trajectory
 from oed.trial import require_ready
@@ -45,7 +45,7 @@ def run(
     out: str | Path | None = None,
     *,
     seed: int | None = None,
-    workers: int | None = None,
+    workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Record:
     """Do everything the study asks for.
@@ -54,12 +54,12 @@ def run(
         study: what to do.
         out: folder for record.json and the trajectories' CSV files; nothing is written without it.
         seed: instead of the study's.
-        workers: processes; does not change the result.
+        workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
     """
     chosen, listener = study.seed if seed is None else seed, progress or Silent()
     # What would fail at the end is better known before the work is done.
-    paths = own_paths(study)
+    paths = study.own_paths()
     if out is not None:
         require_writable(Path(out))
     if study.file.physics is not None:
@@ -93,7 +93,7 @@ def run(
 
 
 def search(
-    study: Study, *, seed: int, workers: int | None = None, progress: Progress | None = None
+    study: Study, *, seed: int, workers: Workers | None = None, progress: Progress | None = None
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
     ended them early, with what had been found by then.
@@ -118,19 +118,6 @@ def search(
     except KeyboardInterrupt:
         return list(done.values()), True
     return [*done.values(), *unreserved], False
-
-
-def own_paths(study: Study) -> dict[str, Trajectory]:
-    """The user's own paths that the study compares with, by name.
-
-    Raises:
-        PathFileError: one that cannot be read.
-    """
-    return {
-        path.label: read_trajectory(study.folder / path.file, study.problem)
-        for path in study.file.baselines
-        if isinstance(path, PathFile)
-    }
 
 
 def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:

@@ -51,6 +51,16 @@ def write_study(folder: Path, text: str, name: str = "study.yaml") -> Path:
     return file
 
 
+def without_seconds(data: Any) -> Any:
+    """Plain data without what differs from run to run: how long it took, and when it was."""
+    if isinstance(data, dict):
+        kept = {
+            key: value for key, value in data.items() if key not in ("finished", "seconds", "wall_seconds")
+        }
+        return {key: without_seconds(value) for key, value in kept.items()}
+    return [without_seconds(entry) for entry in data] if isinstance(data, list) else data
+
+
 def saved_study(folder: Path, text: str) -> Study:
     """The study of a file written to `folder`."""
     return load_study(write_study(folder, text))

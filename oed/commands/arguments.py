@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from oed.solvers import Workers
 
 
 def add_working(parser: argparse.ArgumentParser) -> None:
@@ -13,8 +17,29 @@ def add_working(parser: argparse.ArgumentParser) -> None:
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """How many processes work."""
-    parser.add_argument("--workers", type=positive, help="processes (default: one per processor)")
+    """Who works."""
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument("--workers", type=positive, help="processes (default: one per processor)")
+    choice.add_argument(
+        "--cluster", metavar="tcp://HOST:PORT", help="a running Dask cluster's scheduler, instead"
+    )
+
+
+def workers_of(options: argparse.Namespace) -> Workers | None:
+    """Who works, None for the default; a cluster is connected to at once, before any work is done.
+
+    Raises:
+        UserMistake: not an address, or the extra `cluster` is missing.
+        Failure: no cluster answers there, or it has other versions of what computes.
+    """
+    if options.cluster is None:
+        workers: int | None = options.workers
+        return workers
+    from oed.solvers.cluster import Cluster
+
+    cluster = Cluster(options.cluster)
+    cluster.connect()
+    return cluster
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:

@@ -4,5 +4,6 @@ from oed.report.animation import animate
 from oed.report.comparison import write_comparison
 from oed.report.estimate import write_estimate
 from oed.report.page import write_report
+from oed.report.sweep import write_sweep
 
-__all__ = ["animate", "write_comparison", "write_estimate", "write_report"]
+__all__ = ["animate", "write_comparison", "write_estimate", "write_report", "write_sweep"]

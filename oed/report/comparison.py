@@ -156,12 +156,16 @@ def _precision(records: Sequence[Named]) -> Section | None:
 
 
 def _precision_row(name: str, record: Record, names: Sequence[str]) -> tuple[Cell, ...] | None:
+    known = relative_deviations(record)
+    return (name, *(known.get(one) for one in names)) if known else None
+
+
+def relative_deviations(record: Record) -> dict[str, float | None]:
+    """Predicted standard deviations of the best drive, shares of the nominal values [%]; {} without any."""
     best = record.best
-    if best is None or not best["standard_deviations"]:
-        return None
+    known = {} if best is None else best["standard_deviations"]
     nominal = {parameter["name"]: parameter["nominal"] for parameter in record.data["parameters"]}
-    known = best["standard_deviations"]
-    return (name, *(_share(known[one], nominal[one]) if one in known else None for one in names))
+    return {name: _share(deviation, nominal[name]) for name, deviation in known.items()}
 
 
 def _share(deviation: float | None, nominal: float) -> float | None:

@@ -78,6 +78,7 @@ class Section:
         tables: below the figures.
         animation: played in the HTML page, left out elsewhere.
         film: below the animation; part of the HTML page.
+        links: text and address of pages beside the report.
         code: verbatim text, last.
     """
 
@@ -88,4 +89,5 @@ class Section:
     notices: tuple[str, ...] = ()
     animation: Animation | None = None
     film: Film | None = None
+    links: tuple[tuple[str, str], ...] = ()
     code: str = ""

@@ -10,9 +10,10 @@ from oed.identifiability import require_identifiable
 from oed.problem import Problem
 from oed.solution import Solution
 from oed.solvers.assurance import assured
+from oed.solvers.cluster import Cluster
 from oed.solvers.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.solvers.ipopt import Ipopt
-from oed.solvers.parallel import default_workers
+from oed.solvers.parallel import Workers, default_workers
 from oed.solvers.progress import Progress, Silent
 from oed.solvers.solver import Context, Solver
 
@@ -24,7 +25,7 @@ def solve(
     solver: Solver | None = None,
     *,
     seed: int = 0,
-    workers: int | None = None,
+    workers: Workers | None = None,
     progress: Progress | None = None,
     earlier: Mapping[str, Solution] | None = None,
 ) -> Solution:
@@ -34,7 +35,7 @@ def solve(
         problem: what to design for.
         solver: a frozen set of options, e.g. `Ipopt(starts=12)`.
         seed: of every random draw; the same seed gives the same design.
-        workers: processes; by default one per processor. Does not change the result.
+        workers: processes, or a cluster; by default one per processor. Does not change the result.
         progress: told how far the search is.
         earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
 
@@ -56,6 +57,7 @@ def solve(
 
 __all__ = [
     "SOLVERS",
+    "Cluster",
     "CmaEs",
     "Context",
     "DifferentialEvolution",
@@ -64,6 +66,7 @@ __all__ = [
     "Progress",
     "Silent",
     "Solver",
+    "Workers",
     "default_workers",
     "solve",
 ]

@@ -1,7 +1,8 @@
 """Global search without derivatives: the paper's genetic algorithm, and two relatives, by pymoo.
 
 Genes are the spline coefficients (and the start pose where it is free). A population is scored at once
-through the same compiled function that screens Ipopt's starts; constraints are pymoo's own affair.
+through the same compiled function that screens Ipopt's starts, by several processes where that is faster;
+constraints are pymoo's own affair.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.solvers.design import DesignExpressions
+from oed.solvers.population import Population
 from oed.solvers.solver import Context, Solver
 from oed.solvers.starts import random_drives, start_bounds
 
@@ -123,13 +125,13 @@ def _bounds(design: DesignExpressions) -> Array:
     return np.vstack([coefficients, start_bounds(design)])
 
 
-def _as_pymoo(design: DesignExpressions) -> Any:
+def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
     # Made inside a function, for pymoo is loaded only when such a search runs.
     from pymoo.core.problem import Problem as PymooProblem
 
     bounds = _bounds(design)
 
-    class Population(PymooProblem):  # type: ignore[misc]
+    class Design(PymooProblem):  # type: ignore[misc]
         def __init__(self) -> None:
             super().__init__(
                 n_var=design.size,
@@ -140,11 +142,11 @@ def _as_pymoo(design: DesignExpressions) -> Any:
             )
 
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            values, violations = design.score_many(x)
+            values, violations = population.score(x)
             out["F"] = -values[:, None]
             out["G"] = violations
 
-    return Population()
+    return Design()
 
 
 @dataclass
@@ -175,7 +177,8 @@ class _Run:
         algorithm = options.algorithm(sampling)
         termination = get_termination("n_gen", options.generations)
         seed = int(rng.integers(2**31))
-        algorithm.setup(_as_pymoo(self.design), termination=termination, seed=seed, verbose=False)
+        population = Population(self.design, REFINE, self.context.workers)
+        algorithm.setup(_as_pymoo(self.design, population), termination=termination, seed=seed, verbose=False)
         self.context.progress.begin(options.kind, options.generations)
         while algorithm.has_next():
             algorithm.next()

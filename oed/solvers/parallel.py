@@ -1,17 +1,38 @@
-"""Independent tasks over worker processes, with the same results whatever their number."""
+"""The one seam for parallel work: independent tasks over processes here or on a Dask cluster, by joblib.
+
+Results are the same whoever does the tasks and however often one is done again, for a task depends on
+nothing but itself.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
+import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import joblib
 
+from oed.errors import Failure
+from oed.solvers.cluster import Cluster, ClusterBackend
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+Workers = int | Cluster
+"""Who does parallel work: so many processes of this machine, or a cluster."""
+
+BREAKDOWNS = 3
+"""Times in a row that worker processes may die before any task is done."""
+BROKEN = (
+    f"worker processes died {BREAKDOWNS} times before any of them had done a task, perhaps for want of "
+    "memory: use fewer of them (--workers)"
+)
 
 
 def default_workers() -> int:
@@ -19,25 +40,58 @@ def default_workers() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def at_once(workers: Workers) -> int:
+    """How many tasks are worked on at a time."""
+    return workers if isinstance(workers, int) else workers.size
+
+
 def run_tasks(
     function: Callable[[Task], Result],
     tasks: Sequence[Task],
-    workers: int,
+    workers: Workers,
     take: Callable[[int, Result], None],
 ) -> None:
     """Call `take(index, function(task))` for every task, as they end; here when one worker is enough.
 
     What `take` raises, and KeyboardInterrupt, reaches the caller; the workers' unfinished tasks are given up.
+    Those of a worker that dies are done again by others.
+
+    Raises:
+        Failure: workers die whatever they are given, or the cluster is gone.
     """
-    if min(workers, len(tasks)) <= 1:
+    if len(tasks) <= 1 or workers == 1:
         for index, task in enumerate(tasks):
             take(index, function(task))
         return
-    pool = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
-    outputs = pool(joblib.delayed(_worker)(function, index, task) for index, task in enumerate(tasks))
+    left, breakdowns = dict(enumerate(tasks)), 0
+    while left:
+        before = len(left)
+        try:
+            with _outputs(function, left, workers) as outputs:
+                for index, result in outputs:
+                    del left[index]
+                    take(index, result)
+        except BrokenProcessPool:
+            # Not raised by a cluster, which gives a dead worker's tasks to others by itself.
+            breakdowns = breakdowns + 1 if len(left) == before else 1
+            if breakdowns >= BREAKDOWNS:
+                raise Failure(BROKEN) from None
+
+
+@contextmanager
+def _outputs(
+    function: Callable[[Any], Any], tasks: Mapping[int, Any], workers: Workers
+) -> Iterator[Iterator[tuple[int, Any]]]:
+    # A cluster is given everything at once, so that workers that join later find some.
+    pool = joblib.Parallel(
+        n_jobs=at_once(workers),
+        backend="loky" if isinstance(workers, int) else ClusterBackend(workers.connect()),
+        pre_dispatch="2 * n_jobs" if isinstance(workers, int) else "all",
+        return_as="generator_unordered",
+    )
+    outputs = pool([joblib.delayed(_Job(function, index, task))() for index, task in tasks.items()])
     try:
-        for index, result in outputs:
-            take(index, result)
+        yield outputs
     finally:
         with warnings.catch_warnings():
             # Leaving early is meant: an interrupt keeps what is done and gives up the rest.
@@ -45,7 +99,22 @@ def run_tasks(
             outputs.close()
 
 
-def _worker(function: Callable[[Any], Any], index: int, task: Any) -> tuple[int, Any]:
-    # The main process alone answers Ctrl-C: it keeps what is done and stops the workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return index, function(task)
+# CasADi's solvers share state in a process, and a Dask worker may have several threads.
+_ONE_AT_A_TIME = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A task on its way to a worker and, called there, its result."""
+
+    function: Callable[[Any], Any]
+    index: int
+    task: Any
+
+    def __call__(self) -> tuple[int, Any]:
+        if threading.current_thread() is threading.main_thread():
+            # The process that sent the task alone answers Ctrl-C: it keeps what is done and stops the
+            # workers. In other threads nobody hears it.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with _ONE_AT_A_TIME:
+            return self.index, self.function(self.task)

@@ -14,7 +14,7 @@ from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion
 from oed.problem import Problem
 from oed.solution import Solution
-from oed.solvers.parallel import default_workers
+from oed.solvers.parallel import Workers, default_workers
 from oed.solvers.progress import Progress, Silent
 
 
@@ -24,13 +24,13 @@ class Context:
 
     Attributes:
         seed: of every random draw.
-        workers: processes to use.
+        workers: processes to use, or a cluster.
         progress: who is told how far it is.
         earlier: solutions of the searches before this one, by name.
     """
 
     seed: int = 0
-    workers: int = field(default_factory=default_workers)
+    workers: Workers = field(default_factory=default_workers)
     progress: Progress = field(default_factory=Silent)
     earlier: Mapping[str, Solution] = field(default_factory=dict)
 

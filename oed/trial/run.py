@@ -13,7 +13,7 @@ from oed.identifiability import require_identifiable
 from oed.measurements import Poses
 from oed.problem import Problem
 from oed.solution import Solution, Status
-from oed.solvers import Progress, Solver, default_workers, solve
+from oed.solvers import Progress, Solver, Workers, default_workers, solve
 from oed.solvers.parallel import run_tasks
 from oed.trial.candidates import Candidate, candidates, readable
 from oed.trial.experiment import Bench, Found, Repeat, repeated
@@ -49,7 +49,7 @@ def run_trial(
     known: Solution | None = None,
     *,
     seed: int,
-    workers: int | None,
+    workers: Workers | None,
     progress: Progress,
 ) -> dict[str, Any]:
     """A record's `physics`; of an interrupted trial what had been done by then, marked so.
@@ -60,7 +60,7 @@ def run_trial(
         solver: finds the optimal drive of every model.
         known: what it has found for the own robot already.
         seed: of every random draw.
-        workers: processes; does not change the result.
+        workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
     """
     models, fits = candidates(problem, trial), _fits(problem, trial)
@@ -126,7 +126,7 @@ def _bench(
 
 
 def _drive(
-    bench: Bench, trial: Trial, found: dict[tuple[int, int], Found], workers: int, progress: Progress
+    bench: Bench, trial: Trial, found: dict[tuple[int, int], Found], workers: Workers, progress: Progress
 ) -> None:
     # Floors in turn, so that an interrupt leaves as many repeats of each.
     tasks = [

@@ -1,0 +1,187 @@
+"""A running Dask cluster that does the work: its address, the connection to it, and whether it fits.
+
+Start it with `dask scheduler` and, on each machine, `dask worker tcp://HOST:8786 --nworkers N --nthreads 1`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+from uuid import uuid4
+
+from joblib.parallel import ParallelBackendBase
+
+from oed.errors import Failure, UserMistake
+from oed.extras import extra
+
+CONNECTING = 5.0
+"""Time [s] that the scheduler is given to answer, and its workers to be there."""
+PACKAGES = ("oed", "casadi", "numpy", "scipy")
+"""What results depend on: of the same version everywhere."""
+_ADDRESS = re.compile(r"(tcp|tls)://[^\s:/]+:\d{1,5}|(tcp|tls)://\[[0-9a-fA-F:]+\]:\d{1,5}")
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A running Dask cluster, given in place of a number of processes.
+
+    Attributes:
+        address: of its scheduler, e.g. "tcp://192.168.1.5:8786".
+
+    Raises:
+        UserMistake: not such an address.
+    """
+
+    address: str
+
+    def __post_init__(self) -> None:
+        """Check the address."""
+        if not _ADDRESS.fullmatch(self.address):
+            raise UserMistake(
+                f"expected the address of a Dask scheduler, tcp://HOST:PORT, got {self.address!r}"
+            )
+
+    def connect(self) -> Connection:
+        """The connection to it, made once in a process.
+
+        Raises:
+            UserMistake: the extra `cluster` is not installed.
+            Failure: nobody answers, there are no workers, or they have other versions of what computes.
+        """
+        connection = _connection(self.address)
+        if connection.client.status == "closed":
+            _connection.cache_clear()
+            connection = _connection(self.address)
+        connection.check()
+        return connection
+
+    @property
+    def size(self) -> int:
+        """How many tasks it works on at a time: one in each of its processes."""
+        return max(1, len(self.connect().workers()))
+
+
+@dataclass
+class Connection:
+    """A client of a cluster's scheduler.
+
+    Attributes:
+        address: of the scheduler.
+        client: the `distributed.Client`.
+    """
+
+    address: str
+    client: Any
+    _checked: set[str] = field(default_factory=set)
+
+    def workers(self) -> Mapping[str, Any]:
+        """The processes that work there now, by address, with their threads."""
+        found: Mapping[str, Any] = self.client.ncores()
+        return found
+
+    def check(self) -> None:
+        """Make sure that there are workers, and that those not seen before have what this process has."""
+        try:
+            if not self.workers():
+                self.client.wait_for_workers(1, timeout=CONNECTING)
+            fresh = sorted(set(self.workers()) - self._checked)
+            odd = [text for package in PACKAGES for text in self._differing(package, fresh)] if fresh else []
+        except OSError:
+            # TimeoutError is one of them.
+            raise Failure(self._empty()) from None
+        if odd:
+            raise Failure("; ".join(odd) + ": install the same versions on every machine of the cluster")
+        self._checked.update(fresh)
+
+    def _empty(self) -> str:
+        return (
+            f"the cluster at {self.address} has no workers, or they do not answer: start some with "
+            f"`dask worker {self.address} --nthreads 1`"
+        )
+
+    def _differing(self, package: str, workers: list[str]) -> list[str]:
+        here = version(package)
+        found = self.client.run(version, package, workers=workers, on_error="return")
+        texts = []
+        for worker, there in sorted(found.items()):
+            if isinstance(there, PackageNotFoundError):
+                texts.append(f"{worker} has no {package}, here it is {here}")
+            elif isinstance(there, OSError):
+                raise there
+            elif there != here:
+                texts.append(f"{worker} has {package} {there}, here it is {here}")
+        return texts
+
+
+@cache
+def _connection(address: str) -> Connection:
+    distributed = extra("distributed", "cluster", "work on a Dask cluster")
+    try:
+        client = distributed.Client(address, timeout=CONNECTING, set_as_default=False, name="oed")
+    except (OSError, ValueError) as error:
+        raise Failure(f"no Dask scheduler answers at {address}: {str(error).partition(chr(10))[0]}") from None
+    return Connection(address, client)
+
+
+class ClusterBackend(ParallelBackendBase):  # type: ignore[misc]
+    """Joblib's way to a cluster: its own Dask backend waits for ever for tasks whose workers keep dying,
+    leaves unfinished ones behind, and puts large arguments on a single worker, with which they are lost.
+    """
+
+    supports_retrieve_callback = True
+
+    def __init__(self, connection: Connection) -> None:
+        """Send tasks over a connection."""
+        super().__init__()
+        self._connection = connection
+        self._futures: list[Any] = []
+
+    def effective_n_jobs(self, n_jobs: int) -> int:
+        """At least 2: joblib would do the work of one worker here."""
+        return max(2, n_jobs)
+
+    def submit(self, func: Callable[[], Any], callback: Callable[[Any], None]) -> Any:
+        """Send a task; `callback` is told its future when it has ended, in whatever way."""
+        future = self._connection.client.submit(func, key=f"oed-{uuid4().hex}")
+        self._futures.append(future)
+        future.add_done_callback(callback)
+        return future
+
+    def retrieve_result_callback(self, out: Any) -> Any:
+        """The result of a future that has ended; raises what the task raised.
+
+        Raises:
+            Failure: its workers kept dying, or the cluster is gone.
+        """
+        from distributed.client import FutureCancelledError
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return out.result()
+        except KilledWorker:
+            raise Failure(self._killed()) from None
+        except (FutureCancelledError, OSError):
+            raise Failure(
+                f"the cluster at {self._connection.address} is gone: the work is not done"
+            ) from None
+
+    def stop_call(self) -> None:
+        """Let the scheduler forget what has ended."""
+        for future in self._futures:
+            future.release()
+        self._futures.clear()
+
+    def abort_everything(self, ensure_ready: bool = True) -> None:
+        """Give up what has not ended."""
+        del ensure_ready
+        self._connection.client.cancel(self._futures, force=True)
+
+    def _killed(self) -> str:
+        return (
+            f"workers of the cluster at {self._connection.address} died again and again over the same task, "
+            "perhaps for want of memory: give each more of it (--memory-limit of `dask worker`)"
+        )

@@ -1,0 +1,226 @@
+"""Running a sweep: the points over the workers, each into a folder of its own, and one table of them all."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from oed.errors import FileFlaw, OedError, RecordError
+from oed.files import require_writable, write_text
+from oed.record import FILE as RECORD
+from oed.record import Record, load_record
+from oed.runner import package_version, run
+from oed.solvers import Progress, Silent, Workers, default_workers
+from oed.solvers.parallel import run_tasks
+from oed.study import Study
+from oed.sweep.axes import Axis
+from oed.sweep.points import Point, grid, short_names
+
+FORMAT = 1
+FILE = "sweep.json"
+ROUNDING = 1e-6
+"""Share of the objective by which points may differ and still count as equal."""
+INCOMPARABLE = ("criterion", "estimate", "measurement")
+"""Parts of a study with which the meaning of its objective changes."""
+
+
+def sweep(
+    file: str | Path,
+    axes: Sequence[Axis],
+    out: str | Path,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run a study at every combination of values; returns what sweep.json holds.
+
+    Points that `out` has a finished record of, of the same study and seed, are kept. Several points are
+    shared out among the workers, each searched by one of them; the results are the same.
+
+    Args:
+        file: the study.
+        axes: what to vary.
+        out: folder for sweep.json and a folder for each point, with record.json and the trajectories.
+        seed: instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far it is.
+
+    Raises:
+        UserMistake, StudyError: anything wrong with any of the combinations; then nothing is run.
+    """
+    points, folder, listener = grid(str(file), axes), Path(out), progress or Silent()
+    require_writable(folder)
+    done = _Sweep(points, folder, seed)
+    done.run(default_workers() if workers is None else workers, listener)
+    data = done.data(Path(file), axes)
+    write_text(folder / FILE, json.dumps(data, indent=1, allow_nan=False) + "\n")
+    return data
+
+
+def load_sweep(folder: str | Path) -> dict[str, Any]:
+    """The table of the sweep in `folder`.
+
+    Raises:
+        RecordError: none there, or not one of this format.
+    """
+    path = Path(folder) / FILE
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        text = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
+        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
+    return data
+
+
+@dataclass(frozen=True)
+class _Task:
+    study: Study
+    seed: int
+    workers: Workers
+
+
+@dataclass(frozen=True)
+class _Result:
+    # The files of a run by name, for a worker may not see the folder they belong in; or why there are none.
+    files: Mapping[str, str]
+    failure: str = ""
+
+
+def _run_point(task: _Task) -> _Result:
+    with tempfile.TemporaryDirectory(prefix="oed-") as folder:
+        try:
+            run(task.study, folder, seed=task.seed, workers=task.workers)
+        except OedError as error:
+            return _Result({}, str(error))
+        return _Result({path.name: path.read_text(encoding="utf-8") for path in Path(folder).iterdir()})
+
+
+class _Sweep:
+    def __init__(self, points: Sequence[Point], folder: Path, seed: int | None) -> None:
+        self.points, self.folder = points, folder
+        self.seeds = [point.study.seed if seed is None else seed for point in points]
+        self.records: dict[int, Record] = {}
+        self.failures: dict[int, str] = {}
+        self.interrupted = False
+        for index in range(len(points)):
+            record = self._kept(index)
+            if record is not None:
+                self.records[index] = record
+        self.kept = sorted(self.records)
+
+    def run(self, workers: Workers, progress: Progress) -> None:
+        """Run what is not there yet; an interrupt leaves what is done."""
+        left = [index for index in range(len(self.points)) if index not in self.records]
+        if not left:
+            return
+        own = workers if len(left) == 1 else 1
+        tasks = [_Task(self.points[index].study, self.seeds[index], own) for index in left]
+
+        def take(position: int, result: _Result) -> None:
+            self._take(left[position], result)
+            progress.advance(self.points[left[position]].label)
+
+        progress.begin("points", len(left))
+        try:
+            run_tasks(_run_point, tasks, workers, take)
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def _take(self, index: int, result: _Result) -> None:
+        if result.failure:
+            self.failures[index] = result.failure
+            return
+        place = self.folder / self.points[index].folder
+        # The record last: where it is, everything is.
+        for name in sorted(result.files, key=lambda name: name == RECORD):
+            write_text(place / name, result.files[name])
+        self.records[index] = load_record(place)
+        if self.records[index].data["interrupted"]:
+            raise KeyboardInterrupt
+
+    def _kept(self, index: int) -> Record | None:
+        try:
+            record = load_record(self.folder / self.points[index].folder)
+        except RecordError:
+            return None
+        data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
+        same = data["study"] == study and data["seed"] == self.seeds[index]
+        return record if same and not data["interrupted"] and data["oed_version"] == _version() else None
+
+    def data(self, file: Path, axes: Sequence[Axis]) -> dict[str, Any]:
+        """What sweep.json holds."""
+        rows = [self._row(index) for index in range(len(self.points))]
+        comparable = all(_comparable(axis) for axis in axes)
+        found = [row for row in rows if comparable and row["objective"] is not None]
+        largest = max((float(row["objective"]) for row in found), default=0.0)
+        # The first of those that only rounding tells apart.
+        close = largest - ROUNDING * abs(largest)
+        best = next((row for row in found if row["objective"] >= close), None)
+        return {
+            "format": FORMAT,
+            "oed_version": _version(),
+            "study": file.name,
+            "name": self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
+            "keys": [
+                {
+                    "key": axis.key,
+                    "name": name,
+                    "unit": axis.unit,
+                    "values": list(axis.texts),
+                    "numeric": axis.numbers is not None,
+                }
+                for axis, name in zip(axes, short_names([axis.key for axis in axes]), strict=True)
+            ],
+            "points": rows,
+            "best": None if best is None else best["folder"],
+            "comparable": comparable,
+            "kept": len(self.kept),
+            "interrupted": self.interrupted,
+        }
+
+    def _row(self, index: int) -> dict[str, Any]:
+        point, record = self.points[index], self.records.get(index)
+        best = None if record is None else record.best
+        certificate = None if record is None else record.data["certificate"]
+        seconds = None if record is None else sum(entry["wall_seconds"] for entry in record.results)
+        return {
+            "values": dict(point.texts),
+            "numbers": dict(point.numbers),
+            "label": point.label,
+            "folder": point.folder,
+            "record": None if record is None else f"{point.folder}/{RECORD}",
+            **self._outcome(index, record),
+            "seed": self.seeds[index],
+            "design": None if best is None else best["name"],
+            "objective": None if best is None else best["objective"],
+            "lambda_min": None if best is None else best["lambda_min"],
+            "standard_deviations": {} if best is None else dict(best["standard_deviations"]),
+            "upper_bound": None if certificate is None else certificate["upper_bound"],
+            "gap": None if certificate is None else certificate["gap"],
+            "seconds": None if seconds is None else round(seconds, 6),
+        }
+
+    def _outcome(self, index: int, record: Record | None) -> dict[str, Any]:
+        if index in self.failures:
+            return {"status": "failed", "message": self.failures[index]}
+        if record is None:
+            return {"status": "not run", "message": "The sweep was interrupted before this point was done."}
+        if record.best is None:
+            messages = (f"{entry['name']}: {entry['message']}" for entry in record.results)
+            return {"status": "no feasible drive", "message": next(messages, "")}
+        return {"status": str(record.best["status"]), "message": str(record.best["message"])}
+
+
+def _comparable(axis: Axis) -> bool:
+    return axis.path[0] not in INCOMPARABLE and axis.key not in ("robot.kind", "robot.preset")
+
+
+def _version() -> str:
+    return package_version("oed")

@@ -1,0 +1,104 @@
+"""What a sweep's figures draw: which key lies along the axis, which make lines, and on what scales."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+
+from oed.report import sweep_figures
+from oed.report.sweep import Chart, charted
+
+
+def table(*keys: tuple[str, str, dict[str, float | None]]) -> dict[str, Any]:
+    """A sweep's table over keys: name, unit, number by text (None: a word)."""
+    points: list[dict[str, Any]] = [{"values": {}, "numbers": {}, "folder": "p"}]
+    for name, _, values in keys:
+        points = [
+            {
+                "values": {**point["values"], name: text},
+                "numbers": {**point["numbers"], name: number},
+                "folder": f"{point['folder']}_{text}",
+            }
+            for point in points
+            for text, number in values.items()
+        ]
+    told = [
+        {
+            "key": name,
+            "name": name,
+            "unit": unit,
+            "values": list(values),
+            "numeric": None not in values.values(),
+        }
+        for name, unit, values in keys
+    ]
+    return {"keys": told, "points": points}
+
+
+SPEED = ("wheel_speed", "rad/s^2", {"20 x": 20.0, "5 x": 5.0})
+STARTS = ("starts", "", {"1": 1.0, "2": 2.0, "4": 4.0})
+KIND = ("criterion", "", {"E": None, "D": None, "A": None, "G": None})
+
+
+class TestChart:
+    def test_numbers_lie_in_order_along_the_axis(self):
+        data = table(SPEED)
+        chart = charted(data, "objective", {"p_20 x": 2.0, "p_5 x": 1.0})
+        assert chart == Chart("wheel speed [rad/s²]", (5.0, 20.0), (("", (1.0, 2.0)),), "objective")
+
+    def test_the_longest_numeric_key_lies_along_the_axis_and_the_others_make_lines(self):
+        data = table(KIND, SPEED, STARTS)
+        chart = charted(data, "objective", {point["folder"]: 1.0 for point in data["points"]})
+        assert chart.places == (1.0, 2.0, 4.0)
+        assert len(chart.series) == 8
+        assert chart.series[0][0] == "criterion E, wheel speed 20 x"
+
+    def test_words_keep_their_order(self):
+        chart = charted(table(KIND), "objective", {"p_D": 1.0, "p_A": 3.0})
+        assert chart.places == ("E", "D", "A", "G")
+        assert chart.series == (("", (None, 1.0, 3.0, None)),)
+
+    def test_nothing_to_draw(self):
+        assert charted(table(SPEED), "objective", {}) is None
+        assert charted(table(("seed", "", {"1": 1.0})), "objective", {"p_1": 2.0}) is None
+
+
+def axes_of(places: tuple, *lines: tuple[float | None, ...]) -> Any:
+    series = tuple((f"line {index}", line) for index, line in enumerate(lines))
+    return sweep_figures.plot_chart(Figure().subplots(), Chart("speed [m/s]", places, series, "objective"))
+
+
+class TestScales:
+    @pytest.mark.parametrize(("places", "scale"), [((1.0, 2.0, 3.0), "linear"), ((1.0, 5.0, 40.0), "log")])
+    def test_across(self, places: tuple[float, ...], scale: str):
+        ax = axes_of(places, (1.0, 2.0, 3.0))
+        assert ax.get_xscale() == scale
+        assert [label.get_text() for label in ax.get_xticklabels()] == [f"{place:g}" for place in places]
+
+    @pytest.mark.parametrize(
+        ("values", "scale"),
+        [
+            ((1.0, 3.0), "linear"),
+            ((1.0, 300.0), "log"),
+            ((-1.0, 300.0), "linear"),
+            ((None, float("inf")), "linear"),
+        ],
+    )
+    def test_values(self, values: tuple[float | None, ...], scale: str):
+        assert axes_of((1.0, 2.0), values).get_yscale() == scale
+
+    def test_bars_for_words_are_told_apart_by_hatching(self):
+        ax = axes_of(("E", "D"), (1.0, 2.0), (3.0, None))
+        assert [container.patches[0].get_hatch() for container in ax.containers] == ["", "///"]
+
+    def test_a_map_names_every_cell(self):
+        lines = tuple((f"duration {row} s", (1.0 * row, None)) for row in range(1, 9))
+        figure = sweep_figures.heat_map(Chart("speed [m/s]", (1.0, 2.0), lines, "objective"))
+        ax = figure.axes[0]
+        assert [text.get_text() for text in ax.texts] == [
+            text for row in range(1, 9) for text in (f"{row}", "–")
+        ]
+        assert ax.get_xlabel() == "speed [m/s]"
+        assert ax.get_yticklabels()[0].get_text() == "duration 1 s"

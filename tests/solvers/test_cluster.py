@@ -1,0 +1,213 @@
+"""Work on a Dask cluster: a real one, of two processes; the same results as here, whoever dies."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+import pytest
+from builders import make_problem, random_drive
+from studies import small, without_seconds, write_study
+
+from oed.cli import main
+from oed.errors import Failure, UserMistake
+from oed.measurements import Displacements
+from oed.record import load_record
+from oed.solvers import Cluster, Genetic, Ipopt, Solver, cluster, ipopt, population, solve
+from oed.solvers.cluster import Connection
+from oed.solvers.parallel import run_tasks
+from oed.sweep import parse_axis, sweep
+from oed.validation import monte_carlo
+
+PROBLEM = make_problem()
+TINY = "{kind: genetic, population: 20, generations: 3}"
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[distributed.LocalCluster]:
+    """Two processes of one thread, and their scheduler."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+    ) as started:
+        yield started
+        # Before its scheduler goes: a connection that is lost is complained of.
+        cluster._connection(started.scheduler_address).client.close()
+        cluster._connection.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def workers(local: distributed.LocalCluster) -> Cluster:
+    return Cluster(local.scheduler_address)
+
+
+@pytest.fixture
+def always_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even work that is done sooner here goes to the workers."""
+    monkeypatch.setattr(ipopt, "POOL_SECONDS", 0.0)
+    monkeypatch.setattr(population, "WORTH", 0.0)
+
+
+def dying_once(task: tuple[Path, int]) -> int:
+    """Task 1 ends its process the first time."""
+    marker, number = task
+    if number == 1 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.getpid()
+
+
+def slow(number: int) -> int:
+    time.sleep(0.2)
+    return number
+
+
+def refusing(number: int) -> int:
+    raise Failure(f"no {number}")
+
+
+@pytest.mark.slow
+class TestRealCluster:
+    @pytest.mark.parametrize(
+        "search",
+        [Ipopt(starts=3, perturbations=0, second_stage="none"), Genetic(population=12, generations=3)],
+        ids=["ipopt", "ga"],
+    )
+    @pytest.mark.usefixtures("always_shared")
+    def test_searches_find_the_same(self, workers: Cluster, search: Solver):
+        here, there = (solve(PROBLEM, search, seed=4, workers=who) for who in (1, workers))
+        np.testing.assert_array_equal(here.trajectory.coefficients, there.trajectory.coefficients)
+        assert here.evaluation.objective == there.evaluation.objective
+        assert [one.objective for one in here.starts] == [one.objective for one in there.starts]
+
+    def test_simulated_experiments_are_the_same(self, workers: Cluster, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr(monte_carlo, "BATCH", 50)
+        noisy = make_problem(measurement=Displacements(segments=4, noise={"position": 0.01}))
+        drive = random_drive(noisy, 1)
+        here, there = (
+            monte_carlo.validate(noisy, drive, replicates=120, seed=2, workers=who) for who in (1, workers)
+        )
+        np.testing.assert_array_equal(here.sampled, there.sampled)
+        np.testing.assert_array_equal(here.mean, there.mean)
+        assert here.checks == there.checks
+
+    def test_a_worker_killed_loses_nothing(self, workers: Cluster, tmp_path: Path):
+        found: dict[int, int] = {}
+        tasks = [(tmp_path / "died", number) for number in range(6)]
+        run_tasks(dying_once, tasks, workers, found.__setitem__)
+        assert sorted(found) == list(range(6))
+        assert (tmp_path / "died").exists()
+        assert os.getpid() not in found.values()
+
+    def test_an_interrupt_gives_up_the_rest(self, local: distributed.LocalCluster, workers: Cluster):
+        def stop(index: int, result: int) -> None:
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            run_tasks(slow, list(range(40)), workers, stop)
+        deadline = time.monotonic() + 3
+        while local.scheduler.tasks and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not local.scheduler.tasks
+
+    def test_what_a_task_raises_arrives(self, workers: Cluster):
+        with pytest.raises(Failure, match=r"no [01]"):
+            run_tasks(refusing, [0, 1], workers, lambda index, result: None)
+
+    def test_a_sweep_is_the_same(self, workers: Cluster, tmp_path: Path):
+        file = write_study(tmp_path, small(solvers=TINY))
+        axes = [parse_axis("limits.wheel_speed=5,10 rad/s")]
+        here, there = (
+            without_seconds(sweep(file, axes, tmp_path / side, workers=who))
+            for side, who in (("here", 1), ("there", workers))
+        )
+        assert here == there
+        for row in here["points"]:
+            one, other = (load_record(tmp_path / side / row["folder"]).best for side in ("here", "there"))
+            assert one["drive"] == other["drive"]
+
+    def test_from_the_command_line(
+        self, workers: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ):
+        file = str(write_study(tmp_path, small(solvers=TINY)))
+        assert main(["solve", file, "--quiet", "--cluster", workers.address]) == 0
+        there = capsys.readouterr().out.splitlines()
+        assert main(["solve", file, "--quiet", "--workers", "1"]) == 0
+        here = capsys.readouterr().out.splitlines()
+        # All but the time, which comes last.
+        assert [line.split()[:-1] for line in here] == [line.split()[:-1] for line in there]
+
+
+class TestAddress:
+    @pytest.mark.parametrize("address", ["", "host:1", "tcp://:1", "tcp://host", "http://host:1"])
+    def test_malformed(self, address: str):
+        with pytest.raises(UserMistake, match="tcp://HOST:PORT"):
+            Cluster(address)
+
+    @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "tls://node-1.lab:8786", "tcp://[::1]:8786"])
+    def test_sound(self, address: str):
+        assert Cluster(address).address == address
+
+    def test_nobody_answers(self, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr(cluster, "CONNECTING", 0.2)
+        with pytest.raises(Failure, match=r"no Dask scheduler answers at tcp://127.0.0.1:9"):
+            Cluster("tcp://127.0.0.1:9").connect()
+
+    def test_the_extra_is_missing(self, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setitem(sys.modules, "distributed", None)
+        with pytest.raises(UserMistake, match=r"pip install 'oed\[cluster\]'"):
+            Cluster("tcp://127.0.0.1:8").connect()
+
+
+class Workers:
+    """Stands for a client of workers with other packages."""
+
+    def __init__(self, there: dict[str, Any]) -> None:
+        self.there, self.asked = there, 0
+
+    def ncores(self) -> dict[str, int]:
+        return {"tcp://worker:1": 1} if self.there else {}
+
+    def wait_for_workers(self, count: int, timeout: float) -> None:
+        raise TimeoutError
+
+    def run(self, function: Any, package: str, workers: list[str], on_error: str) -> dict[str, Any]:
+        self.asked += 1
+        assert function is version
+        return {worker: self.there.get(package, version(package)) for worker in workers}
+
+
+class TestWorkersPackages:
+    def test_other_versions_are_named(self):
+        client = Workers({"oed": "0.0.7", "scipy": "1.0"})
+        with pytest.raises(Failure) as caught:
+            Connection("tcp://a:1", client).check()
+        text = str(caught.value)
+        assert f"tcp://worker:1 has oed 0.0.7, here it is {version('oed')}" in text
+        assert "has scipy 1.0" in text
+        assert "casadi" not in text
+        assert "install the same versions" in text
+
+    def test_missing_ones_are_named(self):
+        with pytest.raises(Failure, match="tcp://worker:1 has no oed"):
+            Connection("tcp://a:1", Workers({"oed": PackageNotFoundError("oed")})).check()
+
+    def test_the_same_are_asked_once(self):
+        client = Workers({"oed": version("oed")})
+        connection = Connection("tcp://a:1", client)
+        connection.check()
+        asked = client.asked
+        connection.check()
+        assert 0 < asked == client.asked
+
+    def test_no_workers(self):
+        with pytest.raises(Failure, match=r"has no workers.*dask worker tcp://a:1 --nthreads 1"):
+            Connection("tcp://a:1", Workers({})).check()

@@ -1,0 +1,163 @@
+"""Independent tasks over processes: none is lost, none is done twice, whoever dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import make_problem
+from studies import small, without_seconds, write_study
+
+from oed.errors import Failure
+from oed.record import load_record
+from oed.solvers import parallel, population
+from oed.solvers.design import DesignExpressions
+from oed.solvers.parallel import BREAKDOWNS, run_tasks
+from oed.solvers.population import Population
+from oed.solvers.starts import random_drives
+from oed.sweep import parse_axis, sweep
+
+
+def done_by(function: Any, tasks: list[Any], workers: Any) -> dict[int, Any]:
+    """Results by index; no task may be answered twice."""
+    found: dict[int, Any] = {}
+
+    def take(index: int, result: Any) -> None:
+        assert index not in found
+        found[index] = result
+
+    run_tasks(function, tasks, workers, take)
+    return found
+
+
+def dying_once(task: tuple[Path, int]) -> int:
+    """Task 1 ends its process the first time."""
+    marker, number = task
+    if number == 1 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+@pytest.mark.slow
+def test_a_worker_killed_loses_nothing(tmp_path: Path):
+    tasks = [(tmp_path / "died", number) for number in range(4)]
+    assert done_by(dying_once, tasks, 2) == {number: number**2 for number in range(4)}
+    assert (tmp_path / "died").exists()
+
+
+@pytest.mark.slow
+def test_a_sweep_over_processes_is_the_same(tmp_path: Path):
+    file = write_study(tmp_path, small(solvers="{kind: genetic, population: 20, generations: 3}"))
+    axes = [parse_axis("limits.wheel_speed=5,10 rad/s")]
+    one, two = (sweep(file, axes, tmp_path / str(count), workers=count) for count in (1, 2))
+    assert without_seconds(one) == without_seconds(two)
+    for row in one["points"]:
+        records = (load_record(tmp_path / side / row["folder"]).data for side in ("1", "2"))
+        first, second = (without_seconds(record) for record in records)
+        assert first == second
+
+
+def breaking(done_before_each: int) -> tuple[Any, list[list[int]]]:
+    """Stands for a pool that does so many tasks and then breaks; and what it was given each time."""
+    given: list[list[int]] = []
+
+    @contextmanager
+    def outputs(function: Any, tasks: dict[int, Any], workers: Any) -> Iterator[Any]:
+        given.append(list(tasks))
+
+        def results() -> Iterator[tuple[int, Any]]:
+            for index in list(tasks)[:done_before_each]:
+                yield index, function(tasks[index])
+            if len(given[-1]) > done_before_each:
+                raise BrokenProcessPool
+
+        yield results()
+
+    return outputs, given
+
+
+def test_only_what_has_no_result_yet_is_done_again(monkeypatch: pytest.MonkeyPatch):
+    outputs, given = breaking(1)
+    monkeypatch.setattr(parallel, "_outputs", outputs)
+    count = BREAKDOWNS + 3
+    assert done_by(str, list(range(count)), 2) == {index: str(index) for index in range(count)}
+    assert given == [list(range(first, count)) for first in range(count)]
+
+
+def test_workers_that_die_before_anything_is_done_are_given_up(monkeypatch: pytest.MonkeyPatch):
+    outputs, given = breaking(0)
+    monkeypatch.setattr(parallel, "_outputs", outputs)
+    with pytest.raises(Failure, match=r"memory.*--workers"):
+        done_by(str, [1, 2], 2)
+    assert len(given) == BREAKDOWNS
+
+
+class Overlap:
+    """A task that notes how many of it run at the same time."""
+
+    def __init__(self) -> None:
+        self.running, self.most = 0, 0
+
+    def __call__(self, task: float) -> float:
+        self.running += 1
+        self.most = max(self.most, self.running)
+        time.sleep(task)
+        self.running -= 1
+        return task
+
+
+def test_threads_of_one_process_take_turns_and_leave_signals_alone():
+    before, overlap, found = signal.getsignal(signal.SIGINT), Overlap(), []
+
+    def work() -> None:
+        found.append(parallel._Job(overlap, 7, 0.02)())
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [(7, 0.02)] * 3
+    assert overlap.most == 1
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
+    counts = []
+
+    def counting(function: Any, tasks: list[Any], workers: Any, take: Any) -> None:
+        counts.append(len(tasks))
+        run_tasks(function, tasks, 1, take)
+
+    monkeypatch.setattr(population, "run_tasks", counting)
+    monkeypatch.setattr(population, "WORTH", 0.0)
+    problem = make_problem()
+    design = DesignExpressions(problem, refine=2)
+    candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
+    scored = Population(design, 2, 3)
+    for _ in range(2):
+        values, violations = scored.score(candidates)
+        expected = design.score_many(candidates)
+        np.testing.assert_array_equal(values, expected[0])
+        np.testing.assert_array_equal(violations, expected[1])
+    # The first time here, which also tells how long it takes.
+    assert counts == [3]
+
+
+def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(population, "run_tasks", None)
+    design = DesignExpressions(make_problem(), refine=2)
+    candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
+    scored = Population(design, 2, 2)
+    for _ in range(2):
+        assert scored.score(candidates)[0].shape == (5,)

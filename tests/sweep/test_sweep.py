@@ -1,0 +1,197 @@
+"""A sweep from end to end: records, the table, what is kept, and the page."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studies import INFEASIBLE, small, without_seconds, write_study
+
+from oed.cli import main
+from oed.errors import Failure, RecordError
+from oed.record import Record, load_record, save_record
+from oed.runner import run as real_run
+from oed.study import load_study
+from oed.sweep import Axis, load_sweep, parse_axis, sweep
+from oed.sweep import run as running
+
+TINY = "{kind: genetic, population: 20, generations: 3}"
+OVER = "limits.wheel_speed=5,10 rad/s"
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The folder of a study of two points, in `out`, and the table."""
+    folder = tmp_path_factory.mktemp("sweep")
+    file = write_study(folder, small(solvers=TINY))
+    return folder, sweep(file, [parse_axis(OVER)], folder / "out", workers=1)
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the studies that are run."""
+    names: list[str] = []
+
+    def counting(study: Any, *arguments: Any, **options: Any) -> Any:
+        names.append(study.name)
+        return real_run(study, *arguments, **options)
+
+    monkeypatch.setattr(running, "run", counting)
+    return names
+
+
+def axes(*over: str) -> list[Axis]:
+    return [parse_axis(one) for one in over]
+
+
+def test_the_table_says_what_the_records_say(swept):
+    folder, data = swept
+    assert json.loads((folder / "out" / "sweep.json").read_text()) == data == load_sweep(folder / "out")
+    assert [row["numbers"] for row in data["points"]] == [
+        {"limits.wheel_speed": 5},
+        {"limits.wheel_speed": 10},
+    ]
+    for row in data["points"]:
+        record = load_record(folder / "out" / row["record"])
+        assert row["objective"] == record.best["objective"]
+        assert row["standard_deviations"] == record.best["standard_deviations"]
+        assert (folder / "out" / row["folder"] / record.best["trajectory"]).is_file()
+    best = max(data["points"], key=lambda row: row["objective"])
+    assert data["best"] == best["folder"]
+
+
+def test_a_point_is_what_a_run_of_its_study_is(swept, tmp_path: Path):
+    folder, data = swept
+    file = write_study(tmp_path, small(solvers=TINY).replace("wheel_speed: 10", "wheel_speed: 5"))
+    alone = real_run(load_study(file), workers=1)
+    point = load_record(folder / "out" / data["points"][0]["record"])
+    assert point.best["objective"] == alone.best["objective"]
+    assert point.best["drive"] == alone.best["drive"]
+
+
+def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, runs: list[str]):
+    folder, data = swept
+    shutil.copytree(folder / "out", tmp_path / "out")
+    file, over = folder / "study.yaml", "limits.wheel_speed=5,7,10 rad/s"
+    again = sweep(file, axes(over), tmp_path / "out", workers=1)
+    assert runs == ["Small study (wheel_speed 7 rad/s)"]
+    assert again["kept"] == 2
+    assert [again["points"][index] for index in (0, 2)] == data["points"]
+    # Another seed is another study.
+    sweep(file, axes("limits.wheel_speed=5 rad/s"), tmp_path / "out", workers=1, seed=9)
+    assert runs[1:] == ["Small study (wheel_speed 5 rad/s)"]
+
+
+def test_an_interrupt_keeps_what_is_done(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder, data = swept
+
+    def second_interrupted(study: Any, *arguments: Any, **options: Any) -> Any:
+        if "10 rad/s" in study.name:
+            raise KeyboardInterrupt
+        return real_run(study, *arguments, **options)
+
+    monkeypatch.setattr(running, "run", second_interrupted)
+    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    assert cut["interrupted"]
+    assert [row["status"] for row in cut["points"]] == ["searched", "not run"]
+    monkeypatch.setattr(running, "run", real_run)
+    whole = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    assert whole["kept"] == 1
+    assert without_seconds({**whole, "kept": 0}) == without_seconds(data)
+
+
+def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder, _ = swept
+
+    def cut_short(study: Any, out: Path, **options: Any) -> Any:
+        record = real_run(study, out, **options)
+        save_record(Record({**record.data, "interrupted": True}), out)
+
+    monkeypatch.setattr(running, "run", cut_short)
+    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    assert cut["interrupted"]
+    assert [row["objective"] is None for row in cut["points"]] == [False, True]
+    monkeypatch.setattr(running, "run", real_run)
+    assert sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)["kept"] == 0
+
+
+def test_a_point_that_fails_is_told_and_the_others_are_run(
+    swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def failing(study: Any, *arguments: Any, **options: Any) -> Any:
+        if "(wheel_speed 5 rad/s)" in study.name:
+            raise Failure("no memory")
+        return real_run(study, *arguments, **options)
+
+    monkeypatch.setattr(running, "run", failing)
+    data = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path, workers=1)
+    first, second = data["points"]
+    assert (first["status"], first["message"], first["record"]) == ("failed", "no memory", None)
+    assert data["best"] == second["folder"]
+
+
+def test_objectives_of_other_criteria_are_not_ranked(tmp_path: Path):
+    file = write_study(tmp_path, small(solvers=TINY))
+    data = sweep(file, axes("criterion.kind=E,D"), tmp_path / "out", workers=1)
+    assert data["best"] is None
+    assert not data["comparable"]
+
+
+def test_no_sweep_there(tmp_path: Path):
+    with pytest.raises(RecordError, match="cannot be read"):
+        load_sweep(tmp_path)
+
+
+class TestCommand:
+    @pytest.mark.slow
+    def test_json_page_and_the_page_again(self, swept, tmp_path: Path, monkeypatch, capsys):
+        folder, data = swept
+        monkeypatch.chdir(tmp_path)
+        shutil.copytree(folder / "out", tmp_path / "reports" / "study-sweep")
+        study = str(folder / "study.yaml")
+        monkeypatch.setattr("oed.report.write_report", lambda record, out: (out / "report.html").touch())
+        over = ("--over", OVER, "--quiet", "--json", "--workers", "1", "--reports")
+        assert main(["sweep", study, *over]) == 0
+        captured = capsys.readouterr()
+        out = Path("reports") / "study-sweep"
+        printed = json.loads(captured.out)
+        assert printed == {**data, "kept": 2, "directory": str(out)}
+        assert "note: 2 of 2 points kept" in captured.err
+        page = (out / "report.html").read_text()
+        assert "wheel speed [rad/s]" in page
+        assert f"{data['points'][1]['objective']:.4g}" in page
+        for row in data["points"]:
+            assert f'href="{row["folder"]}/report.html"' in page
+        (out / "report.html").unlink()
+        assert main(["report", str(out)]) == 0
+        assert (out / "report.html").read_text() == page
+
+    def test_nothing_is_written_where_a_combination_is_wrong(self, tmp_path: Path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, small(solvers=TINY))
+        assert main(["sweep", "study.yaml", "--over", "limits.wheel_speed=5,10 m"]) == 2
+        assert capsys.readouterr().err.startswith("study.yaml:7: limits.wheel_speed: with wheel_speed 5 m: ")
+        assert not (tmp_path / "reports").exists()
+
+    @pytest.mark.slow
+    def test_no_feasible_drive_anywhere(self, tmp_path: Path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, INFEASIBLE.replace("{kind: ipopt, starts: 2}", TINY))
+        assert main(["sweep", "study.yaml", "--over", "seed=1", "--quiet", "--workers", "1"]) == 1
+        assert "no feasible drive" in capsys.readouterr().out
+        assert (tmp_path / "reports" / "study-sweep" / "report.html").is_file()
+
+    @pytest.mark.parametrize("arguments", [[], ["--over", "a=1", "--workers", "2", "--cluster", "tcp://a:1"]])
+    def test_wrong_arguments(self, arguments: list[str], capsys):
+        with pytest.raises(SystemExit) as leaving:
+            main(["sweep", "study.yaml", *arguments])
+        assert leaving.value.code == 2
+
+    def test_a_malformed_address(self, tmp_path: Path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, small(solvers=TINY))
+        assert main(["sweep", "study.yaml", "--over", OVER, "--cluster", "host"]) == 2
+        assert "tcp://HOST:PORT" in capsys.readouterr().err
