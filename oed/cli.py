@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:
-    from oed.console import print_json, say
+    from oed.messages import print_json, say
 
     say(message)
     if options.json:

@@ -18,7 +18,7 @@ class Component(BaseModel):
     """Base of every configurable part: immutable, unknown keys refused, numbers SI."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", arbitrary_types_allowed=True, ser_json_inf_nan="null"
+        frozen=True, extra="forbid", arbitrary_types_allowed=True, ser_json_inf_nan="null", defer_build=True
     )
 
 

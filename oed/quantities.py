@@ -41,6 +41,23 @@ _DEFINITIONS = (
     "percent = 0.01 = %",
 )
 
+_COMMON = {
+    "%": (0.01, (0, 0, 0)),
+    "m": (1.0, (1, 0, 0)),
+    "cm": (1e-2, (1, 0, 0)),
+    "mm": (1e-3, (1, 0, 0)),
+    "km": (1e3, (1, 0, 0)),
+    "rad": (1.0, (0, 1, 0)),
+    "mrad": (1e-3, (0, 1, 0)),
+    "deg": (math.pi / 180, (0, 1, 0)),
+    "s": (1.0, (0, 0, 1)),
+    "ms": (1e-3, (0, 0, 1)),
+    "min": (60.0, (0, 0, 1)),
+}
+"""What studies are mostly written in: factor to SI, and powers of length, angle and time."""
+_QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
+"""One of those, or a quotient such as "deg/s" and "m/s^2"; others are read by pint, which is slow to load."""
+
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _MEANINGS = {
@@ -58,7 +75,6 @@ _MEANINGS = {
 
 @lru_cache(maxsize=1)
 def _registry() -> pint.UnitRegistry[float]:
-    # Imported late: reading a study needs it, `oed --help` does not.
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
@@ -87,18 +103,44 @@ def parse_quantity(value: object, unit: str) -> float:
 
 
 def _parse_string(text: str, unit: str, expected: str) -> float:
-    import pint
-
     match = _NUMBER.match(text)
     if match is None:
         raise ValueError(f"{expected}, got {text!r}, which does not begin with a number")
     number, unit_text = float(match.group()), text[match.end() :].strip()
     if not unit_text:
         return number
+    factor = _common_factor(unit_text, unit)
+    return number * (_factor(text, unit_text, unit, expected) if factor is None else factor)
+
+
+def _common_factor(text: str, unit: str) -> float | None:
+    # Of units such as "cm", "deg/s" or "rad/s^2" in the dimension of `unit`; None for any other text.
+    found, wanted = _common_unit(text), _common_unit(unit or "%")
+    if found is None or wanted is None or found[1] != wanted[1]:
+        return None
+    return found[0]
+
+
+@lru_cache(maxsize=256)
+def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
+    # Factor to SI, and powers of length, angle and time.
+    match = _QUOTIENT.fullmatch(text)
+    if match is None:
+        return None
+    numerator, denominator, power = match.groups()
+    factor, (length, angle, time) = _COMMON[numerator]
+    times = int(power or 1) if denominator else 0
+    return factor, (length - times * (denominator == "m"), angle, time - times * (denominator == "s"))
+
+
+def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
+    # Imported late, for it takes longer than all the rest of reading a study.
+    import pint
+
     registry = _registry()
     try:
         factor = registry.Quantity(1.0, registry.parse_units(unit_text))
-        return number * float(factor.to(unit or "dimensionless").magnitude)
+        return float(factor.to(unit or "dimensionless").magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
     except Exception:

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+import scipy
 
 from oed.measurements.measurement import Nuisance
 from oed.measurements.sensor import JointReadings, Sensor, joint_readings, start_nuisances
@@ -88,17 +88,17 @@ class PredictedReadings:
         for sensor, one in zip(self.sensors, joint.each, strict=True):
             whole = sensor.joint_whitening
             if whole is not None:
-                matrices += [sparse.csr_array(whole)] * self._trajectory.runs
+                matrices += [scipy.sparse.csr_array(whole)] * self._trajectory.runs
                 continue
             side_by_side = np.array(ca.evalf(one.whitening))
             size = side_by_side.shape[0]
-            matrices.append(sparse.block_diag(np.hsplit(side_by_side, side_by_side.shape[1] // size)))
-        return sparse.csr_array(sparse.block_diag(matrices))
+            matrices.append(scipy.sparse.block_diag(np.hsplit(side_by_side, side_by_side.shape[1] // size)))
+        return scipy.sparse.csr_array(scipy.sparse.block_diag(matrices))
 
     @cached_property
     def colour(self) -> Any:
         """The whitener's inverse: from standard normal numbers to noise."""
-        return sparse.csr_array(sparse.linalg.inv(sparse.csc_array(self.whitener)))
+        return scipy.sparse.csr_array(scipy.sparse.linalg.inv(scipy.sparse.csc_array(self.whitener)))
 
     @property
     def _own_count(self) -> int:

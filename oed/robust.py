@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+import scipy
 from pydantic import Field, model_validator
-from scipy.special import ndtri
 
 from oed.component import Component
 from oed.expression import Expression
@@ -69,7 +69,7 @@ class Robust(Component):
     @property
     def reach(self) -> float:
         """The reserve in standard deviations; by default that of one normal distance, two-sided."""
-        return float(ndtri((1 + self.confidence) / 2)) if self.beta is None else self.beta
+        return float(scipy.special.ndtri((1 + self.confidence) / 2)) if self.beta is None else self.beta
 
     def safer(self, worst: Array) -> Robust:
         """More careful, after draws of which `worst` (K, q) left farthest."""

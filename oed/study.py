@@ -22,6 +22,7 @@ from oed.limits import LIMITS, Limit
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
+from oed.path_file import read_trajectory
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
@@ -29,7 +30,7 @@ from oed.record import NOMINAL, Record, load_record
 from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
-from oed.trajectory import DesignSpace
+from oed.trajectory import DesignSpace, Trajectory
 from oed.trial import Trial, trial_flaws
 from oed.uncertainty import Uncertainty
 from oed.validation.monte_carlo import ALPHA
@@ -181,6 +182,18 @@ class Study:
         except ProblemError as error:
             source = parse_yaml(self.text, self.source)
             raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+
+    def own_paths(self) -> dict[str, Trajectory]:
+        """The user's own paths that the study compares with, by name.
+
+        Raises:
+            PathFileError: one that cannot be read.
+        """
+        return {
+            path.label: read_trajectory(self.folder / path.file, self.problem)
+            for path in self.file.baselines
+            if isinstance(path, PathFile)
+        }
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""

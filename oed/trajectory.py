@@ -147,7 +147,7 @@ class Trajectory:
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""
-        return np.asarray(spline.basis(self.knots, self.degree, times) @ self.coefficients)
+        return spline.basis(self.knots, self.degree, times) @ self.coefficients
 
     def rates_at(self, times: Array) -> Array:
         """Time derivatives of the inputs, (rows, inputs): at `times` [s], or, for a piecewise constant
@@ -156,7 +156,7 @@ class Trajectory:
         if self.degree == 0:
             return np.concatenate([np.diff(one.inputs, axis=0) for one in self.each]) / self.period
         matrix, knots = spline.derivative(self.knots, self.degree)
-        return np.asarray(spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients))
+        return spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients)
 
     def jerks_at(self, times: Array) -> Array:
         """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
@@ -167,9 +167,7 @@ class Trajectory:
             return np.concatenate([np.diff(run, axis=0) for run in rates]) / self.period
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
-        return np.asarray(
-            spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
-        )
+        return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
 
 
 class Spline(Component):
@@ -250,7 +248,7 @@ class DesignSpace(Component):
         if self.spline.degree == 0:
             own = np.diff(np.eye(self.spline.coefficients), axis=0) / self.period
             return np.asarray(np.kron(np.eye(self.runs), own))
-        return np.asarray(spline.derivative(self.knots, self.spline.degree)[0].toarray())
+        return spline.derivative(self.knots, self.spline.degree)[0].toarray()
 
     @property
     def jerk_matrix(self) -> Array:
@@ -260,7 +258,7 @@ class DesignSpace(Component):
             return np.zeros((0, self.all_coefficients))
         first, knots = spline.derivative(self.knots, degree)
         second, _ = spline.derivative(knots, degree - 1)
-        return np.asarray((second @ first).toarray())
+        return second @ first.toarray()
 
     @property
     def free_rows(self) -> npt.NDArray[np.int64]:

@@ -14,7 +14,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "oed"
 
 FLOORS: tuple[set[str], ...] = (
-    {"spline", "quantities", "component", "expression", "errors", "files", "extras"},
+    {"spline", "quantities", "component", "expression", "errors", "files", "extras", "lazy"},
     {"models"},
     {"logs"},
     {"trajectory", "rollout", "matrices"},
@@ -43,11 +43,12 @@ FLOORS: tuple[set[str], ...] = (
         "estimation",
         "driven",
         "next_drive",
+        "sweep",
     },
     {"exporters"},
     {"report"},
     {"physics_film"},
-    {"cli", "commands", "console", "__init__", "__main__"},
+    {"cli", "commands", "console", "messages", "__init__", "__main__"},
 )
 """Files and folders of the package, each importing only from its own floor and those above it here."""
 
@@ -61,6 +62,7 @@ FIGURE_MODULES = {
         "path_figures",
         "path_panels",
         "stage",
+        "sweep_figures",
         "trial_panels",
         "estimate.figures",
     )
@@ -185,7 +187,7 @@ def test_matplotlib_is_imported_by_reports_only(module: str):
     [
         ("oed", {"casadi", "matplotlib", "pymoo", "numpy"}),
         ("oed.cli", {"casadi", "matplotlib", "pymoo"}),
-        ("oed.study", {"matplotlib", "pymoo"}),
+        ("oed.study", {"matplotlib", "pymoo", "pint", "rich", "scipy.stats", "scipy.interpolate"}),
     ],
 )
 @pytest.mark.slow
@@ -193,6 +195,21 @@ def test_imports_cost_no_more_than_they_must(module: str, unloaded: set[str]):
     code = f"import sys, {module}; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert unloaded.isdisjoint(run.stdout.split())
+
+
+def test_a_check_loads_no_library_that_it_does_not_need():
+    # Matplotlib, pymoo and so on take longer to load than the check itself.
+    study = PACKAGE.parent / "problems" / "choi_skid_steer.yaml"
+    code = f"import sys, oed.cli; print(oed.cli.main(['check', {str(study)!r}]), *sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    code, *loaded = run.stdout.splitlines()[-1].split()
+    assert code == "0"
+    assert "oed.identifiability" in loaded
+    heavy = {"matplotlib", "pymoo", "shapely", "rich", "pint", "distributed", "jinja2", "plotly"}
+    parts = {f"scipy.{name}" for name in ("stats", "interpolate", "optimize", "integrate", "linalg")}
+    # What computes, and what a check of a study without a simulated robot leaves alone.
+    own = {"oed.runner", "oed.report", "oed.calibration.joint", "oed.trial.run"}
+    assert (heavy | parts | own).isdisjoint(loaded)
 
 
 def documented(node: ast.AST) -> bool:

@@ -10,7 +10,17 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from oed.component import Component
-from oed.quantities import Angle, AngularSpeed, Duration, Length, Ratio, parse_quantity
+from oed.quantities import (
+    _COMMON,
+    Angle,
+    AngularSpeed,
+    Duration,
+    Length,
+    Ratio,
+    _common_factor,
+    _factor,
+    parse_quantity,
+)
 
 
 @pytest.mark.parametrize(
@@ -133,3 +143,30 @@ def test_components_refuse_unknown_keys():
     assert Part(length="1 cm").length == pytest.approx(0.01)
     with pytest.raises(ValidationError, match="width"):
         Part(length=1, width=2)
+
+
+QUOTIENTS = ("", "/s", "/s^2", "/s^3", "/m", "/m^2", "/m^3")
+
+
+def test_common_units_are_pints():
+    # The small table that spares loading pint says the same, to the last bit.
+    for name, (_, powers) in _COMMON.items():
+        own = {(1, 0, 0): "m", (0, 1, 0): "rad", (0, 0, 1): "s"}.get(powers)
+        for quotient in QUOTIENTS if own else ("",):
+            known = _common_factor(name + quotient, own + quotient if own else "")
+            assert known is not None
+            assert known == _factor(name, name + quotient, own + quotient if own else "", "")
+
+
+@pytest.mark.parametrize(
+    "text", ["m/", "/s", "m/s^", "m/s^4", "m/s/s", "m^2", "M", "m /s", "mm/ms", "1/s", ""]
+)
+def test_other_texts_are_left_to_pint(text: str):
+    assert _common_factor(text, "m") is None
+    assert _common_factor(text, "") is None
+
+
+def test_a_common_unit_of_another_dimension_is_left_to_pint():
+    assert _common_factor("cm", "rad") is None
+    assert _common_factor("deg/s", "rad/s^2") is None
+    assert _common_factor("s/s", "") == 1.0

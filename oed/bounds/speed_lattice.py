@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
+import scipy
 
 Array = npt.NDArray[np.float64]
 
@@ -304,7 +304,7 @@ def _lowest(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
     size = max(abs(offset) for offset, _ in planes) or 1.0
     rows = [np.concatenate([slope / size, [-1.0]]) for _, slope in planes]
     sides = np.hstack([normals, np.zeros((DIRECTIONS, 1))])
-    found = linprog(
+    found = scipy.optimize.linprog(
         [0.0, 0.0, 1.0],
         A_ub=np.vstack([rows, sides]),
         b_ub=np.concatenate(

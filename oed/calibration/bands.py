@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cholesky_banded
-from scipy.linalg.lapack import dtbtrs
+import scipy
 
 Array = npt.NDArray[np.float64]
 
@@ -36,18 +35,18 @@ def banded(own: Array, below: Array | None = None) -> Array:
 
 def factor(band: Array) -> Array:
     """The band of the lower triangular L of a positive matrix L L'."""
-    return np.asarray(cholesky_banded(band, lower=True))
+    return np.asarray(scipy.linalg.cholesky_banded(band, lower=True))
 
 
 def whitened(root: Array, rows: Array) -> Array:
     """L^-1 times rows (3 S, k): as independent of each other as their noise L L' makes them."""
-    found, _ = dtbtrs(root, rows, uplo="L")
+    found, _ = scipy.linalg.lapack.dtbtrs(root, rows, uplo="L")
     return np.asarray(found)
 
 
 def weighed(root: Array, white: Array) -> Array:
     """L^-T times rows (3 S, k)."""
-    found, _ = dtbtrs(root, white, uplo="L", trans="T")
+    found, _ = scipy.linalg.lapack.dtbtrs(root, white, uplo="L", trans="T")
     return np.asarray(found)
 
 

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+import scipy
 
 from oed.calibration.covariance import LEVEL, Covariance
 from oed.calibration.joint import Fit
@@ -213,4 +213,4 @@ def _half_width(differences: Array) -> float:
     if count < FEWEST_LOGS:
         return math.inf
     spread = math.sqrt(count) * float(np.std(differences, ddof=1))
-    return float(student.ppf((1 + LEVEL) / 2, count - 1)) * spread
+    return float(scipy.stats.t.ppf((1 + LEVEL) / 2, count - 1)) * spread

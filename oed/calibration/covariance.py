@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student
+import scipy
 
 from oed.calibration.joint import Fit
 from oed.calibration.options import CovarianceName
@@ -45,7 +45,7 @@ class Covariance:
     @property
     def half_width(self) -> float:
         """Of a 95 % interval, in standard errors."""
-        return float(student.ppf((1 + LEVEL) / 2, max(self.freedom, 1.0)))
+        return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(self.freedom, 1.0)))
 
 
 @dataclass(frozen=True)

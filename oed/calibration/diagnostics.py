@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2, norm
+import scipy
 
 from oed.calibration.joint import Fit
 from oed.calibration.noise import Noise, groups, places_of
@@ -101,7 +101,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     # Box and Pierce's statistic, pairs of all segments together.
     values, pairs = correlations(fit, places)
     statistic = pairs * float((values**2).sum())
-    p_value = float(chi2.sf(statistic, len(values)))
+    p_value = float(scipy.stats.chi2.sf(statistic, len(values)))
     if p_value > ALPHA:
         text = f"{group} residuals are white: nothing is left that the model could explain"
     else:
@@ -114,7 +114,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 
 def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     z = fit.white[..., places][fit.layout.valid]
-    count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * norm.sf(FAR)
+    count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * scipy.stats.norm.sf(FAR)
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
     text = f"{share:.2%} of the {group} residuals lie beyond {FAR:g} standard deviations"
@@ -130,7 +130,7 @@ def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
     squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
     freedom = float(fit.freedom[..., places][valid].sum())
     ratio = float(np.sqrt(squares / freedom))
-    p_value = float(2 * min(chi2.cdf(squares, freedom), chi2.sf(squares, freedom)))
+    p_value = float(2 * min(scipy.stats.chi2.cdf(squares, freedom), scipy.stats.chi2.sf(squares, freedom)))
     passed = p_value > ALPHA
     text = f"{group} residuals are {ratio:.2f} times the noise that the study states"
     text += ", as they should be" if passed else ": state what was found for the next design"
@@ -147,7 +147,7 @@ def _agreement(fit: Fit) -> Diagnostic:
         statistic += float(score @ np.linalg.pinv(matrix, rcond=RANK, hermitian=True) @ score)
         freedom += int((np.linalg.eigvalsh(matrix) > RANK * max(np.trace(matrix), 1e-300)).sum())
     freedom = max(freedom - fit.unknowns.size, 1)
-    p_value, ratio = float(chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
+    p_value, ratio = float(scipy.stats.chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
     passed = p_value > ALPHA
     text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
     text += "" if passed else ": F^-1 promises too much; trust the bootstrap, and look at the logs left out"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
-from scipy.stats import chi2, norm
+import scipy
 
 Array = npt.NDArray[np.float64]
 
@@ -21,8 +20,6 @@ FROM_READING_TO_READING = 0.5
 lasts longer is no noise but the model's error, for wheels slip in turns."""
 LEAST = 1e-6
 """Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
-MEDIAN_DEVIATION = float(norm.ppf(0.75))
-"""Median of |z| for standard normal z."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ def estimated(
         jumps: of the same residuals: growth with the yaw rate has to show there as well.
     """
     if robust:
-        spread = np.median(np.abs(residuals)) / MEDIAN_DEVIATION
+        spread = np.median(np.abs(residuals)) / scipy.stats.norm.ppf(0.75)
         return Noise(max(float(spread / np.sqrt(max(freedom.mean(), 1e-3))), LEAST))
     squares = residuals**2 / np.maximum(freedom, 1e-3)
     # Less than one degree of freedom tells nothing of noise.
@@ -133,7 +130,7 @@ def _jumps_alike(found: Noise, jumps: Array) -> bool:
 def _growing(squares: Array, freedom: Array, rates: Array, constant: float) -> Noise:
     # The greatest likelihood less the price of every part that grows: none, by either rate, or by both.
     moving = [place for place in range(len(rates)) if np.any(rates[place] != 0)]
-    price = float(chi2.ppf(SURE, 1))
+    price = float(scipy.stats.chi2.ppf(SURE, 1))
     best, least = Noise(constant), float((freedom * squares).sum()) / constant**2
     alone = [(place,) for place in moving] if len(moving) > 1 else []
     for chosen in filter(None, (tuple(moving), *alone)):
@@ -176,7 +173,7 @@ def greatest(
         return value, sizes * np.einsum("cn,n->c", columns, freedom * (1 - left) / variance)
 
     count = len(columns)
-    found = minimize(
+    found = scipy.optimize.minimize(
         surprise, np.full(count, -np.log(count)), jac=True, method="L-BFGS-B", bounds=[(-12, 6)] * count
     )
     sizes = np.sqrt(np.exp(found.x)) * constant

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
+import scipy
 
 from oed.calibration import bands
 from oed.calibration.bands import banded, factor, product, traces, weighed, whitened
@@ -126,7 +126,7 @@ class Likelihood:
             value, slope = self.surprise(variances)
             return value, (slope * variances)[told]
 
-        found = minimize(
+        found = scipy.optimize.minimize(
             surprise,
             start,
             jac=True,

@@ -16,6 +16,7 @@ from oed.commands.report import REPORT
 from oed.commands.run import RUN
 from oed.commands.schema import SCHEMA
 from oed.commands.solve import SOLVE
+from oed.commands.sweep import SWEEP
 from oed.commands.validate import VALIDATE
 
 COMMANDS: tuple[Command, ...] = (
@@ -23,6 +24,7 @@ COMMANDS: tuple[Command, ...] = (
     RUN,
     CHECK,
     SOLVE,
+    SWEEP,
     BOUND,
     EVALUATE,
     ESTIMATE,

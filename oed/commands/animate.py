@@ -34,8 +34,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, progress
+    from oed.console import progress
     from oed.errors import UserMistake
+    from oed.messages import print_json
     from oed.physics_film import film_physics
     from oed.record import load_record
     from oed.report import animate, write_report

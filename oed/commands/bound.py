@@ -15,8 +15,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.bounds import LATTICE, TIME_LIMIT, bound
-    from oed.console import print_certificate, print_json
+    from oed.console import print_certificate
     from oed.errors import Failure
+    from oed.messages import print_json
     from oed.runner import certified
     from oed.solution import scored
     from oed.study import load_study

@@ -12,16 +12,15 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, say
     from oed.errors import FileError
-    from oed.runner import own_paths
+    from oed.messages import print_json, say
     from oed.study import load_study
 
     entries, flawed = [], False
     for file in options.studies:
         try:
             study = load_study(file)
-            own_paths(study)
+            study.own_paths()
             study.require_identifiable()
         except FileError as error:
             flawed = True

@@ -26,8 +26,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_estimate, print_json, progress
+    from oed.console import print_estimate, progress
     from oed.estimation import estimate
+    from oed.messages import print_json
     from oed.report import write_estimate
     from oed.study import load_study
 

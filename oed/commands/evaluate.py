@@ -19,8 +19,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results, print_worth
+    from oed.console import print_results, print_worth
     from oed.driven import score_path
+    from oed.messages import print_json
     from oed.study import load_study
 
     study = load_study(options.study)

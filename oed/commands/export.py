@@ -18,8 +18,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json
     from oed.exporters import export
+    from oed.messages import print_json
 
     path = export(
         options.folder,

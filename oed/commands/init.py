@@ -28,9 +28,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import choice_of, print_json, say
+    from oed.console import choice_of
     from oed.errors import UserMistake
     from oed.files import write_text
+    from oed.messages import print_json, say
     from oed.starter import starter
 
     choice = choice_of(options)

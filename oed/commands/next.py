@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_working, duration, pair, share
+from oed.commands.arguments import add_working, duration, pair, share, workers_of
 from oed.commands.command import DONE, Command, verdict
 
 
@@ -33,12 +33,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_next, progress
+    from oed.console import print_next, progress
+    from oed.messages import print_json
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
     from oed.report import write_estimate, write_report
 
     out = Path(options.out) if options.out else Path(options.folder) / "next"
+    workers = workers_of(options)
     with progress(options.quiet) as listener:
         found = next_drive(
             load_record(options.folder),
@@ -48,7 +50,7 @@ def _run(options: argparse.Namespace) -> int:
             least_gain=LEAST_GAIN if options.least_gain is None else options.least_gain,
             out=out,
             seed=options.seed,
-            workers=options.workers,
+            workers=workers,
             progress=listener,
         )
     write_estimate(found.estimate.data, out)

@@ -16,15 +16,20 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.calibration_record import FILE as ESTIMATE
     from oed.calibration_record import load_estimate
-    from oed.console import print_json
+    from oed.messages import print_json
     from oed.record import FILE, load_record
-    from oed.report import write_comparison, write_estimate, write_report
+    from oed.report import write_comparison, write_estimate, write_report, write_sweep
+    from oed.sweep import FILE as SWEEP
+    from oed.sweep import load_sweep
 
     first = Path(options.folders[0])
     estimated = len(options.folders) == 1 and (first / ESTIMATE).is_file()
     if estimated:
         page = write_estimate(load_estimate(first).data, options.out or first)
-    if not estimated or (first / FILE).is_file():
+    swept = len(options.folders) == 1 and (first / SWEEP).is_file()
+    if swept:
+        page = write_sweep(load_sweep(first), first, options.out or first)
+    elif not estimated or (first / FILE).is_file():
         records = [(folder, load_record(folder)) for folder in options.folders]
         if len(records) == 1:
             page = write_report(records[0][1], options.out or first)

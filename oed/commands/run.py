@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_working
+from oed.commands.arguments import add_working, workers_of
 from oed.commands.command import Command, verdict
 
 
@@ -16,15 +16,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_certificate, print_json, print_results, progress, say
+    from oed.console import print_certificate, print_results, progress
+    from oed.messages import print_json, say
     from oed.report import write_report
     from oed.runner import run
     from oed.study import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)
+    workers = workers_of(options)
     with progress(options.quiet) as listener:
-        record = run(study, out, seed=options.seed, workers=options.workers, progress=listener)
+        record = run(study, out, seed=options.seed, workers=workers, progress=listener)
     page = write_report(record, out)
     if options.json:
         print_json({**record.data, "directory": str(out)})

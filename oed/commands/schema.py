@@ -8,7 +8,7 @@ from oed.commands.command import DONE, Command
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json
+    from oed.messages import print_json
     from oed.study import json_schema
 
     print_json(json_schema())

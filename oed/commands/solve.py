@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_working
+from oed.commands.arguments import add_working, workers_of
 from oed.commands.command import Command, verdict
 
 
@@ -16,15 +16,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, print_results, progress
+    from oed.console import print_results, progress
+    from oed.messages import print_json
     from oed.runner import record as record_of
     from oed.runner import search
     from oed.study import load_study
 
     study = load_study(options.study)
     seed = study.seed if options.seed is None else options.seed
+    workers = workers_of(options)
     with progress(options.quiet) as listener:
-        solutions, interrupted = search(study, seed=seed, workers=options.workers, progress=listener)
+        solutions, interrupted = search(study, seed=seed, workers=workers, progress=listener)
     out = Path(options.out) if options.out else None
     record = record_of(study, solutions, seed, out, interrupted=interrupted)
     if options.json:

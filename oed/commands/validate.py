@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from oed.commands.arguments import add_quiet, add_workers, positive, whole
+from oed.commands.arguments import add_quiet, add_workers, positive, whole, workers_of
 from oed.commands.command import DONE, Command
 
 
@@ -28,8 +28,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.console import print_json, progress
+    from oed.console import progress
     from oed.experiments import validated, validation_options
+    from oed.messages import print_json
     from oed.record import load_record, save_record
     from oed.report import write_report
 
@@ -37,8 +38,9 @@ def _run(options: argparse.Namespace) -> int:
     chosen = validation_options(
         saved, replicates=options.replicates, estimators=options.estimator, heading=options.heading
     )
+    workers = workers_of(options)
     with progress(options.quiet) as listener:
-        record = validated(saved, chosen, seed=options.seed, workers=options.workers, progress=listener)
+        record = validated(saved, chosen, seed=options.seed, workers=workers, progress=listener)
     save_record(record, options.folder)
     page = write_report(record, options.folder)
     if options.json:

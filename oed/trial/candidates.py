@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from oed.calibration import Alternative
-from oed.calibration.fitting import Fitting
+from oed.calibration.alternatives import Alternative
 from oed.calibration.options import CalibrationOptions, Method
 from oed.errors import Flaw, ProblemError
 from oed.measurements import LeverArm, Poses
 from oed.problem import Problem
 from oed.trial.options import Trial
 from oed.trial.paths import drive_flaw
+
+if TYPE_CHECKING:
+    from oed.calibration.fitting import Fitting
 
 INPUTS = ("wheel_speed_right", "wheel_speed_left")
 """What a simulated robot is commanded by."""
@@ -28,6 +31,9 @@ class Candidate:
 
     def fitting(self, options: CalibrationOptions, method: Method) -> Fitting:
         """How it is calibrated; in windows of usual length where the method needs windows."""
+        # Loaded late: to check a study is not to calibrate.
+        from oed.calibration.fitting import Fitting
+
         robot = self.problem.robot
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         segment = options.segment if method == "joint" else "auto"

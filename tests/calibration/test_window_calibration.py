@@ -11,8 +11,7 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, options, problem_of, truth_of
 from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 
-from oed.calibration import CalibrationOptions, calibrate
-from oed.calibration.calibrate import Calibration
+from oed.calibration import Calibration, CalibrationOptions, calibrate
 from oed.calibration_record import calibration_data
 from oed.errors import ProblemError
 from oed.logs.log import Log
