@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
-from scipy import sparse
 
 from oed.component import Component
 from oed.errors import Flaw
@@ -97,6 +96,10 @@ class Displacements(Measurement):
         own = np.rint(np.linspace(0, samples, self.segment_count(samples) + 1)).astype(np.int64)
         return np.concatenate([[0], *(run * samples + own[1:] for run in range(runs))])
 
+    def coarser(self, times: float) -> Displacements:
+        """The same: segments are parts of the drive, or its samples."""
+        return self
+
     def _heading_block(self, drive: Drive) -> Block:
         rows = drive.period * drive.effective_inputs
         matrix = self._segment_sums(drive, every=1, offset=0) @ rows
@@ -153,9 +156,10 @@ class Displacements(Measurement):
         samples = drive.inputs.shape[0]
         edges = self.segment_edges(drive.samples, drive.runs)
         segment = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
-        shape = (every * (len(edges) - 1), samples)
-        ones = np.ones(samples)
-        return ca.DM(sparse.csc_matrix((ones, (every * segment + offset, np.arange(samples))), shape=shape))
+        pattern = ca.Sparsity(
+            every * (len(edges) - 1), samples, list(range(samples + 1)), (every * segment + offset).tolist()
+        )
+        return ca.DM(pattern, 1.0)
 
 
 def _scatter(increments: Expression) -> Expression:

@@ -117,3 +117,10 @@ class Measurement(Component, ABC):
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """What makes this measurement impossible for `model` and that many samples; [] if nothing."""
         return []
+
+    def coarser(self, times: float) -> Measurement | None:
+        """Much the same measurement of a drive with so many times fewer samples; None where there is none.
+
+        Its information need only be in proportion: searches on fewer samples correct the rest.
+        """
+        return None

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
@@ -120,6 +120,12 @@ class Sensor(Measurement):
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block: the robot's parameters, with the initial pose and the sensor's nuisances."""
         return (joint_block((self,), drive),)
+
+    def coarser(self, times: float) -> Self | None:
+        """One that reads at about the same times, or fewer; None where the noise is given for all readings."""
+        if self.joint_whitening is not None:
+            return None
+        return self.model_copy(update={"every": max(1, round(self.every / times))})
 
     def columns(self, samples: int) -> list[int]:
         """Indices of the samples or periods that are read."""

@@ -45,6 +45,11 @@ class Several(Measurement):
                 flaws.append(Flaw(("measurement", index, "initial_pose"), text))
         return flaws
 
+    def coarser(self, times: float) -> Several | None:
+        """The sensors' own."""
+        sensors = [sensor.coarser(times) for sensor in self.sensors]
+        return None if None in sensors else self.model_copy(update={"sensors": tuple(sensors)})
+
 
 def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
     """The sensors of a measurement that are estimated from together; () for any other measurement."""

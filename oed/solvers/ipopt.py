@@ -20,7 +20,7 @@ from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.solvers.conflict import describe_conflict
 from oed.solvers.local import Local, Settings, local_search
-from oed.solvers.parallel import run_tasks
+from oed.solvers.parallel import Workers, run_tasks
 from oed.solvers.solver import Context, Solver
 from oed.solvers.starts import SCREENED, perturbed, random_drives, starting_points
 
@@ -110,7 +110,8 @@ class _Search:
             options.max_iterations, options.tolerance, options.time_limit, options.second_stage
         )
         # The same expressions that starts solved in this process use.
-        self.design = local_search(self.token, self.problem, self.settings).design
+        search = local_search(self.token, self.problem, self.settings)
+        self.grid, self.design = search.grid, search.design
 
     def run(self) -> Solution:
         try:
@@ -147,7 +148,7 @@ class _Search:
             self.starts += [_start(result) for result in results if result is not None]
 
     @property
-    def _workers(self) -> int:
+    def _workers(self) -> Workers:
         # How many processes share the work decides only when a design is found, not which.
         left = self.options.starts + self.options.perturbations - len(self.starts)
         typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
@@ -246,7 +247,7 @@ class _Search:
         return Solution(
             name=self.options.label,
             kind=self.options.kind,
-            trajectory=None if best is None else self.design.trajectory(best.unknowns),
+            trajectory=None if best is None else self.grid.trajectory(best.unknowns),
             evaluation=None if best is None else best.evaluation,
             status=status,
             starts=tuple(self.starts),

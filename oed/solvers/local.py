@@ -17,7 +17,7 @@ from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.solution import Status
-from oed.solvers.design import DesignExpressions
+from oed.solvers.coarse import Grid
 from oed.solvers.epigraph import objective_of
 from oed.solvers.program import Outcome, Program
 
@@ -27,6 +27,8 @@ TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
 HOPELESS = 0.1
 """Excess, as a share of a limit's size, that no tightening mends: the search has not found the inside."""
+MISLED = 1e-4
+"""Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -88,17 +90,21 @@ class LocalSearch:
         """Write the expressions; programs are built when first used."""
         self.problem = problem
         self.settings = settings
-        self.design = DesignExpressions(problem)
+        self.grid = Grid(problem)
+        self.design = self.grid.design
         self.scale = self.design.scale
-        self._robots = [[matrix / self.scale for matrix in matrices] for matrices in self.design.robots]
+        corrected = [self.grid.corrected(matrices) for matrices in self.design.robots]
+        self._robots = [[matrix / self.scale for matrix in matrices] for matrices in corrected]
         self._objective = objective_of(problem, self._robots)
+        # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
+        self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
 
     @cached_property
     def _first(self) -> Program:
         return Program(
             self.design,
             objective=self._objective.maximised,
-            auxiliary=self._objective.variables,
+            auxiliary=self._auxiliary,
             equalities=self._objective.equalities,
             floors=self._objective.floors,
             options=self.settings.ipopt,
@@ -109,7 +115,7 @@ class LocalSearch:
         return Program(
             self.design,
             objective=self._secondary(),
-            auxiliary=self._objective.variables,
+            auxiliary=self._auxiliary,
             equalities=self._objective.equalities,
             floors=ca.vertcat(self._objective.floors, self._objective.maximised),
             options=self.settings.ipopt,
@@ -125,37 +131,69 @@ class LocalSearch:
 
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start."""
-        return self._tightened(self._first, unknowns, np.zeros(self._objective.floors.shape[0]))
+        floors = np.zeros(self._objective.floors.shape[0])
+        return self._tightened(self._first, unknowns, floors, np.zeros(self.grid.corrections.shape[0]))
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        value = float(self.design.objective(self._numeric(unknowns)))
+        corrections = self._corrections(unknowns)
+        value = float(self.design.objective(self._numeric(unknowns, corrections)))
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
-        return self._tightened(self._second, unknowns, floors)
+        return self._tightened(self._second, unknowns, floors, corrections)
 
-    def _tightened(self, program: Program, unknowns: Array, floors: Array) -> Local:
+    def _tightened(self, program: Program, unknowns: Array, floors: Array, corrections: Array) -> Local:
         began = time.perf_counter()
         backoff = np.zeros(len(self.problem.limits))
-        outcomes = []
+        outcomes: list[Outcome] = []
         for _ in range(TIGHTENINGS):
-            outcome = program.solve(unknowns, self.initial(unknowns), floors=floors, backoff=backoff)
+            outcome = self._solved(program, unknowns, floors, backoff, corrections)
             outcomes.append(outcome)
             unknowns = outcome.unknowns
-            evaluation = evaluate(self.problem, self.design.trajectory(unknowns))
+            evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
             excess = self._excess(evaluation)
-            if not excess.any() or excess.max() > HOPELESS:
+            if excess.max() > HOPELESS or not (
+                excess.any() or self._misled(unknowns, corrections, evaluation)
+            ):
                 break
             backoff += 1.1 * excess
+            corrections = self.grid.correction(unknowns, evaluation)
         return _judged(outcomes, evaluation, time.perf_counter() - began)
 
-    def initial(self, unknowns: Array) -> Array:
-        """The epigraph's auxiliary unknowns for a design."""
-        return self._objective.initial(self._numeric(unknowns))
+    def _solved(
+        self, program: Program, unknowns: Array, floors: Array, backoff: Array, corrections: Array
+    ) -> Outcome:
+        begun = self.initial(unknowns, corrections)
+        free = np.full(len(begun), np.inf)
+        return program.solve(
+            unknowns,
+            np.concatenate([begun, corrections]),
+            floors=floors,
+            backoff=backoff,
+            auxiliary_lower=np.concatenate([-free, corrections]),
+            auxiliary_upper=np.concatenate([free, corrections]),
+        )
 
-    def _numeric(self, unknowns: Array) -> list[list[Array]]:
-        return [[matrix / self.scale for matrix in own] for own in self.design.matrices_of(unknowns)]
+    def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
+        # Whether the grid saw a design much otherwise than all samples do.
+        if not self.grid.coarse:
+            return False
+        seen = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
+        return abs(seen - evaluation.objective) > MISLED * abs(evaluation.objective)
+
+    def initial(self, unknowns: Array, corrections: Array) -> Array:
+        """The epigraph's auxiliary unknowns for a design."""
+        return self._objective.initial(self._numeric(unknowns, corrections))
+
+    def _corrections(self, unknowns: Array) -> Array:
+        if not self.grid.coarse:
+            return np.zeros(0)
+        return self.grid.correction(unknowns, evaluate(self.problem, self.grid.trajectory(unknowns)))
+
+    def _numeric(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
+        found = self.grid.matrices_of(unknowns, corrections)
+        return [[matrix / self.scale for matrix in own] for own in found]
 
     def _excess(self, evaluation: Evaluation) -> Array:
         # Half the tolerance is left for rounding, so that the design passes other people's checks as well.

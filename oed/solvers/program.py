@@ -7,6 +7,7 @@ at all times.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -31,6 +32,8 @@ class Outcome:
     return_status: str
     iterations: int
     evaluations: int
+    row_multipliers: Array
+    bound_multipliers: Array
 
 
 IPOPT_OPTIONS: dict[str, Any] = {
@@ -44,6 +47,17 @@ IPOPT_OPTIONS: dict[str, Any] = {
     # Bounds are not to be exceeded at all, or a design could seem to beat a bound that is proved.
     "ipopt.bound_relax_factor": 0.0,
 }
+
+WARM_OPTIONS: dict[str, Any] = {
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-5,
+    "ipopt.warm_start_bound_push": 1e-6,
+    "ipopt.warm_start_bound_frac": 1e-6,
+    "ipopt.warm_start_slack_bound_push": 1e-6,
+    "ipopt.warm_start_slack_bound_frac": 1e-6,
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+}
+"""Of a solve that goes on from the end of one before, under slightly other limits."""
 
 
 class Program:
@@ -77,9 +91,16 @@ class Program:
         self._equalities, self._floors = equalities.shape[0], floors.shape[0]
         self._frame = Frame(design.terms, relaxing=relaxing)
         chain = ChainRule(design, self._frame, objective, auxiliary, ca.vertcat(equalities, floors))
-        self._solver = ca.nlpsol(
-            "design", "ipopt", chain.program, {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
-        )
+        self._program = chain.program
+        self._options = {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
+
+    @cached_property
+    def _solver(self) -> ca.Function:
+        return ca.nlpsol("design", "ipopt", self._program, self._options)
+
+    @cached_property
+    def _warm_solver(self) -> ca.Function:
+        return ca.nlpsol("design", "ipopt", self._program, {**self._options, **WARM_OPTIONS})
 
     def solve(
         self,
@@ -90,22 +111,31 @@ class Program:
         backoff: Array | None = None,
         auxiliary_lower: Array | None = None,
         auxiliary_upper: Array | None = None,
+        after: Outcome | None = None,
     ) -> Outcome:
-        """Solve from a start. `backoff` tightens each limit by that share of its size."""
+        """Solve from a start. `backoff` tightens each limit by that share of its size.
+
+        With `after` the start is where that solve ended, whose multipliers are a beginning.
+        """
         shares = np.zeros(len(self.design.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
         least = np.zeros(self._floors) if floors is None else floors
         unbounded = np.full(len(auxiliary), np.inf)
+        solver = self._solver if after is None else self._warm_solver
+        given = {}
+        if after is not None:
+            given = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
         with interrupts_kept(), one_thread():
-            result = self._solver(
+            result = solver(
                 x0=np.concatenate([unknowns, auxiliary]),
                 lbg=np.concatenate([zero, least, row_low]),
                 ubg=np.concatenate([zero, open_side, row_high]),
                 lbx=np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
                 ubx=np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
+                **given,
             )
-        stats = self._solver.stats()
+        stats = solver.stats()
         values = np.array(result["x"]).ravel()
         size = self.design.size
         return Outcome(
@@ -114,4 +144,6 @@ class Program:
             stats["return_status"],
             int(stats["iter_count"]),
             int(stats["n_call_nlp_f"]),
+            np.array(result["lam_g"]).ravel(),
+            np.array(result["lam_x"]).ravel(),
         )
