@@ -122,7 +122,7 @@ class Sensor(Measurement):
         return (joint_block((self,), drive),)
 
     def coarser(self, times: float) -> Self | None:
-        """One that reads at about the same times, or fewer; None where the noise is given for all readings."""
+        """One that reads at about the same times, or less often; None with one covariance of all readings."""
         if self.joint_whitening is not None:
             return None
         return self.model_copy(update={"every": max(1, round(self.every / times))})

@@ -148,7 +148,9 @@ class LocalSearch:
         backoff = np.zeros(len(self.problem.limits))
         outcomes: list[Outcome] = []
         for _ in range(TIGHTENINGS):
-            outcome = self._solved(program, unknowns, floors, backoff, corrections)
+            # Limits and corrections change little from round to round: each goes on from the one before.
+            after = outcomes[-1] if outcomes and outcomes[-1].succeeded else None
+            outcome = self._solved(program, unknowns, floors, backoff, corrections, after)
             outcomes.append(outcome)
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
@@ -162,7 +164,13 @@ class LocalSearch:
         return _judged(outcomes, evaluation, time.perf_counter() - began)
 
     def _solved(
-        self, program: Program, unknowns: Array, floors: Array, backoff: Array, corrections: Array
+        self,
+        program: Program,
+        unknowns: Array,
+        floors: Array,
+        backoff: Array,
+        corrections: Array,
+        after: Outcome | None,
     ) -> Outcome:
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
@@ -173,6 +181,7 @@ class LocalSearch:
             backoff=backoff,
             auxiliary_lower=np.concatenate([-free, corrections]),
             auxiliary_upper=np.concatenate([free, corrections]),
+            after=after,
         )
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:

@@ -35,6 +35,11 @@ class Outcome:
     row_multipliers: Array
     bound_multipliers: Array
 
+    @property
+    def succeeded(self) -> bool:
+        """Whether Ipopt reached its tolerance, so that another solve may go on from here."""
+        return self.return_status == "Solve_Succeeded"
+
 
 IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
