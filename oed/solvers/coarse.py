@@ -1,9 +1,11 @@
 """Drives of many samples, searched on fewer: much faster, and corrected to agree with all of them.
 
 The splines have far fewer coefficients than the drive has samples, so a coarser grid tells nearly as much of
-them. What it tells otherwise than the fine grid is added to its information as a constant, found anew at
-every design on which a search ends, until both grids agree there [defect correction; Stetter, "The defect
-correction principle and discretization methods", Numerische Mathematik 29, 1978].
+them. What it tells otherwise than the fine grid is added to its information: a difference and its slope,
+found anew at every design on which a search ends, until both grids agree there. A design at which they do is
+optimal on the fine grid as well, for values and slopes are then the same [first-order model management;
+Alexandrov et al., "Approximation and model management in aerodynamic optimization with variable-fidelity
+models", Journal of Aircraft 38, 2001].
 """
 
 from __future__ import annotations
@@ -15,18 +17,21 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.evaluation import Evaluation, evaluate
+from oed.evaluation import evaluate
 from oed.expression import Expression
 from oed.problem import Problem
+from oed.rollout import roll_out
 from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import random_drives
-from oed.solvers.terms import symmetric
+from oed.solvers.terms import stacks, symmetric, upper_half
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
-MOST = 400
+MOST = 600
 """Samples per run up to which all of them are searched on."""
+USUAL = 400
+"""Samples per run of a coarse grid: so many that paths hardly leave the limits between them."""
 PER_COEFFICIENT = 12
 """Samples that a spline coefficient needs for a coarse grid to see its shape."""
 
@@ -34,11 +39,12 @@ PER_COEFFICIENT = 12
 def coarse_samples(problem: Problem) -> int:
     """Samples per run of the grid to search on: a divisor of the drive's, where there is a good one."""
     space = problem.design
-    most = max(MOST, PER_COEFFICIENT * space.spline.coefficients)
-    if space.samples <= most:
+    usual = max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
+    if space.samples <= usual * MOST // USUAL:
         return space.samples
-    divisors = [count for count in range(most // 2, most + 1) if space.samples % count == 0]
-    return divisors[-1] if divisors else most
+    near = range(3 * usual // 4, usual * MOST // USUAL + 1)
+    divisors = [count for count in near if space.samples % count == 0]
+    return min(divisors, key=lambda count: abs(count - usual), default=usual)
 
 
 def coarsened(problem: Problem, samples: int) -> Problem:
@@ -56,7 +62,9 @@ class Grid:
     Attributes:
         problem: to be solved.
         design: its expressions on the grid.
-        corrections: symbols for what is added to the information, (e,); none where all samples are looked at.
+        coarse: whether that looks at fewer samples than there are.
+        corrections: symbols for what is added to the information and for its slopes, (e + e n,) for e entries
+            and n unknowns; none where all samples are looked at.
     """
 
     def __init__(self, problem: Problem, samples: int | None = None) -> None:
@@ -65,60 +73,123 @@ class Grid:
         own = coarsened(problem, coarse_samples(problem) if samples is None else samples)
         self.coarse = own is not problem
         self.design = DesignExpressions(own)
-        sizes = self.design.sizes if self.coarse else []
-        self._counts = [size * (size + 1) // 2 for size in sizes]
-        self.corrections = ca.SX.sym("corrections", sum(self._counts))
+        self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)
+        self.corrections = ca.SX.sym("corrections", self.no_correction.size)
+
+    @property
+    def no_correction(self) -> Array:
+        """Corrections that change nothing."""
+        return np.zeros(self._entries * (1 + self.design.size) if self.coarse else 0)
 
     @cached_property
     def _shares(self) -> list[float]:
         # How much more all samples tell than the grid's, of a typical drive: more readings, for instance.
-        if not self.coarse:
-            return [1.0] * len(self.design.sizes)
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
         told = evaluate(self.problem, self.trajectory(drive)).information.values()
         seen = self.design.matrices_of(drive)[0]
         return [float(np.trace(one) / np.trace(other)) for one, other in zip(told, seen, strict=True)]
 
+    @cached_property
+    def _entry_shares(self) -> Array:
+        sizes = self.design.sizes
+        return np.concatenate(
+            [np.full(size * (size + 1) // 2, share) for size, share in zip(sizes, self._shares, strict=True)]
+        )
+
     def corrected(self, matrices: list[Expression]) -> list[Expression]:
         """The expressions of a robot's matrices, in proportion to all samples and corrected."""
         if not self.coarse:
             return matrices
-        edges = np.cumsum([0, *self._counts]).tolist()
-        return [
-            share * matrix + symmetric(self.corrections[first:last], matrix.shape[0])
-            for share, matrix, first, last in zip(self._shares, matrices, edges[:-1], edges[1:], strict=True)
-        ]
+        count = self._entries
+        slopes = ca.reshape(self.corrections[count:], count, self.design.size)
+        added = self.corrections[:count] + slopes @ self.design.unknowns
+        found, first = [], 0
+        for matrix, share in zip(matrices, self._shares, strict=True):
+            size = matrix.shape[0]
+            last = first + size * (size + 1) // 2
+            found.append(share * matrix + symmetric(added[first:last], size))
+            first = last
+        return found
 
     def matrices_of(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
-        """The matrices of every robot judged at z, with corrections (e,)."""
+        """The matrices of every robot judged at z, with corrections."""
         found = self.design.matrices_of(unknowns)
         if not self.coarse:
             return found
-        parts = np.split(corrections, np.cumsum(self._counts)[:-1])
+        count = self._entries
+        added = corrections[:count] + corrections[count:].reshape((count, -1), order="F") @ unknowns
+        parts = [stack[0] for stack in stacks(added[:, None], self.design.sizes)]
         return [
-            [
-                share * matrix + full(part, len(matrix))
-                for share, matrix, part in zip(self._shares, own, parts, strict=True)
-            ]
+            [share * matrix + part for share, matrix, part in zip(self._shares, own, parts, strict=True)]
             for own in found
         ]
 
-    def correction(self, unknowns: Array, evaluation: Evaluation) -> Array:
-        """Corrections (e,) with which the grid tells at z just what all samples tell."""
+    def correction(self, unknowns: Array) -> Array:
+        """Corrections with which the grid tells at z, and close to it, what all samples tell."""
         if not self.coarse:
-            return np.zeros(0)
-        seen, told = self.design.matrices_of(unknowns)[0], evaluation.information.values()
-        gaps = [one - share * other for one, share, other in zip(told, self._shares, seen, strict=True)]
-        return np.concatenate([gap.T[np.tril_indices(len(gap))] for gap in gaps])
+            return self.no_correction
+        seen, _ = self.design.terms.values(unknowns)
+        seen_slopes, _ = self.design.terms.jacobian(unknowns)
+        told, told_slopes = self._fine.at(unknowns, self.trajectory(unknowns))
+        shares = self._entry_shares
+        gaps = told - shares * np.array(seen).ravel()
+        slopes = told_slopes - shares[:, None] * np.array(seen_slopes)
+        return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
+
+    @cached_property
+    def _fine(self) -> FineGrid:
+        return FineGrid(self.problem, self.design)
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """The drive that z stands for, of all samples."""
         return replace(self.design.trajectory(unknowns), samples=self.problem.design.all_samples)
 
 
-def full(entries: Array, size: int) -> Array:
-    """The symmetric matrix (p, p) with these entries on and above its diagonal, column by column."""
-    matrix = np.empty((size, size))
-    columns, rows = np.tril_indices(size)
-    matrix[rows, columns] = matrix[columns, rows] = entries
-    return matrix
+class FineGrid:
+    """What all samples tell, and its slopes by the unknowns z.
+
+    Written compactly, with one backward sweep for every entry of the information: memory is in proportion
+    to the samples.
+    """
+
+    def __init__(self, problem: Problem, design: DesignExpressions) -> None:
+        """Write the expressions and compile them."""
+        self._design, space, robot = design, problem.design, problem.robot
+        self._sampled = space.sampling_matrix[:, space.free_rows]
+        inputs = ca.MX.sym("inputs", space.all_samples, len(robot.inputs))
+        start = ca.MX.sym("start", space.runs, len(robot.states))
+        drive = roll_out(
+            robot,
+            space.integration,
+            inputs=inputs,
+            start=start,
+            parameters=ca.MX(ca.DM(robot.nominal)),
+            period=ca.MX(space.period),
+            runs=space.runs,
+        )
+        entries = ca.vertcat(*(upper_half(one.matrix) for one in problem.estimations(drive)))
+        weights = ca.MX.sym("weights", entries.shape[0])
+        slopes = ca.jtimes(entries, ca.vertcat(ca.vec(inputs), ca.vec(start)), weights, True)
+        self._values = ca.Function("fine", [inputs, start], [entries])
+        self._slopes = ca.Function("fine_slopes", [inputs, start, weights], [slopes])
+
+    def at(self, unknowns: Array, drive: Trajectory) -> tuple[Array, Array]:
+        """Entries (e,) of the information, and their derivatives (e, n) by z."""
+        entries = np.array(self._values(drive.inputs, drive.starts)).ravel()
+        rows = [
+            self._by_unknowns(np.array(self._slopes(drive.inputs, drive.starts, one)).ravel())
+            for one in np.eye(len(entries))
+        ]
+        return entries, np.array(rows)
+
+    def _by_unknowns(self, slope: Array) -> Array:
+        # By the chain rule from the held inputs and start states.
+        samples, columns = len(self._sampled), len(self._design.input_scale)
+        by_inputs = slope[: samples * columns].reshape((samples, columns), order="F")
+        by_coefficients = (self._sampled.T @ by_inputs) * self._design.input_scale
+        parts = [by_coefficients.ravel(order="F")]
+        if self._design.size > self._design.coefficient_count:
+            runs = self._design.problem.design.runs
+            by_start = slope[samples * columns :].reshape((runs, -1), order="F")
+            parts.append(by_start[:, :3].ravel())
+        return np.concatenate(parts)

@@ -46,6 +46,8 @@ class Ipopt(Solver):
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
         start_from: name of an earlier search of the study whose design takes the place of the first start.
+        search_samples: samples per run that searches look at, corrected to agree with all of them; by
+            default all up to 400, else at most 400 or 12 per spline coefficient.
         max_iterations, tolerance: of Ipopt, per local search.
         time_limit: of the whole search [s]; None for none. A search that it ends depends on the machine.
     """
@@ -56,6 +58,7 @@ class Ipopt(Solver):
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
     start_from: str | None = None
+    search_samples: PositiveInt | None = None
     max_iterations: PositiveInt = 500
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
@@ -107,7 +110,11 @@ class _Search:
         options = self.options
         self.token = uuid.uuid4().hex
         self.settings = Settings(
-            options.max_iterations, options.tolerance, options.time_limit, options.second_stage
+            options.max_iterations,
+            options.tolerance,
+            options.time_limit,
+            options.second_stage,
+            options.search_samples,
         )
         # The same expressions that starts solved in this process use.
         search = local_search(self.token, self.problem, self.settings)

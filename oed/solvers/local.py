@@ -27,7 +27,7 @@ TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
 HOPELESS = 0.1
 """Excess, as a share of a limit's size, that no tightening mends: the search has not found the inside."""
-MISLED = 1e-4
+MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 
 _STATUS = {
@@ -73,6 +73,7 @@ class Settings:
     tolerance: float
     time_limit: float | None
     second_stage: str
+    search_samples: int | None = None
 
     @property
     def ipopt(self) -> dict[str, Any]:
@@ -90,7 +91,7 @@ class LocalSearch:
         """Write the expressions; programs are built when first used."""
         self.problem = problem
         self.settings = settings
-        self.grid = Grid(problem)
+        self.grid = Grid(problem, settings.search_samples)
         self.design = self.grid.design
         self.scale = self.design.scale
         corrected = [self.grid.corrected(matrices) for matrices in self.design.robots]
@@ -132,11 +133,11 @@ class LocalSearch:
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start."""
         floors = np.zeros(self._objective.floors.shape[0])
-        return self._tightened(self._first, unknowns, floors, np.zeros(self.grid.corrections.shape[0]))
+        return self._tightened(self._first, unknowns, floors, self.grid.no_correction)
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
-        corrections = self._corrections(unknowns)
+        corrections = self.grid.correction(unknowns)
         value = float(self.design.objective(self._numeric(unknowns, corrections)))
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
@@ -160,7 +161,7 @@ class LocalSearch:
             ):
                 break
             backoff += 1.1 * excess
-            corrections = self.grid.correction(unknowns, evaluation)
+            corrections = self.grid.correction(unknowns)
         return _judged(outcomes, evaluation, time.perf_counter() - began)
 
     def _solved(
@@ -194,11 +195,6 @@ class LocalSearch:
     def initial(self, unknowns: Array, corrections: Array) -> Array:
         """The epigraph's auxiliary unknowns for a design."""
         return self._objective.initial(self._numeric(unknowns, corrections))
-
-    def _corrections(self, unknowns: Array) -> Array:
-        if not self.grid.coarse:
-            return np.zeros(0)
-        return self.grid.correction(unknowns, evaluate(self.problem, self.grid.trajectory(unknowns)))
 
     def _numeric(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
         found = self.grid.matrices_of(unknowns, corrections)

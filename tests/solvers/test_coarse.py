@@ -1,0 +1,143 @@
+"""Searches that look at fewer samples than the drive has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import make_problem
+
+from oed.criteria import D, E
+from oed.evaluation import evaluate
+from oed.measurements import Displacements, Poses, Several, YawRate
+from oed.problem import Problem
+from oed.robust import Robust
+from oed.solvers import Ipopt, solve
+from oed.solvers.coarse import MOST, USUAL, Grid, coarse_samples
+from oed.solvers.starts import random_drives
+from oed.trajectory import DesignSpace, Spline
+from oed.uncertainty import Uncertainty
+
+POSES = Poses(noise={"position": 0.01, "heading": 0.02}, every=2)
+
+MEASUREMENTS = {
+    "segments": Displacements(segments=6, regressor="both"),
+    "samples": Displacements(segments="samples"),
+    "poses": POSES,
+    "two sensors": Several(sensors=(POSES, YawRate(noise=0.01, every=2))),
+}
+measurements = pytest.mark.parametrize("measurement", MEASUREMENTS.values(), ids=MEASUREMENTS.keys())
+
+
+def fine_problem(samples: int = 240, **overrides: object) -> Problem:
+    space = {"duration": 6, "samples": samples, "spline": Spline(coefficients=7)}
+    return make_problem(**{"design": DesignSpace(**space), **overrides})
+
+
+def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
+    return random_drives(grid.design, np.array([0.5]), np.random.default_rng(seed))[0]
+
+
+@pytest.mark.parametrize(
+    ("samples", "coefficients", "expected"),
+    [(200, 16, 200), (MOST, 16, MOST), (1000, 16, 500), (5000, 16, 500), (20000, 16, 400), (997, 16, USUAL)],
+)
+def test_the_grid_is_a_divisor_where_there_is_one(samples: int, coefficients: int, expected: int):
+    space = DesignSpace(duration=20, samples=samples, spline=Spline(coefficients=coefficients))
+    assert coarse_samples(make_problem(design=space)) == expected
+
+
+def test_splines_of_many_coefficients_need_a_finer_grid():
+    space = DesignSpace(duration=20, samples=20000, spline=Spline(coefficients=100))
+    assert coarse_samples(make_problem(design=space)) == 1250
+
+
+def test_up_to_600_samples_are_looked_at_one_by_one():
+    grid = Grid(fine_problem())
+    assert not grid.coarse
+    assert grid.design.problem is grid.problem
+    assert grid.corrections.numel() == 0
+
+
+@measurements
+@pytest.mark.parametrize("runs", [1, 2])
+def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
+    design = fine_problem().design.model_copy(update={"runs": runs})
+    grid = Grid(fine_problem(design=design, measurement=measurement), 60)
+    assert grid.coarse
+    unknowns = some_drive(grid)
+    drive = grid.trajectory(unknowns)
+    assert drive.samples == 240 * runs
+    evaluation = evaluate(grid.problem, drive)
+    found = grid.matrices_of(unknowns, grid.correction(unknowns))[0]
+    for matrix, told in zip(found, evaluation.information.values(), strict=True):
+        np.testing.assert_allclose(matrix, told, rtol=1e-9, atol=1e-9 * np.abs(told).max())
+    # Nearby as well, to second order.
+    step = 1e-4 * np.random.default_rng(1).standard_normal(len(unknowns))
+    near = evaluate(grid.problem, grid.trajectory(unknowns + step)).information.values()
+    found = grid.matrices_of(unknowns + step, grid.correction(unknowns))[0]
+    for matrix, told in zip(found, near, strict=True):
+        np.testing.assert_allclose(matrix, told, rtol=0, atol=1e-6 * np.abs(told).max())
+    # It was close before: the correction mends a few percent, for this drive and for others.
+    for seed in (0, 1):
+        other = some_drive(grid, seed)
+        rough = grid.matrices_of(other, grid.no_correction)[0]
+        for matrix, told in zip(
+            rough, evaluate(grid.problem, grid.trajectory(other)).information.values(), strict=True
+        ):
+            assert np.linalg.norm(matrix - told) < 0.1 * np.linalg.norm(told)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"measurement": Poses(noise={"covariance": np.eye(3 * 241) * 1e-4})},
+        {
+            "measurement": POSES,
+            "criterion": E(),
+            "uncertainty": Uncertainty(within={"track": 0.05}),
+            "robust": Robust(objective="mean"),
+        },
+    ],
+    ids=["a covariance of all readings", "several robots judged"],
+)
+def test_what_needs_all_samples_gets_them(overrides: dict):
+    assert not Grid(fine_problem(**overrides), 60).coarse
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("measurement", "criterion"),
+    [
+        (MEASUREMENTS["segments"], E(scaling="none")),
+        (MEASUREMENTS["samples"], E(scaling="none")),
+        (POSES, E()),
+        (POSES, D()),
+    ],
+    ids=["segments", "samples", "poses", "poses, D"],
+)
+def test_a_search_on_few_samples_ends_where_one_on_all_does(measurement, criterion):
+    problem = fine_problem(measurement=measurement, criterion=criterion)
+    whole = solve(problem, Ipopt(starts=3, perturbations=0, second_stage="none"), seed=0, workers=1)
+    # From the same design, lest another of many optima is found.
+    plain = {"perturbations": 0, "second_stage": "none"}
+    quick = Ipopt(starts=1, start_from="whole", search_samples=120, **plain)
+    few = solve(problem, quick, seed=0, workers=1, earlier={"whole": whole})
+    assert few.trajectory.samples == 240
+    assert few.evaluation.feasible
+    assert few.evaluation.objective == evaluate(problem, few.trajectory).objective
+    best = whole.evaluation.objective
+    # Limits are tightened a little more where the path is seen at fewer points.
+    assert few.evaluation.objective >= best - 2e-3 * abs(best)
+
+
+@pytest.mark.slow
+def test_a_long_drive_is_designed_in_little_memory():
+    problem = fine_problem(samples=20_000)
+    solution = solve(problem, Ipopt(starts=1, perturbations=0), seed=0, workers=1)
+    assert solution.trajectory.samples == 20_000
+    assert solution.evaluation.feasible
+    short = replace(problem, design=problem.design.model_copy(update={"samples": 200}))
+    again = solve(short, Ipopt(starts=1, perturbations=0), seed=0, workers=1)
+    assert solution.evaluation.objective == pytest.approx(again.evaluation.objective, rel=2e-3)
