@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy import sparse
 
 from oed.expression import Expression
+from oed.solvers.base import Terms
 from oed.solvers.design import DesignExpressions
-from oed.solvers.terms import OtherRobots, Terms
+from oed.solvers.unrolled import OtherRobots
 
 Array = npt.NDArray[np.float64]
 Interval = tuple[Array, Array]
@@ -168,8 +169,8 @@ class ChainRule:
             lowered, raised = ca.vertsplit(rest, rest.shape[0] // 2)
             rest = lowered + raised
         weights, zz, ze, za, ee, ea, aa = around.hessian(*self._point, factor, own)
-        each = ca.vertsplit(weights, terms.entries.shape[0])
-        on_nominal = ca.MX(terms.entries.shape[0], 1)
+        each = ca.vertsplit(weights, terms.entry_count)
+        on_nominal = ca.MX(terms.entry_count, 1)
         places = {place for place, *_ in self._design.others}
         for place, weight in enumerate(each):
             on_nominal = on_nominal if place in places else on_nominal + weight

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.expression import Expression
-from oed.limits.limit import Rows
 from oed.problem import Problem
-from oed.solvers.terms import OtherRobots, Terms, stacks, symmetric, terms_of
+from oed.solvers.base import RowBounds, Terms, stacks, symmetric
+from oed.solvers.terms import terms_of
+from oed.solvers.unrolled import OtherRobots, Unrolled
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -31,8 +32,8 @@ class DesignExpressions:
         """Write the expressions; positions are limited at `refine` points per sample."""
         self.problem = problem
         self.terms: Terms = terms_of(problem, refine)
-        self.sizes = [matrix.shape[0] for matrix in self.terms.matrices]
-        count = self.terms.entries.shape[0]
+        self.sizes = self.terms.sizes
+        count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]
         self.entries = ca.vertcat(*symbols)
         self.robots = [self._matrices(own) for own in symbols]
@@ -66,8 +67,8 @@ class DesignExpressions:
         return self.terms.unknowns
 
     @property
-    def rows(self) -> list[Rows]:
-        """Every limit, without rows that no unknown moves (SX of z)."""
+    def rows(self) -> list[RowBounds]:
+        """Bounds of every limit, without rows that no unknown moves."""
         return self.terms.rows
 
     @cached_property
@@ -83,6 +84,7 @@ class DesignExpressions:
     @cached_property
     def other_robots(self) -> OtherRobots:
         """The information of other robots than the nominal one."""
+        assert isinstance(self.terms, Unrolled)
         return OtherRobots(self.problem, self.terms)
 
     def trajectory(self, unknowns: Array) -> Trajectory:

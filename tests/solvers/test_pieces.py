@@ -1,0 +1,229 @@
+"""Terms from pieces, against the drive written out as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import lcm
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, make_problem
+
+from oed.criteria import E
+from oed.limits import (
+    BodySpeed,
+    EndPosition,
+    PathLength,
+    TrailerAngle,
+    TurningRadius,
+    WheelJerk,
+    WheelSpeed,
+    YawRate,
+)
+from oed.limits.workspace import Circle, CircularObstacle, Obstacles
+from oed.measurements import Displacements, Poses, Ranges, Several
+from oed.measurements import YawRate as Gyroscope
+from oed.measurements.sensor import LeverArm, PosePrior
+from oed.measurements.several import sensors_of
+from oed.models import Mecanum, SkidSteerSlip, TractorTrailer
+from oed.prior import Prior
+from oed.problem import Problem
+from oed.robust import Robust
+from oed.solvers.layout import Layout
+from oed.solvers.pieces import Pieces, divisible
+from oed.solvers.terms import terms_of
+from oed.solvers.unrolled import Unrolled
+from oed.trajectory import DesignSpace, Spline, StartPose
+from oed.uncertainty import Uncertainty
+
+SPACE: dict[str, Any] = {"duration": 4, "samples": 24, "spline": Spline(coefficients=6)}
+NOISE = {"position": 0.01, "heading": 0.02}
+POSES = Poses(noise=NOISE)
+ROUND = Obstacles(shapes=(CircularObstacle(kind="circle", x=0.5, y=0.5, radius=0.2),))
+EVERYTHING = (
+    SPEED,
+    ROUND,
+    ACCELERATION,
+    BodySpeed(bounds=0.4),
+    WheelJerk(bounds=90),
+    BOX,
+    YawRate(bounds=1),
+    TurningRadius(bounds=0.1),
+)
+
+
+def space(**changes: Any) -> DesignSpace:
+    return DesignSpace(**{**SPACE, **changes})
+
+
+PROBLEMS: dict[str, dict[str, Any]] = {
+    "position": {},
+    "heading": {"measurement": Displacements(segments=4, regressor="heading")},
+    "both": {"measurement": Displacements(segments=4, regressor="both")},
+    "one of both": {
+        "measurement": Displacements(segments=4, regressor="both"),
+        "criterion": E(scaling="none", subset=("c21",)),
+    },
+    "some coefficients": {"estimate": ("c21",)},
+    "coefficients from poses": {"measurement": POSES, "estimate": ("c11", "c12", "c21", "c22")},
+    "segments of several pieces": {"measurement": Displacements(segments=2), "design": space(samples=120)},
+    "per sample": {"measurement": Displacements(segments="samples")},
+    "runs": {"design": space(runs=2)},
+    "runs from free starts": {"design": space(runs=2, start="free"), "limits": EVERYTHING},
+    "free start": {"design": space(start="free"), "limits": (SPEED, Circle(radius=2), ROUND)},
+    "midpoint, no rest": {"design": space(integration="midpoint", rest_to_rest=False)},
+    "trapezoids": {"design": space(spline=Spline(degree=1, coefficients=7))},
+    "steps": {"design": space(spline=Spline(degree=0, coefficients=8)), "limits": EVERYTHING[:4]},
+    "every limit": {"limits": EVERYTHING},
+    "sideways": {
+        "model": Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35),
+        "limits": EVERYTHING[:4],
+    },
+    "poses": {"measurement": POSES},
+    "poses, sometimes": {"measurement": Poses(noise=NOISE, every=3), "limits": EVERYTHING},
+    "known start": {"measurement": Poses(noise=NOISE, initial_pose="known")},
+    "start with a prior": {
+        "measurement": Poses(noise=NOISE, initial_pose=PosePrior(position=0.02, heading=0.05)),
+        "design": space(start="free"),
+    },
+    "poses of runs": {
+        "measurement": POSES,
+        "design": space(runs=2, start=(StartPose(), StartPose(x=0.2, heading=1.0))),
+    },
+    "noise that grows with speed": {"measurement": Poses(noise={**NOISE, "position_per_speed": 0.05})},
+    "lever arm": {"measurement": Poses(noise=NOISE, lever_arm=LeverArm(x=0.05, known=False, deviation=0.01))},
+    "two sensors": {
+        "measurement": Several(
+            sensors=(
+                Ranges(beacons=((3, 0), (0, 3), (2, 2)), noise=0.05, every=2),
+                Gyroscope(noise=0.01),
+            )
+        ),
+        "design": space(runs=2),
+    },
+    "subset with a prior": {
+        "measurement": POSES,
+        "estimate": ("wheel_radius_left", "track"),
+        "criterion": E(scaling="relative", subset=("track",)),
+        "prior": Prior(standard_deviations={"wheel_radius_left": 1e-3}),
+    },
+    "trailer": {
+        "model": TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=0.1, trailer_length=0.4),
+        "measurement": POSES,
+        "limits": (SPEED, TrailerAngle(bounds=1), BOX),
+    },
+    "lag": {
+        "model": SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.3),
+        "measurement": POSES,
+        "limits": (SPEED, YawRate(bounds=2), BOX),
+    },
+}
+
+
+def problem_of(overrides: dict[str, Any]) -> Problem:
+    return make_problem(**{"design": space(), **overrides})
+
+
+def short(problem: Problem) -> Layout:
+    """The layout of the shortest pieces, so that there are several."""
+    layout = divisible(problem)
+    assert layout is not None
+    every = lcm(*(sensor.every for sensor in sensors_of(problem.measurement)))
+    fitting = [n for n in range(2, layout.samples + 1) if layout.samples % n == 0 and n % every == 0]
+    return replace(layout, samples=fitting[0])
+
+
+def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
+    """Equal to nine digits of the largest entry."""
+    found, expected = np.array(found), np.array(expected)
+    size = np.abs(expected).max(initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=weight * size)
+
+
+@pytest.mark.parametrize("overrides", PROBLEMS.values(), ids=PROBLEMS.keys())
+def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
+    problem, rng = problem_of(overrides), np.random.default_rng(0)
+    pieces, whole = Pieces(problem, short(problem)), Unrolled(problem)
+    assert (pieces.size, pieces.sizes, pieces.linear) == (whole.size, whole.sizes, whole.linear)
+    for found, expected in zip(pieces.rows, whole.rows, strict=True):
+        np.testing.assert_array_equal(found.lower, expected.lower)
+        np.testing.assert_array_equal(found.upper, expected.upper)
+        assert (found.size, found.unit) == (expected.size, expected.unit)
+    z = rng.uniform(-0.8, 0.8, whole.size)
+    for found, expected in zip(pieces.values(z), whole.values(z), strict=True):
+        assert_close(found, expected)
+    for found, expected in zip(pieces.jacobian(z), whole.jacobian(z), strict=True):
+        assert_close(found, expected)
+    assert pieces.jacobian.sparsity_out(1) == whole.jacobian.sparsity_out(1)
+    rows = sum(len(one.lower) for one in whole.rows)
+    weights = rng.normal(size=whole.entry_count), rng.normal(size=rows) * bool(rows)
+    assert_close(pieces.hessian(z, *weights), whole.hessian(z, *weights))
+    alone = weights[0], np.zeros(rows)
+    assert_close(pieces.hessian(z, *alone), whole.hessian(z, *alone))
+    alone = np.zeros(whole.entry_count), weights[1]
+    assert_close(pieces.hessian(z, *alone), whole.hessian(z, *alone))
+
+
+def test_scores_and_bounded_unknowns_agree():
+    problem = problem_of({"limits": EVERYTHING})
+    pieces, whole = terms_of(problem), Unrolled(problem)
+    assert isinstance(pieces, Pieces)
+    z = np.random.default_rng(1).uniform(-3, 3, (whole.size, 5))
+    for found, expected in zip(pieces.scores.map(5)(z), whole.scores.map(5)(z), strict=True):
+        assert_close(found, expected)
+    for found, expected in zip(pieces.bounded_unknowns, whole.bounded_unknowns, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+WHOLE: dict[str, dict[str, Any]] = {
+    "unequal segments": {"measurement": Displacements(segments=5)},
+    "prime samples": {"measurement": POSES, "design": space(samples=53)},
+    "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
+    "end": {"limits": (SPEED, BOX, EndPosition(at="start"))},
+    "length": {"limits": (SPEED, BOX, PathLength(bounds=3))},
+    "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
+    "robust": {
+        "criterion": E(scaling="relative"),
+        "measurement": POSES,
+        "uncertainty": Uncertainty(within={"track": 0.05}),
+        "robust": Robust(),
+    },
+}
+
+
+@pytest.mark.parametrize("overrides", WHOLE.values(), ids=WHOLE.keys())
+def test_other_drives_are_written_out(overrides: dict[str, Any]):
+    problem = problem_of(overrides)
+    assert divisible(problem) is None
+    assert isinstance(terms_of(problem), Unrolled)
+
+
+def test_so_are_drives_limited_between_the_samples():
+    assert isinstance(terms_of(problem_of({}), refine=2), Unrolled)
+
+
+@pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
+def test_building_does_not_grow_with_the_samples(measurement):
+    counts = []
+    for samples in (200, 2000):
+        problem = problem_of({"measurement": measurement, "design": space(samples=samples)})
+        terms = terms_of(problem)
+        assert isinstance(terms, Pieces)
+        counts.append(terms.hessian.n_nodes())
+    assert counts[1] <= counts[0] + 20
+    assert len(terms.rows[2].lower) == 2 * 2000
+
+
+def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
+    problem = problem_of({"limits": (WheelSpeed(bounds=(-2, 8)), BOX)})
+    z = np.random.default_rng(2).uniform(-1, 1, Unrolled(problem).size)
+    assert_close(terms_of(problem).values(z)[0], Unrolled(problem).values(z)[0])
+
+
+def test_input_limits_alone_leave_no_rows_to_the_pieces():
+    problem = problem_of({"limits": input_limits(problem_of({}).model), "measurement": POSES})
+    pieces, whole = terms_of(problem), Unrolled(problem)
+    z, rows = np.full(whole.size, 0.3), sum(len(one.lower) for one in whole.rows)
+    assert_close(pieces.jacobian(z)[1], whole.jacobian(z)[1])
+    assert_close(pieces.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))
