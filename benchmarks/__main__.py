@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.figure import Figure
 
-BENCHMARKS: tuple[str, ...] = ("monte_carlo", "start_up")
+BENCHMARKS: tuple[str, ...] = ("solve", "large", "population", "monte_carlo", "start_up")
 """Modules of this folder, in the order of the table."""
 
 README = Path(__file__).parent.parent / "README.md"

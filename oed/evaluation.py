@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -247,7 +247,12 @@ class _Scorer:
         self._edges = np.cumsum([0, *map(len, groups)])
         outputs = [output for group in groups for output in group]
         self.function = ca.Function("score", symbols, outputs)
-        self._judged = ca.Function("judged", symbols[:4], [one.matrix for one in self.estimations])
+        self._symbols = symbols[:4]
+
+    @cached_property
+    def _judged(self) -> ca.Function:
+        # Of any robot; only where others than the nominal one count.
+        return ca.Function("judged", self._symbols, [one.matrix for one in self.estimations])
 
     def objective(self, trajectory: Trajectory, matrices: Sequence[Array]) -> float:
         """The criterion of the nominal robot's information, or of all robots that count."""

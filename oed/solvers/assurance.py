@@ -46,15 +46,16 @@ class _Assured:
                 return self._without_design(solution, last)
             if solution.status is Status.INTERRUPTED or solution.leaving is None:
                 return self._told(solution)
+            seen = solution.leaving
             if self._enough(solution):
                 solution = self._tried(solution, FINAL)
                 if solution.status is Status.INTERRUPTED:
                     return self._told(solution)
                 if self._enough(solution):
                     return self._searched_well(options, solution, careful)
+            # Of the draws that decide nothing is learned but that they were not enough.
             last = solution.leaving
-            assert last is not None
-            careful, quick = careful.safer(last.worst), options.again()
+            careful, quick = careful.safer(seen.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
 

@@ -67,12 +67,14 @@ class Grid:
             and n unknowns; none where all samples are looked at.
     """
 
-    def __init__(self, problem: Problem, samples: int | None = None) -> None:
-        """Choose the grid, or take one of so many samples per run."""
+    def __init__(self, problem: Problem, samples: int | None = None, refine: int = 1) -> None:
+        """Choose the grid, or take one of so many samples per run; positions are limited at `refine` points
+        per sample.
+        """
         self.problem = problem
         own = coarsened(problem, coarse_samples(problem) if samples is None else samples)
         self.coarse = own is not problem
-        self.design = DesignExpressions(own)
+        self.design = DesignExpressions(own, refine)
         self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)
         self.corrections = ca.SX.sym("corrections", self.no_correction.size)
 

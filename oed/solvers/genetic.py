@@ -20,6 +20,7 @@ from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
+from oed.solvers.coarse import Grid
 from oed.solvers.design import DesignExpressions
 from oed.solvers.population import Population
 from oed.solvers.solver import Context, Solver
@@ -156,11 +157,13 @@ class _Run:
     context: Context
     began: float = field(default_factory=time.perf_counter)
     best: tuple[Array, Evaluation] | None = None
+    standing: float = -np.inf
     history: list[HistoryPoint] = field(default_factory=list)
     evaluations: int = 0
 
     def run(self) -> Solution:
-        self.design = DesignExpressions(self.problem, refine=REFINE)
+        self.grid = Grid(self.problem, refine=REFINE)
+        self.design = self.grid.design
         status = Status.SEARCHED
         try:
             status = self._generations()
@@ -195,13 +198,15 @@ class _Run:
         population, self.evaluations = algorithm.pop, int(algorithm.evaluator.n_eval)
         values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
         order = [index for index in np.argsort(-values, kind="stable") if feasible[index]]
-        standing = -np.inf if self.best is None else self.best[1].objective
         for index in order[:RESCORED]:
-            if values[index] <= standing:
+            if values[index] <= self.standing:
                 return
             unknowns = np.asarray(population[index].X, dtype=float)
-            evaluation = evaluate(self.problem, self.design.trajectory(unknowns))
+            evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
             if evaluation.feasible:
+                self.standing = values[index]
+                if self.best is not None and evaluation.objective <= self.best[1].objective:
+                    return
                 self.best = (unknowns, evaluation)
                 seconds = time.perf_counter() - self.began
                 self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
@@ -222,7 +227,7 @@ class _Run:
         return Solution(
             name=self.options.label,
             kind=self.options.kind,
-            trajectory=None if best is None else self.design.trajectory(best[0]),
+            trajectory=None if best is None else self.grid.trajectory(best[0]),
             evaluation=None if best is None else best[1],
             status=status,
             wall_seconds=time.perf_counter() - self.began,

@@ -101,7 +101,8 @@ class LocalSearch:
         self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
 
     @cached_property
-    def _first(self) -> Program:
+    def program(self) -> Program:
+        """The criterion's program."""
         return Program(
             self.design,
             objective=self._objective.maximised,
@@ -133,7 +134,7 @@ class LocalSearch:
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start."""
         floors = np.zeros(self._objective.floors.shape[0])
-        return self._tightened(self._first, unknowns, floors, self.grid.no_correction)
+        return self._tightened(self.program, unknowns, floors, self.grid.no_correction)
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
@@ -151,7 +152,7 @@ class LocalSearch:
         for _ in range(TIGHTENINGS):
             # Limits and corrections change little from round to round: each goes on from the one before.
             after = outcomes[-1] if outcomes and outcomes[-1].succeeded else None
-            outcome = self._solved(program, unknowns, floors, backoff, corrections, after)
+            outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
             outcomes.append(outcome)
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
@@ -164,15 +165,16 @@ class LocalSearch:
             corrections = self.grid.correction(unknowns)
         return _judged(outcomes, evaluation, time.perf_counter() - began)
 
-    def _solved(
+    def solved(
         self,
         program: Program,
         unknowns: Array,
-        floors: Array,
-        backoff: Array,
         corrections: Array,
-        after: Outcome | None,
+        floors: Array | None = None,
+        backoff: Array | None = None,
+        after: Outcome | None = None,
     ) -> Outcome:
+        """One call of Ipopt from a start, with the grid's corrections."""
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
         return program.solve(

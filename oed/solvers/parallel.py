@@ -11,15 +11,12 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-import joblib
-
 from oed.errors import Failure
-from oed.solvers.cluster import Cluster, ClusterBackend
+from oed.solvers.cluster import Cluster
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -63,6 +60,9 @@ def run_tasks(
         for index, task in enumerate(tasks):
             take(index, function(task))
         return
+    # What starts processes takes long to load, and most commands start none.
+    from concurrent.futures.process import BrokenProcessPool
+
     left, breakdowns = dict(enumerate(tasks)), 0
     while left:
         before = len(left)
@@ -82,6 +82,10 @@ def run_tasks(
 def _outputs(
     function: Callable[[Any], Any], tasks: Mapping[int, Any], workers: Workers
 ) -> Iterator[Iterator[tuple[int, Any]]]:
+    import joblib
+
+    from oed.solvers.cluster_backend import ClusterBackend
+
     # A cluster is given everything at once, so that workers that join later find some.
     pool = joblib.Parallel(
         n_jobs=at_once(workers),

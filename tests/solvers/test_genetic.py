@@ -281,3 +281,13 @@ class TestPolish:
         options = Ipopt(starts=1, start_from="genetic")
         with pytest.raises(Failure, match="genetic found no design to start from"):
             solve(PROBLEM, options, workers=1, earlier={"genetic": nothing})
+
+
+@pytest.mark.slow
+def test_a_drive_of_many_samples_is_searched_on_fewer():
+    space = DesignSpace(duration=6, samples=3000, spline=Spline(coefficients=7))
+    problem = make_problem(design=space)
+    found = solve(problem, Genetic(population=20, generations=5), seed=0, workers=1)
+    assert found.trajectory.samples == 3000
+    assert found.evaluation.feasible
+    assert found.evaluation.objective == evaluate(problem, found.trajectory).objective
