@@ -12,6 +12,7 @@ import numpy.typing as npt
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.solvers.base import RowBounds, Terms, stacks, symmetric
+from oed.solvers.compiled import compiled
 from oed.solvers.terms import terms_of
 from oed.solvers.unrolled import OtherRobots, Unrolled
 from oed.trajectory import Trajectory
@@ -142,10 +143,18 @@ class DesignExpressions:
         matrices, violations = self._judged(candidates)
         return self.objective(matrices), violations
 
+    @cached_property
+    def _scores(self) -> ca.Function:
+        return self.terms.scores
+
+    def compile_scores(self) -> None:
+        """Let generated C score candidates, where there is a compiler; the numbers stay the same."""
+        self._scores = compiled(self.terms.scores)
+
     def _judged(self, candidates: Array) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
         count = len(candidates)
-        nominal, violations = map(np.array, self.terms.scores.map(count)(candidates.T))
+        nominal, violations = map(np.array, self._scores.map(count)(candidates.T))
         found = [stacks(nominal, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])

@@ -180,7 +180,9 @@ class _Run:
         algorithm = options.algorithm(sampling)
         termination = get_termination("n_gen", options.generations)
         seed = int(rng.integers(2**31))
-        population = Population(self.design, REFINE, self.context.workers)
+        expected = options.population * options.generations
+        expected = min(expected, options.evaluations or expected)
+        population = Population(self.design, REFINE, self.context.workers, expected)
         algorithm.setup(_as_pymoo(self.design, population), termination=termination, seed=seed, verbose=False)
         self.context.progress.begin(options.kind, options.generations)
         while algorithm.has_next():

@@ -23,6 +23,8 @@ WORTH = 0.5
 Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
 samples take 0.02 s: they are scored here.
 """
+COMPILED = 30.0
+"""Time [s] of all that is to be scored from which compiling first is faster."""
 
 
 class Population:
@@ -32,10 +34,12 @@ class Population:
         design: the problem's expressions in this process.
         refine: points per sample at which positions are limited there.
         workers: who scores, where a generation takes long.
+        expected: candidates that there will be at most.
     """
 
-    def __init__(self, design: DesignExpressions, refine: int, workers: Workers) -> None:
+    def __init__(self, design: DesignExpressions, refine: int, workers: Workers, expected: int = 0) -> None:
         """Compile nothing yet."""
+        self._expected, self._compiled = expected, False
         self._design, self._refine, self._workers = design, refine, workers
         self._token = uuid.uuid4().hex
         self._seconds = 0.0
@@ -49,6 +53,9 @@ class Population:
         began = time.perf_counter()
         scores = self._design.score_many(candidates)
         self._seconds = (time.perf_counter() - began) / len(candidates)
+        if not self._compiled and self._seconds * self._expected >= COMPILED:
+            self._design.compile_scores()
+            self._compiled = True
         return scores
 
     def _shared(self, candidates: Array) -> Scores:

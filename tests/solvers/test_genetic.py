@@ -16,6 +16,7 @@ from oed.measurements import Displacements
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
+from oed.solvers.compiled import compiler
 from oed.solvers.design import DesignExpressions
 from oed.trajectory import DesignSpace, Spline
 
@@ -291,3 +292,15 @@ def test_a_drive_of_many_samples_is_searched_on_fewer():
     assert found.trajectory.samples == 3000
     assert found.evaluation.feasible
     assert found.evaluation.objective == evaluate(problem, found.trajectory).objective
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+def test_generated_c_changes_no_design(monkeypatch, tmp_path):
+    options = Genetic(population=20, generations=4)
+    plain = solve(PROBLEM, options, seed=1, workers=1)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("oed.solvers.population.COMPILED", 0.0)
+    quick = solve(PROBLEM, options, seed=1, workers=1)
+    assert list((tmp_path / "oed").iterdir())
+    np.testing.assert_array_equal(quick.trajectory.coefficients, plain.trajectory.coefficients)
+    assert quick.evaluation.objective == plain.evaluation.objective
