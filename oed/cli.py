@@ -6,12 +6,17 @@ Exit codes: 0 done, 1 failed (no feasible design, interrupted), 2 the user's mis
 from __future__ import annotations
 
 import argparse
+import gc
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from oed.commands import COMMANDS
 from oed.commands.command import DONE, FAILED, MISTAKE
+
+OBJECTS = 50_000
+"""New objects after which garbage is looked for."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,6 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.command is None:
         _parser().print_help()
         return MISTAKE
+    # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
+    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
+    # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.errors import FileError, OedError, UserMistake
 
     command: Callable[[argparse.Namespace], int] = options.run

@@ -79,15 +79,17 @@ def parse_yaml(text: str, name: str) -> YamlSource:
         StudyError: not YAML, or a key given twice.
     """
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-        data = yaml.safe_load(text)
+        # Read once: nodes, which know their lines, and what they stand for.
+        loader = yaml.SafeLoader(text)
+        root = loader.get_single_node()
+        flaws = _repeated_keys(root, name, ())
+        data = None if root is None else loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
         raise StudyError([FileFlaw(name, line, column, "", f"not valid YAML: {error.problem}")]) from None
     except yaml.YAMLError as error:
         raise StudyError([FileFlaw(name, 0, 0, "", f"not valid YAML: {error}")]) from None
-    flaws = _repeated_keys(root, name, ())
     if flaws:
         raise StudyError(flaws)
     return YamlSource(name, text, data, root)

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+import scipy
 
 from oed.expression import Expression
 from oed.problem import Problem
@@ -148,7 +148,7 @@ class Terms(ABC):
         single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
         inverse = np.full(len(linear), -1)
         inverse[rows] = columns
-        multiples = sparse.csc_matrix(self.jacobian(nothing)[1])[single, inverse[single]]
+        multiples = scipy.sparse.csc_matrix(self.jacobian(nothing)[1])[single, inverse[single]]
         constants = np.array(self.values(nothing)[1]).ravel()[single]
         return single, inverse[single], np.asarray(multiples).ravel(), constants
 

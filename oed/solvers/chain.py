@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
+import scipy
 
 from oed.expression import Expression
 from oed.solvers.base import Terms
@@ -51,14 +51,14 @@ class Frame:
         """The matrix (kept, rows) that picks and weighs rows."""
         places = (np.arange(len(self._rest)), self._rest)
         shape = (len(self._rest), len(self._owner))
-        return ca.DM(sparse.csc_matrix((self._weights, places), shape=shape))
+        return ca.DM(scipy.sparse.csc_matrix((self._weights, places), shape=shape))
 
     @property
     def relaxations(self) -> ca.DM:
         """The matrix (rows, limits) that says which limit each row belongs to."""
         places = (np.arange(len(self._owner)), self._owner)
         shape = (len(self._owner), len(self._sizes))
-        return ca.DM(sparse.csc_matrix((np.ones(len(self._owner)), places), shape=shape))
+        return ca.DM(scipy.sparse.csc_matrix((np.ones(len(self._owner)), places), shape=shape))
 
     def bounds(self, backoff: Array) -> tuple[Interval, Interval]:
         """Bounds of z and of the rows, with each limit tightened by that share of its size."""

@@ -9,7 +9,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from oed.errors import Failure, UserMistake
@@ -101,6 +100,9 @@ class Connection:
         )
 
     def _differing(self, package: str, workers: list[str]) -> list[str]:
+        # Loaded here, for every command loads this module and hardly one asks.
+        from importlib.metadata import PackageNotFoundError, version
+
         here = version(package)
         found = self.client.run(version, package, workers=workers, on_error="return")
         texts = []
