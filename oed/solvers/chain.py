@@ -10,9 +10,9 @@ import numpy.typing as npt
 import scipy
 
 from oed.expression import Expression
-from oed.solvers.base import Terms
 from oed.solvers.design import DesignExpressions
-from oed.solvers.unrolled import OtherRobots
+from oed.solvers.terms.base import Terms
+from oed.solvers.terms.unrolled import OtherRobots
 
 Array = npt.NDArray[np.float64]
 Interval = tuple[Array, Array]

@@ -21,9 +21,9 @@ from oed.evaluation import evaluate
 from oed.expression import Expression
 from oed.problem import Problem
 from oed.rollout import roll_out
-from oed.solvers.base import stacks, symmetric, upper_half
 from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import random_drives
+from oed.solvers.terms.base import stacks, symmetric, upper_half
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]

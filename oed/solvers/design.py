@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from oed.expression import Expression
 from oed.problem import Problem
-from oed.solvers.base import RowBounds, Terms, stacks, symmetric
 from oed.solvers.compiled import compiled
 from oed.solvers.terms import terms_of
-from oed.solvers.unrolled import OtherRobots, Unrolled
+from oed.solvers.terms.base import RowBounds, Terms, stacks, symmetric
+from oed.solvers.terms.unrolled import OtherRobots, Unrolled
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]

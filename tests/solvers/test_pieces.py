@@ -30,10 +30,10 @@ from oed.models import Mecanum, SkidSteerSlip, TractorTrailer
 from oed.prior import Prior
 from oed.problem import Problem
 from oed.robust import Robust
-from oed.solvers.layout import Layout
-from oed.solvers.pieces import Pieces, divisible
 from oed.solvers.terms import terms_of
-from oed.solvers.unrolled import Unrolled
+from oed.solvers.terms.layout import Layout
+from oed.solvers.terms.pieces import Pieces, divisible
+from oed.solvers.terms.unrolled import Unrolled
 from oed.trajectory import DesignSpace, Spline, StartPose
 from oed.uncertainty import Uncertainty
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 
 from oed.expression import Expression
-from oed.solvers.base import symmetric, upper_half
+from oed.solvers.terms.base import symmetric, upper_half
 
 
 class Carry:

@@ -18,9 +18,9 @@ from oed.measurements.sensor import Sensor, joint_readings
 from oed.measurements.several import sensors_of
 from oed.problem import Problem
 from oed.rollout import Drive, roll_out
-from oed.solvers.base import upper_half
-from oed.solvers.carry import Carry
-from oed.solvers.packed import Packed
+from oed.solvers.terms.base import upper_half
+from oed.solvers.terms.carry import Carry
+from oed.solvers.terms.packed import Packed
 
 
 class Cell:

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.expression import Expression
-from oed.solvers.link import Link
-from oed.solvers.packed import Packed
+from oed.solvers.terms.link import Link
+from oed.solvers.terms.packed import Packed
 
 Places = npt.NDArray[np.int64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from oed.expression import Expression
 from oed.limits.limit import Rows
 from oed.problem import Problem
-from oed.solvers.base import RowBounds, Terms, upper_half
+from oed.solvers.terms.base import RowBounds, Terms, upper_half
 
 
 class Unrolled(Terms):

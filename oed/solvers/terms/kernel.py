@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.expression import Expression
-from oed.solvers.cell import Cell
-from oed.solvers.layout import Layout
+from oed.solvers.terms.cell import Cell
+from oed.solvers.terms.layout import Layout
 
 Array = npt.NDArray[np.float64]
 Pattern = npt.NDArray[np.bool_]

@@ -16,9 +16,9 @@ from oed.measurements.displacements import Displacements
 from oed.measurements.sensor import start_nuisances
 from oed.measurements.several import sensors_of
 from oed.problem import Problem
-from oed.solvers.base import symmetric, upper_half
-from oed.solvers.cell import estimated, segment_length
-from oed.solvers.layout import Layout
+from oed.solvers.terms.base import symmetric, upper_half
+from oed.solvers.terms.cell import estimated, segment_length
+from oed.solvers.terms.layout import Layout
 
 Places = npt.NDArray[np.int64]
 Reader = Callable[[Sequence[int]], Expression]

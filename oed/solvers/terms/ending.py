@@ -9,9 +9,9 @@ import casadi as ca
 
 from oed.expression import Expression
 from oed.problem import Problem
-from oed.solvers.base import symmetric
-from oed.solvers.cell import read_end
-from oed.solvers.link import Link
+from oed.solvers.terms.base import symmetric
+from oed.solvers.terms.cell import read_end
+from oed.solvers.terms.link import Link
 
 
 class Ending:

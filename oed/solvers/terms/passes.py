@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from oed.expression import Expression
 from oed.problem import Problem
-from oed.solvers.base import without_zeros
-from oed.solvers.condensing import Condensing
-from oed.solvers.ending import Ending
-from oed.solvers.kernel import Kernel
-from oed.solvers.layout import Layout
-from oed.solvers.link import Link
-from oed.solvers.piece_rows import PieceRows
-from oed.solvers.totals import Sum
+from oed.solvers.terms.base import without_zeros
+from oed.solvers.terms.condensing import Condensing
+from oed.solvers.terms.ending import Ending
+from oed.solvers.terms.kernel import Kernel
+from oed.solvers.terms.layout import Layout
+from oed.solvers.terms.link import Link
+from oed.solvers.terms.piece_rows import PieceRows
+from oed.solvers.terms.totals import Sum
 
 Array = npt.NDArray[np.float64]
 

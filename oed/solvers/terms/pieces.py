@@ -17,15 +17,15 @@ from oed.measurements.displacements import Displacements
 from oed.measurements.sensor import start_nuisances
 from oed.measurements.several import sensors_of
 from oed.problem import Problem
-from oed.solvers.base import RowBounds, Terms
-from oed.solvers.carry import Carry
-from oed.solvers.cell import Cell, estimated, segment_length
-from oed.solvers.kernel import Kernel
-from oed.solvers.layout import Layout, best_layout
-from oed.solvers.link import Link
-from oed.solvers.piece_rows import PieceRows
-from oed.solvers.sweep import Plan, Sweep
-from oed.solvers.totals import Sum, Totals
+from oed.solvers.terms.base import RowBounds, Terms
+from oed.solvers.terms.carry import Carry
+from oed.solvers.terms.cell import Cell, estimated, segment_length
+from oed.solvers.terms.kernel import Kernel
+from oed.solvers.terms.layout import Layout, best_layout
+from oed.solvers.terms.link import Link
+from oed.solvers.terms.passes import Plan, Sweep
+from oed.solvers.terms.piece_rows import PieceRows
+from oed.solvers.terms.totals import Sum, Totals
 
 PER_SAMPLE: tuple[type[Limit], ...] = (PathLimit, BodySpeed, YawRate, LateralAcceleration, TurningRadius)
 """Limits that hold for every sample by itself."""

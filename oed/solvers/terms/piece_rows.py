@@ -13,9 +13,9 @@ import numpy.typing as npt
 from oed.expression import Expression
 from oed.limits.limit import InputLimit, Limit, PathLimit, Rows
 from oed.problem import Problem
-from oed.solvers.base import RowBounds
-from oed.solvers.cell import Cell, small_drive
-from oed.solvers.layout import Layout
+from oed.solvers.terms.base import RowBounds
+from oed.solvers.terms.cell import Cell, small_drive
+from oed.solvers.terms.layout import Layout
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]

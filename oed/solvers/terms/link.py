@@ -8,9 +8,9 @@ from functools import cached_property
 import casadi as ca
 
 from oed.expression import Expression
-from oed.solvers.carry import Carry
-from oed.solvers.kernel import Kernel, Pattern
-from oed.solvers.packed import Packed
+from oed.solvers.terms.carry import Carry
+from oed.solvers.terms.kernel import Kernel, Pattern
+from oed.solvers.terms.packed import Packed
 
 
 class Link:
