@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 import multiprocessing
 import platform
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from datetime import date
 from pathlib import Path
 
-from benchmarks.figure import Figure
+from benchmarks.figure import Figure, figures_of
 
 BENCHMARKS: tuple[str, ...] = ("solve", "large", "population", "monte_carlo", "start_up")
 """Modules of this folder, in the order of the table."""
@@ -42,13 +42,8 @@ def main() -> int:
 def _alone(name: str) -> list[Figure]:
     # A process of its own: what one benchmark has compiled or cached must not help the next.
     print(f"{name} ...", file=sys.stderr, flush=True)
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(_figures, (name,))
-
-
-def _figures(name: str) -> list[Figure]:
-    found: list[Figure] = importlib.import_module(f"benchmarks.{name}").figures()
-    return found
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(figures_of, name).result()
 
 
 def _table(figures: list[Figure]) -> str:

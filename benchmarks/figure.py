@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import resource
 import time
 from collections.abc import Callable
@@ -35,6 +36,12 @@ class Figure:
         if self.goal is None:
             return None
         return self.ratio >= self.goal if self.at == "least" else self.ratio <= self.goal
+
+
+def figures_of(name: str) -> list[Figure]:
+    """What the benchmark of this name says."""
+    found: list[Figure] = importlib.import_module(f"benchmarks.{name}").figures()
+    return found
 
 
 def best_seconds(work: Callable[[], object], *, repeat: int = 5, at_least: float = 0.2) -> float:

@@ -188,7 +188,8 @@ def sinc(angle: Expression) -> Expression:
     """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
     small = ca.fabs(angle) < 0.02
     square = angle * angle
-    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
+    # Products, for quotients take several times as long.
+    series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
     return ca.if_else(small, series, ca.sin(angle) / ca.if_else(small, 1, angle))
 
 
@@ -200,7 +201,7 @@ def chord(
     `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
     `midpoint` is the paper's rule, gain T [Choi, eq. 8].
     """
-    half_turn = period * yaw_rate / 2
+    half_turn = 0.5 * period * yaw_rate
     gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
     return gain, heading + half_turn
 

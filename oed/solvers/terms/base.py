@@ -131,10 +131,7 @@ class Terms(ABC):
         for rows in self.rows:
             own = stacked[first : first + len(rows.lower)]
             first += len(rows.lower)
-            # Open sides must not enter a maximum as infinities.
-            above = own - ca.DM(np.minimum(rows.upper, _FAR))
-            below = ca.DM(np.maximum(rows.lower, -_FAR)) - own
-            worst.append(ca.fmax(0, ca.mmax(ca.vertcat(above, below))) / rows.size)
+            worst.append(ca.fmax(0, ca.fmax(_above(own, rows.upper), _above(-own, -rows.lower))) / rows.size)
         return ca.Function("scores", [z], [entries, ca.vertcat(*worst)])
 
     @cached_property
@@ -153,7 +150,16 @@ class Terms(ABC):
         return single, inverse[single], np.asarray(multiples).ravel(), constants
 
 
-_FAR = 1e20
+def _above(values: Expression, upper: Array) -> Expression:
+    # The most by which values exceed their bounds; far below 0 where there are none.
+    bounded = np.isfinite(upper)
+    if not bounded.any():
+        return -1e20
+    kept, bounds = values[np.flatnonzero(bounded).tolist()], upper[bounded]
+    if (bounds == bounds[0]).all():
+        # As most limits are: one subtraction instead of one for every row.
+        return ca.mmax(kept) - bounds[0]
+    return ca.mmax(kept - ca.DM(bounds))
 
 
 def upper_half(matrix: Expression) -> Expression:
