@@ -7,7 +7,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from oed.expression import Expression
 from oed.solvers.design import DesignExpressions
@@ -49,16 +48,14 @@ class Frame:
     @property
     def choice(self) -> ca.DM:
         """The matrix (kept, rows) that picks and weighs rows."""
-        places = (np.arange(len(self._rest)), self._rest)
-        shape = (len(self._rest), len(self._owner))
-        return ca.DM(scipy.sparse.csc_matrix((self._weights, places), shape=shape))
+        kept = len(self._rest)
+        return ca.DM.triplet(range(kept), self._rest.tolist(), self._weights, kept, len(self._owner))
 
     @property
     def relaxations(self) -> ca.DM:
         """The matrix (rows, limits) that says which limit each row belongs to."""
-        places = (np.arange(len(self._owner)), self._owner)
-        shape = (len(self._owner), len(self._sizes))
-        return ca.DM(scipy.sparse.csc_matrix((np.ones(len(self._owner)), places), shape=shape))
+        count = len(self._owner)
+        return ca.DM.triplet(range(count), self._owner.tolist(), np.ones(count), count, len(self._sizes))
 
     def bounds(self, backoff: Array) -> tuple[Interval, Interval]:
         """Bounds of z and of the rows, with each limit tightened by that share of its size."""

@@ -11,7 +11,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from oed.expression import Expression
 from oed.problem import Problem
@@ -139,15 +138,17 @@ class Terms(ABC):
         """Rows that are a constant plus a multiple of a single unknown: those rows, the unknowns, the
         multiples, the constants.
         """
-        slope, nothing = self.jacobian.sparsity_out(1), np.zeros(self.size)
-        rows, columns = (np.array(part, dtype=int) for part in slope.get_triplet())
+        nothing = np.zeros(self.size)
+        slope = self.jacobian(nothing)[1]
+        rows, columns = (np.array(part, dtype=int) for part in slope.sparsity().get_triplet())
         linear = np.repeat(self.linear, [len(one.lower) for one in self.rows])
         single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
-        inverse = np.full(len(linear), -1)
-        inverse[rows] = columns
-        multiples = scipy.sparse.csc_matrix(self.jacobian(nothing)[1])[single, inverse[single]]
+        # The place of each row's last entry, which is its only one where it is single.
+        place = np.zeros(len(linear), dtype=int)
+        place[rows] = np.arange(len(rows))
+        own = place[single]
         constants = np.array(self.values(nothing)[1]).ravel()[single]
-        return single, inverse[single], np.asarray(multiples).ravel(), constants
+        return single, columns[own], np.array(slope.nonzeros())[own], constants
 
 
 def _above(values: Expression, upper: Array) -> Expression:
