@@ -63,8 +63,9 @@ def progress(quiet: bool) -> Iterator[Progress]:
         bars.end()
 
 
-def print_results(results: Sequence[Mapping[str, Any]]) -> None:
-    """Results as a table and their messages, on standard output."""
+def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str, Any] | None = None) -> None:
+    """Results as a table and their messages, on standard output; `robustness` as a record has it."""
+    reserved = () if robustness is None else robustness["limits"]
     table = Table(box=None, pad_edge=False)
     for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
         # Text, for rich would take "[m]" for markup.
@@ -88,7 +89,8 @@ def print_results(results: Sequence[Mapping[str, Any]]) -> None:
             continue
         console.print(f"{entry['name']}: {entry['message']}", highlight=False, markup=False)
         for limit, amount in entry["violations"].items():
-            console.print(f"  exceeds {limit} by {amount:.4g} (SI)", highlight=False)
+            how = ", reserve for other robots included" if limit in reserved else ""
+            console.print(f"  exceeds {limit} by {amount:.4g} (SI){how}", highlight=False)
 
 
 def print_worth(found: DrivenPaths) -> None:

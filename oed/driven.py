@@ -17,7 +17,9 @@ from oed.logs.form import is_bag
 from oed.models import Model
 from oed.path_file import read_trajectory
 from oed.record import FILE, Record, load_record, result_data
-from oed.solution import scored
+from oed.robustness import robustness, tried
+from oed.solution import Solution, scored
+from oed.solvers import Silent
 from oed.study import Study
 from oed.trajectory import Trajectory
 
@@ -56,11 +58,14 @@ class DrivenPaths:
         paths: part by part, in order.
         best: name and objective of the best design known, or None.
         bound: what no drive's objective exceeds, or None.
+        robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
+            nothing in reserve.
     """
 
     paths: tuple[DrivenPath, ...]
     best: tuple[str, float] | None
     bound: float | None
+    robustness: Mapping[str, Any] | None = None
 
     @property
     def first(self) -> DrivenPath:
@@ -83,7 +88,8 @@ class DrivenPaths:
             for one in self.paths
         ]
         best = None if self.best is None else {"name": self.best[0], "objective": self.best[1]}
-        return {**self.first.entry, "worth": worth, "best_design": best, "upper_bound": self.bound}
+        known = {"best_design": best, "upper_bound": self.bound, "robustness": self.robustness}
+        return {**self.first.entry, "worth": worth, **known}
 
 
 def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
@@ -102,8 +108,9 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
     best, limit = _known(record) if alike else (None, None)
-    scored = _scored(study, Path(file).stem, trajectory, trajectory.duration, best, limit, str(file))
-    return DrivenPaths((scored,), best, limit)
+    (solution,) = tried(study, [scored(study.problem, trajectory, Path(file).stem)], study.seed, Silent())
+    worth = _worth(study, solution, trajectory.duration, best, limit, str(file))
+    return DrivenPaths((worth,), best, limit, robustness(study, [solution], study.seed))
 
 
 def is_log(study: Study, file: str | Path) -> bool:
@@ -141,10 +148,11 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     known, limit = _known(record)
     limit = _bound(study) if limit is None else limit
     parts = [part for log in logs for part in driven_parts(study, log)]
-    scored = tuple(
-        _scored(study, name, trajectory, seconds, known, limit) for name, trajectory, seconds in parts
+    worth = tuple(
+        _worth(study, scored(study.problem, trajectory, name), seconds, known, limit)
+        for name, trajectory, seconds in parts
     )
-    return DrivenPaths(scored, known, limit)
+    return DrivenPaths(worth, known, limit)
 
 
 def _known(record: Record | None) -> tuple[tuple[str, float] | None, float | None]:
@@ -170,16 +178,15 @@ def _record_of(study: Study, designs: str | Path | None) -> Record | None:
     return record if all(theirs.get(key) == own.get(key) for key in SAME) else None
 
 
-def _scored(
+def _worth(
     study: Study,
-    name: str,
-    trajectory: Trajectory,
+    solution: Solution,
     seconds: float,
     best: tuple[str, float] | None,
     limit: float | None,
     file: str | None = None,
 ) -> DrivenPath:
-    entry = result_data(scored(study.problem, trajectory, name), file)
+    entry = result_data(solution, file)
     value = entry["objective"]
 
     def share(of: float | None) -> float | None:
@@ -187,7 +194,7 @@ def _scored(
             return None
         return study.problem.criterion.efficiency(value, of, _judged(study))
 
-    return DrivenPath(name, seconds, entry, share(None if best is None else best[1]), share(limit))
+    return DrivenPath(solution.name, seconds, entry, share(None if best is None else best[1]), share(limit))
 
 
 def _judged(study: Study) -> int:

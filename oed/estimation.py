@@ -9,7 +9,7 @@ from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
 from oed.files import require_writable
-from oed.logs import Log, read_logs
+from oed.logs import Log, UnknownColumn, read_logs
 from oed.runner import package_version, provenance
 from oed.solvers import Progress, Silent
 from oed.study import Study
@@ -106,7 +106,8 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
         return read_logs(files, study.log, study.problem.model)
     except LogError as error:
-        if study.file.log is not None:
+        # What is wrong with the log itself, the key would not mend.
+        if study.file.log is not None or not any(isinstance(one, UnknownColumn) for one in error.flaws):
             raise
         hint = "the study has no key `log`, which says what stands in which column of a log"
         raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None

@@ -94,6 +94,7 @@ def next_drive(
 
     Raises:
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
+        StudyError: a duration that no drive of the study can have.
         LogError: logs that cannot be read, or do not fit the robot.
     """
     study = recorded_study(saved)
@@ -103,14 +104,16 @@ def next_drive(
     aims = _aims(study, targets or {})
     found = estimate(study, logs, seed=seed, progress=progress)
     wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
+    enough = bool(wanted) and all(_error(found, name) <= size for name, size in wanted.items())
+    # Before anything is written: no such drive may be possible.
+    following = None if enough else _following(study, found, duration)
     if out is not None:
         save_estimate(found, out)
-    if wanted and all(_error(found, name) <= size for name, size in wanted.items()):
+    if following is None:
         precision = _precision(found, wanted, {})
         reason = "every parameter is as precise as wanted: no further drive is needed"
         _forget_design(out)
         return _written(NextDrive(found, None, None, precision, None, True, reason), out)
-    following = _following(study, found, duration)
     if out is not None:
         write_text(Path(out) / STUDY, following.text)
     record = run(following, out, seed=seed, workers=workers, progress=progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -269,6 +270,16 @@ class TestRun:
         assert not (folder / "reports").exists()
         assert load_record(folder / "there").best["name"] == "genetic"
 
+    def test_an_interrupt_while_the_report_is_written(self, capsys, folder: Path, monkeypatch):
+        def strike(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.report.write_report", strike)
+        code, out, err = call(capsys, "run", "quick.yaml", "--out", "there", "--workers", "1", "--quiet")
+        assert (code, out) == (1, "")
+        assert err == "interrupted; the record is saved: `oed report there` makes the report\n"
+        assert (folder / "there" / "record.json").is_file()
+
     def test_without_a_solution(self, capsys, folder: Path):
         write_study(folder, INFEASIBLE, "infeasible.yaml")
         code, out, _ = call(capsys, "run", "infeasible.yaml", "--quiet", "--workers", "1")
@@ -298,6 +309,15 @@ class TestEvaluate:
         code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv")
         assert code == 0
         assert "exceeds wheel_speed by 2 (SI)" in out
+
+    def test_a_reserve_for_other_robots_is_told(self, capsys, folder: Path):
+        text = (folder / "study.yaml").read_text()
+        robust = "uncertainty: {x: 2 cm}\nrobust: {kind: chance, draws: 400}\n"
+        (folder / "robust.yaml").write_text(text.replace("[-1 m, 1 m]", "[-3 cm, 3 cm]") + robust)
+        _, out, _ = call(capsys, "evaluate", "robust.yaml", "path.csv")
+        assert "of 400 simulated robots leave the limits" in out
+        assert re.search(r"exceeds workspace by [\d.]+ \(SI\), reserve for other robots included", out)
+        assert "wheel_speed by" not in out
 
     def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):
         _, solved, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
@@ -387,7 +407,13 @@ class TestValidate:
     @pytest.fixture
     def folder(self, tmp_path: Path) -> Path:
         saved = Path(__file__).parent.parent / "reports" / "choi_skid_steer" / "record.json"
-        (tmp_path / "record.json").write_bytes(saved.read_bytes())
+        data = json.loads(saved.read_text())
+        # Two searches, a path like any other and one that tells nothing.
+        names = ("ipopt", "genetic", "straight", "square")
+        data["results"] = [entry for entry in data["results"] if entry["name"] in names]
+        simulated = data["validation"]
+        simulated["results"] = [entry for entry in simulated["results"] if entry["name"] in names]
+        (tmp_path / "record.json").write_text(json.dumps(data))
         return tmp_path
 
     @pytest.mark.slow
@@ -398,14 +424,14 @@ class TestValidate:
         outcome = json.loads((folder / "record.json").read_text())["validation"]
         assert (outcome["heading"], outcome["replicates"]) == ("predicted", 500)
         names = [entry["name"] for entry in outcome["results"]]
-        assert names[:2] == ["ipopt", "genetic"]
-        assert "straight" not in names
+        assert names == ["ipopt", "genetic", "square"]
         printed = capsys.readouterr().out
         assert f"ipopt, ols: {outcome['results'][0]['verdict']}" in printed
         assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()
 
     @pytest.mark.slow
-    def test_the_same_as_the_run_found(self, folder: Path):
+    def test_the_same_as_the_run_found(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("oed.report.write_report", lambda *_: folder / "report.html")
         before = json.loads((folder / "record.json").read_text())["validation"]
         assert main(["validate", str(folder), "--quiet"]) == 0
         after = json.loads((folder / "record.json").read_text())["validation"]

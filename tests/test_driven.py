@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
+from oed.departures import leaving
 from oed.driven import driven_parts, score_logs, score_path
 from oed.errors import LogError
 from oed.evaluation import evaluate
@@ -81,6 +82,18 @@ def test_a_robot_that_never_moves(study, tmp_path):
     (tmp_path / "log.csv").write_text("\n".join(rows))
     with pytest.raises(LogError, match=r"never (turn|moves)"):
         score_logs(study, [tmp_path / "log.csv"])
+
+
+def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
+    robust = parse_study(f"{STUDY}uncertainty: {{x: 90 cm}}\nrobust: {{kind: chance, draws: 400}}\n")
+    data = score_path(robust, saved / "square.csv", saved).data
+    (found,) = data["robustness"]["results"]
+    trajectory = drive_of(record.result("square"))
+    expected = leaving(robust.problem, trajectory, draws=400, seed=robust.seed)
+    assert (found["probability"], found["by_limit"]) == (expected.probability, expected.by_limit)
+    assert 0 < found["probability"] < 1
+    assert expected.sentence in data["message"]
+    assert score_path(study, saved / "square.csv", saved).data["robustness"] is None
 
 
 def test_shares_are_plain_data(study, record, saved, tmp_path):

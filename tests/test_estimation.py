@@ -137,6 +137,18 @@ class TestTwice:
             estimate(study, [file], apart=[file])
 
 
+def test_a_fault_of_the_log_is_all_that_is_told(tmp_path: Path):
+    file = write_drive(tmp_path / "run.csv", 0)
+    lines = file.read_text().splitlines()
+    lines[5] = ",".join(["?", *lines[5].split(",")[1:]])
+    file.write_text("\n".join(lines))
+    study = saved_study(tmp_path, STUDY)
+    for name in ("run.csv", "missing.csv"):
+        with pytest.raises(LogError) as caught:
+            estimate(study, [tmp_path / name])
+        assert [Path(flaw.file).name for flaw in caught.value.flaws] == [name]
+
+
 def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
     (tmp_path / "run.csv").write_text("time,left,right\n0,1,1\n1,1,1\n2,1,1\n")
     with pytest.raises(LogError, match=r"study\.yaml: log: the study has no key `log`"):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
-from oed.errors import UserMistake
+from oed.errors import StudyError, UserMistake
 from oed.estimation import estimate
 from oed.next_drive import next_drive
 from oed.record import Record, drive_of
@@ -100,6 +100,12 @@ class TestMistakes:
         log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(UserMistake, match="--target track: expected"):
             next_drive(designed, [log], targets={"track": size})
+
+    def test_an_impossible_duration_leaves_nothing_behind(self, study, designed, tmp_path):
+        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        with pytest.raises(StudyError, match="needs at least 6 coefficients"):
+            next_drive(designed, [log], duration=0.2, out=tmp_path / "next")
+        assert not list(tmp_path.glob("next/*"))
 
     def test_coefficients_have_no_nominal_values(self, designed, tmp_path):
         data = {**designed.data, "study": {**designed.data["study"], "estimate": ["c11", "c12"]}}

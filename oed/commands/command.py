@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -33,6 +35,21 @@ class Command:
     text: str
     run: Callable[[argparse.Namespace], int]
     arguments: Callable[[argparse.ArgumentParser], None] = _none
+
+
+@contextmanager
+def saved_in(folder: str | Path) -> Iterator[None]:
+    """Write the report of what is saved in a folder: where Ctrl-C comes meanwhile, that is not lost.
+
+    Raises:
+        Failure: interrupted; says how the report is made.
+    """
+    from oed.errors import Failure
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Failure(f"interrupted; the record is saved: `oed report {folder}` makes the report") from None
 
 
 def verdict(record: Record) -> int:

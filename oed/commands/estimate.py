@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_quiet, whole
-from oed.commands.command import DONE, Command
+from oed.commands.command import DONE, Command, saved_in
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,8 @@ def _run(options: argparse.Namespace) -> int:
         record = estimate(
             study, options.logs, apart=options.apart, out=out, seed=options.seed, progress=listener
         )
-    page = write_estimate(record.data, out)
+    with saved_in(out):
+        page = write_estimate(record.data, out)
     if options.json:
         print_json({**record.data, "directory": str(out)})
     else:

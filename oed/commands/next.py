@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_working, duration, pair, share, workers_of
-from oed.commands.command import DONE, Command, verdict
+from oed.commands.command import DONE, Command, saved_in, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,8 +53,9 @@ def _run(options: argparse.Namespace) -> int:
             workers=workers,
             progress=listener,
         )
-    write_estimate(found.estimate.data, out)
-    page = None if found.record is None else write_report(found.record, out)
+    with saved_in(out):
+        write_estimate(found.estimate.data, out)
+        page = None if found.record is None else write_report(found.record, out)
     if options.json:
         print_json({**found.data, "directory": str(out)})
     else:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_working, workers_of
-from oed.commands.command import Command, verdict
+from oed.commands.command import Command, saved_in, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,11 +27,12 @@ def _run(options: argparse.Namespace) -> int:
     workers = workers_of(options)
     with progress(options.quiet) as listener:
         record = run(study, out, seed=options.seed, workers=workers, progress=listener)
-    page = write_report(record, out)
+    with saved_in(out):
+        page = write_report(record, out)
     if options.json:
         print_json({**record.data, "directory": str(out)})
     else:
-        print_results(record.results)
+        print_results(record.results, record.data["robustness"])
         if record.data["certificate"] is not None:
             print_certificate(record.data["certificate"])
         print(f"report: {page}")

@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
         kept = ("format", "oed_version", "seed", "parameters", "results")
         print_json({key: record.data[key] for key in kept})
     else:
-        print_results(record.results)
+        print_results(record.results, record.data["robustness"])
     return verdict(record)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from oed.commands.arguments import add_quiet, add_workers, positive, whole, workers_of
-from oed.commands.command import DONE, Command
+from oed.commands.command import DONE, Command, saved_in
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,8 @@ def _run(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         record = validated(saved, chosen, seed=options.seed, workers=workers, progress=listener)
     save_record(record, options.folder)
-    page = write_report(record, options.folder)
+    with saved_in(options.folder):
+        page = write_report(record, options.folder)
     if options.json:
         print_json(record.data["validation"])
     else:

@@ -15,6 +15,7 @@ from oed.logs.csv_form import CsvForm
 from oed.logs.form import LogForm
 from oed.logs.log import Finding, Log
 from oed.logs.reading import read_logs
+from oed.logs.table import UnknownColumn
 
 LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
 
@@ -34,5 +35,6 @@ __all__ = [
     "Finding",
     "Log",
     "LogForm",
+    "UnknownColumn",
     "read_logs",
 ]

@@ -26,6 +26,11 @@ _LOOKED_AT = 20
 
 
 @dataclass(frozen=True)
+class UnknownColumn(FileFlaw):
+    """A column that the table has not: the study may have to say which one is meant."""
+
+
+@dataclass(frozen=True)
 class Table:
     """A text table: rows of cells, the lines they stand in, and the names of the columns.
 
@@ -56,11 +61,11 @@ class Table:
         """Index of a column given by its name or index.
 
         Raises:
-            LogError: there is no such column; says which there are.
+            LogError: there is no such column (an `UnknownColumn`); says which there are.
         """
         reason = self._reason_against(column)
         if reason:
-            raise LogError([FileFlaw(self.file, self._first_line, 0, key, reason)])
+            raise LogError([UnknownColumn(self.file, self._first_line, 0, key, reason)])
         if isinstance(column, str) and column in self.header:
             return self.header.index(column)
         return int(column)

