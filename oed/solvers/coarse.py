@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.expression import Expression
+from oed.measurements.displacements import Displacements
 from oed.problem import Problem
 from oed.rollout import roll_out
 from oed.solvers.design import DesignExpressions
@@ -36,14 +37,15 @@ PER_COEFFICIENT = 12
 
 
 def coarse_samples(problem: Problem) -> int:
-    """Samples per run of the grid to search on: a divisor of the drive's, where there is a good one."""
-    space = problem.design
+    """Samples per run of the grid to search on: all where they are few, else so many that segments are
+    equally long.
+    """
+    space, measurement = problem.design, problem.measurement
     usual = max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
     if space.samples <= usual * MOST // USUAL:
         return space.samples
-    near = range(3 * usual // 4, usual * MOST // USUAL + 1)
-    divisors = [count for count in near if space.samples % count == 0]
-    return min(divisors, key=lambda count: abs(count - usual), default=usual)
+    segments = measurement.segments if isinstance(measurement, Displacements) else 1
+    return usual if segments == "samples" else -(-usual // segments) * segments
 
 
 def coarsened(problem: Problem, samples: int) -> Problem:

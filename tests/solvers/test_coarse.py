@@ -40,17 +40,18 @@ def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("samples", "coefficients", "expected"),
-    [(200, 16, 200), (MOST, 16, MOST), (1000, 16, 500), (5000, 16, 500), (20000, 16, 400), (997, 16, USUAL)],
+    ("samples", "segments", "expected"),
+    [(200, 10, 200), (MOST, 10, MOST), (1000, 10, USUAL), (20000, "samples", USUAL), (5000, 7, 406)],
 )
-def test_the_grid_is_a_divisor_where_there_is_one(samples: int, coefficients: int, expected: int):
-    space = DesignSpace(duration=20, samples=samples, spline=Spline(coefficients=coefficients))
-    assert coarse_samples(make_problem(design=space)) == expected
+def test_segments_of_a_coarse_grid_are_equally_long(samples: int, segments, expected: int):
+    space = DesignSpace(duration=20, samples=samples)
+    problem = make_problem(design=space, measurement=Displacements(segments=segments))
+    assert coarse_samples(problem) == expected
 
 
 def test_splines_of_many_coefficients_need_a_finer_grid():
     space = DesignSpace(duration=20, samples=20000, spline=Spline(coefficients=100))
-    assert coarse_samples(make_problem(design=space)) == 1250
+    assert coarse_samples(make_problem(design=space)) == 1200
 
 
 def test_up_to_600_samples_are_looked_at_one_by_one():
