@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,7 @@ from oed.problem import Problem
 from oed.rollout import roll_out
 from oed.solvers.design import DesignExpressions
 from oed.solvers.starts import random_drives
-from oed.solvers.terms.base import stacks, symmetric, upper_half
+from oed.solvers.terms.base import stacks, symmetric_all, upper_half
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -36,13 +37,13 @@ PER_COEFFICIENT = 12
 """Samples that a spline coefficient needs for a coarse grid to see its shape."""
 
 
-def coarse_samples(problem: Problem) -> int:
-    """Samples per run of the grid to search on: all where they are few, else so many that segments are
-    equally long.
+def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
+    """Samples per run of the grid to search on: as many as wanted, or all where they are few, else about 400;
+    a few more where segments would not be equally long.
     """
     space, measurement = problem.design, problem.measurement
-    usual = max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
-    if space.samples <= usual * MOST // USUAL:
+    usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
+    if wanted is None and space.samples <= usual * MOST // USUAL:
         return space.samples
     segments = measurement.segments if isinstance(measurement, Displacements) else 1
     return usual if segments == "samples" else -(-usual // segments) * segments
@@ -73,7 +74,7 @@ class Grid:
         per sample.
         """
         self.problem = problem
-        own = coarsened(problem, coarse_samples(problem) if samples is None else samples)
+        own = coarsened(problem, coarse_samples(problem, samples))
         self.coarse = own is not problem
         self.design = DesignExpressions(own, refine)
         self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)
@@ -85,48 +86,39 @@ class Grid:
         return np.zeros(self._entries * (1 + self.design.size) if self.coarse else 0)
 
     @cached_property
-    def _shares(self) -> list[float]:
-        # How much more all samples tell than the grid's, of a typical drive: more readings, for instance.
+    def _shares(self) -> Array:
+        # For every entry, how much more all samples tell than the grid's, of a typical drive: more readings,
+        # for instance.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
-        entries = self._fine.entries(self.trajectory(drive))
-        told = [stack[0] for stack in stacks(entries[:, None], self.design.sizes)]
+        told = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
         seen = self.design.matrices_of(drive)[0]
-        return [float(np.trace(one) / np.trace(other)) for one, other in zip(told, seen, strict=True)]
-
-    @cached_property
-    def _entry_shares(self) -> Array:
-        sizes = self.design.sizes
         return np.concatenate(
-            [np.full(size * (size + 1) // 2, share) for size, share in zip(sizes, self._shares, strict=True)]
+            [
+                np.full(len(one) * (len(one) + 1) // 2, np.trace(all_[0]) / np.trace(one))
+                for all_, one in zip(told, seen, strict=True)
+            ]
         )
 
-    def corrected(self, matrices: list[Expression]) -> list[Expression]:
-        """The expressions of a robot's matrices, in proportion to all samples and corrected."""
+    @property
+    def robots(self) -> list[list[Expression]]:
+        """The matrices of every robot judged (SX), in proportion to all samples and corrected."""
         if not self.coarse:
-            return matrices
-        count = self._entries
-        slopes = ca.reshape(self.corrections[count:], count, self.design.size)
-        added = self.corrections[:count] + slopes @ self.design.unknowns
-        found, first = [], 0
-        for matrix, share in zip(matrices, self._shares, strict=True):
-            size = matrix.shape[0]
-            last = first + size * (size + 1) // 2
-            found.append(share * matrix + symmetric(added[first:last], size))
-            first = last
-        return found
+            return self.design.robots
+        added = self._added(self.corrections, self.design.unknowns)
+        return [symmetric_all(ca.DM(self._shares) * self.design.entries + added, self.design.sizes)]
 
     def matrices_of(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
         """The matrices of every robot judged at z, with corrections."""
-        found = self.design.matrices_of(unknowns)
         if not self.coarse:
-            return found
-        count = self._entries
-        added = corrections[:count] + corrections[count:].reshape((count, -1), order="F") @ unknowns
-        parts = [stack[0] for stack in stacks(added[:, None], self.design.sizes)]
-        return [
-            [share * matrix + part for share, matrix, part in zip(self._shares, own, parts, strict=True)]
-            for own in found
-        ]
+            return self.design.matrices_of(unknowns)
+        seen, _ = self.design.terms.values(unknowns)
+        entries = self._shares * np.array(seen).ravel() + np.array(self._added(corrections, unknowns)).ravel()
+        return [[stack[0] for stack in stacks(entries[:, None], self.design.sizes)]]
+
+    def _added(self, corrections: Any, unknowns: Any) -> Expression:
+        # To every entry: a constant, and a slope for each unknown.
+        slopes = ca.reshape(corrections[self._entries :], self._entries, self.design.size)
+        return corrections[: self._entries] + slopes @ unknowns
 
     def correction(self, unknowns: Array) -> Array:
         """Corrections with which the grid tells at z, and close to it, what all samples tell."""
@@ -134,8 +126,8 @@ class Grid:
             return self.no_correction
         seen, _ = self.design.terms.values(unknowns)
         seen_slopes, _ = self.design.terms.jacobian(unknowns)
-        told, told_slopes = self._fine.at(unknowns, self.trajectory(unknowns))
-        shares = self._entry_shares
+        told, told_slopes = self._fine.at(self.trajectory(unknowns))
+        shares = self._shares
         gaps = told - shares * np.array(seen).ravel()
         slopes = told_slopes - shares[:, None] * np.array(seen_slopes)
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
@@ -181,7 +173,7 @@ class FineGrid:
         """Entries (e,) of the information."""
         return np.array(self._values(drive.inputs, drive.starts)).ravel()
 
-    def at(self, unknowns: Array, drive: Trajectory) -> tuple[Array, Array]:
+    def at(self, drive: Trajectory) -> tuple[Array, Array]:
         """Entries (e,) of the information, and their derivatives (e, n) by z."""
         entries = self.entries(drive)
         rows = [

@@ -13,7 +13,7 @@ from oed.expression import Expression
 from oed.problem import Problem
 from oed.solvers.compiled import compiled
 from oed.solvers.terms import terms_of
-from oed.solvers.terms.base import RowBounds, Terms, stacks, symmetric
+from oed.solvers.terms.base import RowBounds, Terms, stacks, symmetric_all
 from oed.solvers.terms.unrolled import OtherRobots, Unrolled
 from oed.trajectory import Trajectory
 
@@ -37,14 +37,7 @@ class DesignExpressions:
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]
         self.entries = ca.vertcat(*symbols)
-        self.robots = [self._matrices(own) for own in symbols]
-
-    def _matrices(self, entries: Expression) -> list[Expression]:
-        edges = np.cumsum([0, *(size * (size + 1) // 2 for size in self.sizes)])
-        return [
-            symmetric(entries[first:last], size)
-            for first, last, size in zip(edges[:-1].tolist(), edges[1:].tolist(), self.sizes, strict=True)
-        ]
+        self.robots = [symmetric_all(own, self.sizes) for own in symbols]
 
     @property
     def size(self) -> int:

@@ -94,8 +94,7 @@ class LocalSearch:
         self.grid = Grid(problem, settings.search_samples)
         self.design = self.grid.design
         self.scale = self.design.scale
-        corrected = [self.grid.corrected(matrices) for matrices in self.design.robots]
-        self._robots = [[matrix / self.scale for matrix in matrices] for matrices in corrected]
+        self._robots = [[matrix / self.scale for matrix in own] for own in self.grid.robots]
         self._objective = objective_of(problem, self._robots)
         # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
         self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)

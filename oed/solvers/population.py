@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-import uuid
-from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +39,6 @@ class Population:
         """Compile nothing yet."""
         self._expected, self._compiled = expected, False
         self._design, self._refine, self._workers = design, refine, workers
-        self._token = uuid.uuid4().hex
         self._seconds = 0.0
 
     def score(self, candidates: Array) -> Scores:
@@ -60,7 +57,7 @@ class Population:
 
     def _shared(self, candidates: Array) -> Scores:
         parts = np.array_split(candidates, at_once(self._workers))
-        tasks = [_Part(self._token, self._design.problem, self._refine, part) for part in parts if len(part)]
+        tasks = [_Part(self._design.problem, self._refine, part) for part in parts if len(part)]
         found: dict[int, Scores] = {}
         run_tasks(_scored, tasks, self._workers, found.__setitem__)
         values, violations = zip(*(found[index] for index in range(len(tasks))), strict=True)
@@ -69,20 +66,11 @@ class Population:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    token: str
     problem: Problem
     refine: int
     candidates: Array
 
 
-_CACHE: OrderedDict[str, DesignExpressions] = OrderedDict()
-_CACHED = 4
-
-
 def _scored(part: _Part) -> Scores:
-    # The expressions are written once in each process.
-    if part.token not in _CACHE:
-        _CACHE[part.token] = DesignExpressions(part.problem, refine=part.refine)
-        if len(_CACHE) > _CACHED:
-            _CACHE.popitem(last=False)
-    return _CACHE[part.token].score_many(part.candidates)
+    # The terms are written once in each process.
+    return DesignExpressions(part.problem, part.refine).score_many(part.candidates)

@@ -138,3 +138,9 @@ def test_a_long_drive_is_designed_as_well_as_a_short_one():
     short = replace(problem, design=problem.design.model_copy(update={"samples": 200}))
     again = solve(short, options, seed=0, workers=1)
     assert solution.evaluation.objective == pytest.approx(again.evaluation.objective, rel=2e-3)
+
+
+@pytest.mark.parametrize(("wanted", "expected"), [(60, 60), (50, 54), (4, 6)])
+def test_a_grid_asked_for_has_segments_of_equal_length_too(wanted: int, expected: int):
+    grid = Grid(fine_problem(measurement=MEASUREMENTS["segments"]), wanted)
+    assert grid.design.problem.design.samples == expected

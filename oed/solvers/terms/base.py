@@ -178,6 +178,15 @@ def symmetric(entries: Expression, size: int) -> Expression:
     return ca.blockcat(rows)
 
 
+def symmetric_all(entries: Expression, sizes: Sequence[int]) -> list[Expression]:
+    """The symmetric matrices of these sizes whose upper halves are stacked."""
+    edges = np.cumsum([0, *(size * (size + 1) // 2 for size in sizes)]).tolist()
+    return [
+        symmetric(entries[first:last], size)
+        for first, last, size in zip(edges[:-1], edges[1:], sizes, strict=True)
+    ]
+
+
 def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
     """Numeric matrices (K, p, p) of stacked entries (sum of p (p + 1) / 2, K), one for each size p."""
     found, first = [], 0
