@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.limits.limit import Rows
+from oed.between import most_exceeded, near
+from oed.limits.limit import Limit, PathLimit, Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
 from oed.trajectory import Trajectory
@@ -41,12 +42,14 @@ class Margin:
         margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
         size: the limit's size in `unit`.
         unit: SI unit.
+        certain: whether that is so at all times; else only at the points that were checked.
     """
 
     name: str
     margin: float
     size: float
     unit: str
+    certain: bool = True
 
     @property
     def active(self) -> bool:
@@ -76,8 +79,7 @@ class Evaluation:
         norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
             the noise.
         path_length: of the robot's origin [m].
-        margins: of every limit, on a grid ten times finer than the samples; of a robust problem less what
-            is kept in reserve.
+        margins: of every limit, at all times; of a robust problem less what is kept in reserve.
         design_matrices: W of each block by name.
         information: F of each block by name, on the parameters the criterion judges, in its scaling.
         covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
@@ -165,13 +167,9 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         raise ValueError(
             f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
         )
-    # Every run by itself, both its ends included.
-    fine = [(one, np.linspace(0.0, one.duration, FINE * one.samples + 1)) for one in trajectory.each]
-    values = np.concatenate([one.inputs_at(times) for one, times in fine])
-    rates = np.concatenate([one.rates_at(times) for one, times in fine])
-    jerks = np.concatenate([one.jerks_at(times) for one, times in fine])
-    scorer = _scorer(problem, trajectory.samples, trajectory.runs, len(rates), len(jerks))
-    return scorer.evaluation(trajectory, values, rates, jerks)
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    scorer = _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes))
+    return scorer.evaluation(trajectory, extremes)
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
@@ -211,14 +209,16 @@ def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
-    def __init__(self, problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> None:
+    def __init__(
+        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int
+    ) -> None:
         model = problem.robot
         symbols: list[Any] = [
             ca.MX.sym("inputs", samples, len(model.inputs)),
             ca.MX.sym("start", runs, len(model.states)),
             ca.MX.sym("parameters", len(model.parameters)),
             ca.MX.sym("period"),
-            ca.MX.sym("values", FINE * samples + runs, len(model.inputs)),
+            ca.MX.sym("values", values, len(model.inputs)),
             ca.MX.sym("rates", rates, len(model.inputs)),
             ca.MX.sym("jerks", jerks, len(model.inputs)),
         ]
@@ -229,14 +229,13 @@ class _Scorer:
             problem.design.integration,
             refine=FINE,
             runs=runs,
-            motion_inputs=arguments["input_values"],
             **arguments,
         )
         self.problem = problem
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
-            [drive.path_length(), drive.poses, drive.path],
+            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
             [one.block.design_matrix for one in self.estimations],
             [one.block.response for one in self.estimations],
             [one.matrix for one in self.estimations],
@@ -266,14 +265,12 @@ class _Scorer:
             values.append(problem.objective.value([np.array(matrix) for matrix in found]))
         return float(problem.together(values))
 
-    def evaluation(self, trajectory: Trajectory, values: Array, rates: Array, jerks: Array) -> Evaluation:
+    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem, drive = self.problem, trajectory
-        results = self.function(
-            drive.inputs, drive.starts, problem.robot.nominal, drive.period, values, rates, jerks
-        )
+        results = self.function(drive.inputs, drive.starts, problem.robot.nominal, drive.period, *extremes)
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path), designs, responses, matrices, full, alone, limits = groups
+        (length, poses, path, speeds), designs, responses, matrices, full, alone, limits = groups
         eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
         singular = [
             np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
@@ -281,7 +278,7 @@ class _Scorer:
         ]
         names = [one.block.name for one in self.estimations]
         margins = [
-            _margin(limit.name, rows, row_values.ravel())
+            _margin(problem, limit, trajectory, rows, row_values.ravel(), speeds.ravel())
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
@@ -308,8 +305,8 @@ class _Scorer:
 
 
 @lru_cache(maxsize=64)
-def _scorer(problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> _Scorer:
-    return _Scorer(problem, samples, runs, rates, jerks)
+def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int) -> _Scorer:
+    return _Scorer(problem, samples, runs, values, rates, jerks)
 
 
 def _covariance(matrix: Array, alone: Array) -> Array:
@@ -338,9 +335,17 @@ def told_directions(matrix: Array, alone: Array) -> tuple[npt.NDArray[np.bool_],
     return eigenvalues > ROUNDING, eigenvalues, vectors, scale
 
 
-def _margin(name: str, rows: Rows, values: Array) -> Margin:
-    distance = min(np.min(rows.upper - values), np.min(values - rows.lower))
-    return Margin(name, float(distance), rows.size, rows.unit)
+def _margin(
+    problem: Problem, limit: Limit, trajectory: Trajectory, rows: Rows, values: Array, speeds: Array
+) -> Margin:
+    excess = np.maximum(values - rows.upper, rows.lower - values)
+    stretches = None
+    if problem.robust is None and limit.looks_at == "state" and isinstance(limit, PathLimit):
+        # One thing after the other, asked of all points of the path.
+        points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
+        stretches = near(limit, rows.size, trajectory, points, speeds)
+    most, certain = most_exceeded(problem, limit, trajectory, float(excess.max()), stretches)
+    return Margin(limit.name, -most, rows.size, rows.unit, certain)
 
 
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:

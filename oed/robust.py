@@ -110,14 +110,15 @@ def robust_rows(limits: Sequence[Limit], drive: Drive, spread: Spread, robust: R
         # Seen through its coefficients, a robot would not tell by itself how its other parameters move it.
         own = drive.again(ca.DM(spread.robot.nominal), begin, spread.robot)
     return [
-        _joined([_reserved(limit, own, spread, robust), *(limit.rows(other) for other in others)])
+        _joined([reserved(limit, own, spread, robust), *(limit.rows(other) for other in others)])
         if isinstance(limit, PathLimit)
         else limit.rows(drive)
         for limit in limits
     ]
 
 
-def _reserved(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust) -> Rows:
+def reserved(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust) -> Rows:
+    """A limit on the path with its reserve, on a drive of the spread's robot."""
     rows = limit.rows(drive)
     if robust.kind == "scenarios":
         return rows
@@ -141,7 +142,7 @@ def _reserve(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, siz
     width = len(model.parameters) + len(model.states)
     parts = []
     for run in range(drive.runs):
-        moved = _moved(limit, model, spread, robust, size, run).map(points)
+        moved = _moved(limit, model, spread, robust, size, drive.first_run + run).map(points)
         path = drive.path[run * points : (run + 1) * points, :].T
         slopes = drive.path_sensitivities[:, run * points * width : (run + 1) * points * width]
         parts.append(moved(path, slopes))

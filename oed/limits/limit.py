@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -47,9 +47,17 @@ class Rows:
 
 
 class Limit(Component, ABC):
-    """One named limit on a drive."""
+    """One named limit on a drive.
+
+    Attributes:
+        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant of the
+            drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which is how
+            they are checked between the points of a drive. A limit that does not say (None) is checked at
+            the points of its rows only.
+    """
 
     name: ClassVar[str]
+    looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None
 
     @abstractmethod
     def rows(self, drive: Drive) -> Rows:
@@ -76,6 +84,7 @@ class PathLimit(Limit, ABC):
             bounded.
     """
 
+    looks_at: ClassVar[Literal["state"]] = "state"
     per_metre: ClassVar[float] = inf
 
     @abstractmethod
@@ -140,6 +149,7 @@ class InputLimit(Limit, ABC):
         each: instead, bounds by the inputs' names.
     """
 
+    looks_at: ClassVar[Literal["inputs"]] = "inputs"
     quantity: ClassVar[str]
     unit: ClassVar[str]
     bounds: tuple[float, float] | None = None
