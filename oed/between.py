@@ -36,13 +36,12 @@ INSIDE = 1e-4
 PARTS, FEW = 8, 64
 """Parts that each of a few stretches is cut into; many are halved."""
 NARROWEST = 1e-9
-"""Share of a period below which a stretch is not halved any more."""
+"""Share of a period below which a stretch is not cut any more: where rows change from one formula to another no
+bound gets close, but what they jump from and to they are at its ends."""
 AT_ONCE = 1024
 """Stretches bounded in one call."""
-ROUNDS = 60
-"""Halvings at most."""
 PATIENCE = 200_000
-"""Stretches bounded at most, besides 20 for every period."""
+"""Stretches bounded at most, besides 20 for every period, before a limit counts as checked at points only."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +93,7 @@ class Stretches:
     end: Array
 
     def __len__(self) -> int:
+        """K."""
         return len(self.row)
 
     def chosen(self, which: Any) -> Stretches:
@@ -182,9 +182,9 @@ class Excess:
             return Stretches(rows, np.zeros(len(rows)), np.ones(len(rows)))
         cuts = [_cuts(one) for one in drive.each]
         each = drive.samples // drive.runs
-        rows = [run * each + row for run, (row, _, _) in enumerate(cuts)]
-        begins, ends = ([cut[side] for cut in cuts] for side in (1, 2))
-        return Stretches(np.concatenate(rows), np.concatenate(begins), np.concatenate(ends))
+        begins, ends = (np.concatenate([cut[side] for cut in cuts]) for side in (1, 2))
+        rows = np.concatenate([run * each + row for run, (row, _, _) in enumerate(cuts)])
+        return Stretches(rows, begins, ends)
 
     def over(self, periods: Periods, stretches: Stretches) -> tuple[Array, Array]:
         """The larger excess of both ends, and the largest there may be between, (K,) each."""
@@ -206,13 +206,13 @@ class Excess:
         ]
         splines = self._splines(periods.trajectory, place, stretches)
         fractions = [stretches.begin[:, None], stretches.end[:, None]]
-        ends = [
+        first, last = (
             self._call("at", self._at, [*given, asked, fraction])[0]
             for asked, fraction in zip(splines[:2], fractions, strict=True)
-        ]
+        )
         high, least, most = self._call("over", self._over, [*given, *splines[2:], *fractions])
-        peaks = _peak(*ends, least, most, fractions[1] - fractions[0])
-        found = np.maximum(*ends).max(axis=1)
+        peaks = _peak(first, last, least, most, fractions[1] - fractions[0])
+        found = np.maximum(first, last).max(axis=1)
         bounds = np.fmin(peaks, np.where(np.isnan(high), np.inf, high)).max(axis=1)
         return np.where(np.isnan(found), np.inf, found), np.maximum(bounds, found)
 
@@ -297,14 +297,14 @@ def largest(
         drives = periods.drive_of(stretches.row)
         np.maximum.at(found, drives, values)
         left -= len(stretches)
-        narrow = stretches.end - stretches.begin < NARROWEST
-        if left < 0:
-            narrow[:] = True
         ceiling = (found + gap_of(excess.size, found))[drives]
         closed = (bounds <= ceiling) | (found > enough)[drives]
+        closed |= stretches.end - stretches.begin < NARROWEST
         np.maximum.at(highest, drives[closed], np.minimum(bounds, ceiling)[closed])
-        sure[drives[narrow & ~closed]] = False
-        stretches = stretches.chosen(~closed & ~narrow)
+        stretches = stretches.chosen(~closed)
+        if left < 0:
+            sure[drives[~closed]] = False
+            break
         stretches = stretches.cut(PARTS if len(stretches) < FEW else 2)
     # Well inside, the bounds are as wide as that is far; what has been found is what is told then.
     return np.where(found < 0, found, np.maximum(highest, found)), sure
@@ -441,7 +441,8 @@ def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
 @lru_cache(maxsize=32)
 def _reserved(problem: Problem, limit: PathLimit, run: int) -> Excess:
     spread, robust = problem.spread, problem.robust
-    assert spread is not None and robust is not None
+    assert spread is not None
+    assert robust is not None
 
     def rows(instant: Moment) -> Rows:
         return reserved(limit, instant, spread, robust)

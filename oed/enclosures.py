@@ -37,17 +37,21 @@ class Interval:
         return self.low is self.high
 
     def __add__(self, other: Interval) -> Interval:
+        """All sums."""
         if self.single and other.single:
             return number(self.low + other.low)
         return Interval(self.low + other.low, self.high + other.high)
 
     def __neg__(self) -> Interval:
+        """All opposites."""
         return number(-self.low) if self.single else Interval(-self.high, -self.low)
 
     def __sub__(self, other: Interval) -> Interval:
+        """All differences."""
         return self + -other
 
     def __mul__(self, other: Interval) -> Interval:
+        """All products."""
         if self.single and other.single:
             return number(self.low * other.low)
         if self.single or other.single:
@@ -253,7 +257,7 @@ def _quotient(first: Enclosure, second: Enclosure) -> Enclosure:
 
 def _rising(
     one: Enclosure, function: Callable[[Any], Any], derivative: Callable[[Interval], Interval]
-) -> Any:
+) -> Enclosure:
     value = Interval(function(one.value.low), function(one.value.high))
     return _chained(value, derivative(one.value), one)
 

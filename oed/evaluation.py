@@ -144,6 +144,11 @@ class Evaluation:
         return all(margin.kept for margin in self.margins)
 
     @property
+    def checked_at_points(self) -> tuple[str, ...]:
+        """Limits that were checked at some points only: between them nothing is known."""
+        return tuple(margin.name for margin in self.margins if not margin.certain)
+
+    @property
     def violations(self) -> dict[str, float]:
         """Amount by which each limit that is not kept is exceeded, in its SI unit."""
         return {margin.name: margin.violation for margin in self.margins if not margin.kept}

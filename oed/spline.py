@@ -110,7 +110,8 @@ def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) ->
     derivative vanishes. Always as many for the same knots and degree: some may be there twice.
 
     Args:
-        knots, degree: of the curves.
+        knots: of the curves.
+        degree: of the curves.
         coefficients: (n, curves).
         order: of the derivative.
     """
@@ -165,9 +166,11 @@ def enclosure(
     """Least and largest values of curves, and of their derivatives, over stretches without a knot inside.
 
     Args:
-        knots, degree: of the curves.
+        knots: of the curves.
+        degree: of the curves.
         coefficients: (n, curves).
-        begin, end: of the stretches [s], (K,).
+        begin: of the stretches [s], (K,).
+        end: of the stretches [s], (K,).
 
     Returns:
         Bounds of the values and of the derivatives (K, curves), the latter from the second derivative's

@@ -50,10 +50,10 @@ class Limit(Component, ABC):
     """One named limit on a drive.
 
     Attributes:
-        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant of the
-            drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which is how
-            they are checked between the points of a drive. A limit that does not say (None) is checked at
-            the points of its rows only.
+        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
+            of the drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which
+            is how they are checked between the points of a drive. A limit that does not say (None) is
+            checked at the points of its rows only.
     """
 
     name: ClassVar[str]
