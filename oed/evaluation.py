@@ -345,10 +345,10 @@ def _margin(
 ) -> Margin:
     excess = np.maximum(values - rows.upper, rows.lower - values)
     stretches = None
-    if problem.robust is None and limit.looks_at == "state" and isinstance(limit, PathLimit):
+    if problem.robust is None and isinstance(limit, PathLimit):
         # One thing after the other, asked of all points of the path.
         points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
-        stretches = near(limit, rows.size, trajectory, points, speeds)
+        stretches = near(problem, limit, rows.size, trajectory, points, speeds)
     most, certain = most_exceeded(problem, limit, trajectory, float(excess.max()), stretches)
     return Margin(limit.name, -most, rows.size, rows.unit, certain)
 

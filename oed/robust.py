@@ -124,13 +124,16 @@ def reserved(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust) -> 
         return rows
     reserve = _reserve(limit, drive, spread, robust, rows.size)
     below, above = np.isfinite(rows.lower), np.isfinite(rows.upper)
-    low, high = np.flatnonzero(below).tolist(), np.flatnonzero(above).tolist()
-    upper_side = (rows.expression + reserve)[high]
-    lower_side = (rows.expression - reserve)[low]
+    sides = [
+        ca.vec(rows.expression + sign * reserve)[np.flatnonzero(one).tolist()]
+        for sign, one in ((1, above), (-1, below))
+        if one.any()
+    ]
+    high, low = int(above.sum()), int(below.sum())
     return Rows(
-        ca.vertcat(upper_side, lower_side),
-        np.concatenate([np.full(len(high), -np.inf), rows.lower[below]]),
-        np.concatenate([rows.upper[above], np.full(len(low), np.inf)]),
+        ca.vertcat(*sides),
+        np.concatenate([np.full(high, -np.inf), rows.lower[below]]),
+        np.concatenate([rows.upper[above], np.full(low, np.inf)]),
         rows.size,
         rows.unit,
     )
