@@ -36,7 +36,7 @@ class Drive:
         poses: at the samples, (N + runs, states): each run has a pose more than periods.
         path: poses where position limits apply, (G, states).
         motion: twists where limits on the motion apply, (K, 3): those that the inputs ask for; of a robot
-            that follows them with a lag those that it has, at both ends of each period.
+            that follows them with a lag those that it has where each period begins, then where each ends.
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
@@ -264,14 +264,12 @@ def _motion(model: Model, inputs: Expression, parameters: Expression) -> Express
 def _actual_motion(
     model: Model, poses: list[Expression], held: Expression, parameters: Expression
 ) -> Expression:
-    # The twists at both ends of each period, (2 N, 3): the inputs jump from one to the next.
+    # The twists where periods begin, then those where they end, (2 N, 3): the inputs jump in between.
     count = held.shape[1]
     begins = ca.horzcat(*(part[:, :-1] for part in poses))
     ends = ca.horzcat(*(part[:, 1:] for part in poses))
     states, twice = ca.horzcat(begins, ends), ca.horzcat(held, held)
-    order = np.arange(2 * count).reshape(2, count).T.ravel().tolist()
-    at_instant = _instant(model).map(2 * count)
-    return at_instant(states, twice, ca.repmat(parameters, 1, 2 * count))[:, order].T
+    return _instant(model).map(2 * count)(states, twice, ca.repmat(parameters, 1, 2 * count)).T
 
 
 @lru_cache(maxsize=32)

@@ -102,8 +102,8 @@ def test_limits_on_motion_see_what_a_robot_that_lags_does(given: bool):
     states, parameters = np.array(drive.poses), np.array(example.model.nominal)
     actual = [
         example.mean(state, twist, 0.0, parameters)
-        for begin, end, twist in zip(states, states[1:], asked, strict=False)
-        for state in (begin, end)
+        for side in (states[:-1], states[1:])
+        for state, twist in zip(side, asked, strict=True)
     ]
     np.testing.assert_allclose(np.array(drive.motion), actual, rtol=0, atol=1e-12)
     made = [example.moved(state, row, PERIOD) for state, row in zip(states, inputs, strict=False)]
