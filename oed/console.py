@@ -127,10 +127,21 @@ def print_certificate(certificate: Mapping[str, Any]) -> None:
     console = Console(width=None if sys.stdout.isatty() else 120)
     lines = [f"no drive has an objective above {number(certificate['upper_bound'])}: {certificate['method']}"]
     lines += [f"  assumes {assumption}" for assumption in certificate["assumptions"]]
+    if not certificate["complete"]:
+        lines.append(f"  ended after {certificate['nodes']} nodes; more of them (--nodes) may lower it")
+    widened = certificate["widened"]
+    if widened is not None:
+        lines.append(
+            f"no drive that satisfies the limits within {percent(widened['tolerance'])} has one above "
+            f"{number(widened['upper_bound'])}"
+        )
     if certificate["gap"] is not None:
         loose = ", a loose bound" if certificate["loose"] else ""
+        exact = certificate["gap_to"] == certificate["upper_bound"]
+        satisfied = "exactly" if exact else f"within {percent(widened['tolerance'])}"
         lines.append(
-            f"best drive known here: {number(certificate['best'])}, gap {percent(certificate['gap'])}{loose}"
+            f"best drive known here: {number(certificate['best'])}, limits satisfied {satisfied}, "
+            f"gap {percent(certificate['gap'])} to the bound for such drives{loose}"
         )
     for cap in certificate["caps"][1:]:
         lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")

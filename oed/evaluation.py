@@ -360,9 +360,10 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     margins = [Margin("duration", spare, space.whole_duration, "s")]
     if problem.fixed_starts is not None:
         offset = np.abs(trajectory.starts - problem.fixed_starts).max()
-        margins.append(Margin("start", -float(offset), 1.0, "m or rad"))
+        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, "m or rad"))
     if space.rest_to_rest:
         ends = np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in trajectory.each])
         size = float(np.abs(problem.input_bounds).max())
-        margins.append(Margin("rest_to_rest", -float(np.abs(ends).max()), size, model.inputs[0].unit))
+        spare = problem.rest_spare - float(np.abs(ends).max())
+        margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))
     return margins

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -95,6 +95,8 @@ class Problem:
         prior: what is known of them beforehand.
         uncertainty: how far the robot may be from its nominal parameters; that of the prior if None.
         robust: how limits are kept all the same; by the nominal robot alone if None.
+        excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
+            `widened`.
 
     Raises:
         ProblemError: the parts do not fit together; every reason is listed.
@@ -110,6 +112,7 @@ class Problem:
     prior: Prior | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
+    excess: float = 0.0
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
@@ -139,12 +142,42 @@ class Problem:
     @cached_property
     def input_bounds(self) -> Array:
         """Bounds (inputs, 2) that the limits set on each input."""
+        return self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+
+    @cached_property
+    def rate_bounds(self) -> Array:
+        """Bounds (inputs, 2) that they set on each input's rate."""
+        return self._tightest([limit.rate_bounds(self.model) for limit in self.limits])
+
+    def _tightest(self, found: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
         bounds = np.tile([-np.inf, np.inf], (len(self.model.inputs), 1))
-        for limit in self.limits:
-            for name, (low, high) in limit.input_bounds(self.model).items():
+        for limit, own in zip(self.limits, found, strict=True):
+            if self.excess and own:
+                own = limit.widened_bounds(own, self.excess, limit.rows(self._any_drive).size)
+            for name, (low, high) in own.items():
                 row = bounds[self.model.input_names.index(name)]
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
+
+    def widened(self, share: float) -> Problem:
+        """The problem with every limit exceeded by at most `share` of its size, as a tolerance allows: for
+        evaluations and bounds, not for searches.
+
+        A drive keeps the limits within that tolerance if and only if it keeps these exactly. The same holds
+        for the duration, and for rest and starts.
+        """
+        longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
+        return replace(self, design=longer, excess=share)
+
+    @property
+    def rest_spare(self) -> float:
+        """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""
+        return self.excess * float(np.abs(self.input_bounds).max()) if self.excess else 0.0
+
+    @property
+    def start_spare(self) -> float:
+        """How far from its place a fixed start may be [m or rad]: a share of 1."""
+        return self.excess
 
     @cached_property
     def fixed_starts(self) -> Array | None:
@@ -167,9 +200,11 @@ class Problem:
     def limit_rows(self, drive: Drive) -> list[Rows]:
         """Every limit on a drive; of a robust problem with what is kept in reserve."""
         if self.robust is None:
-            return [limit.rows(drive) for limit in self.limits]
-        assert self.spread is not None
-        return robust_rows(self.limits, drive, self.spread, self.robust)
+            rows = [limit.rows(drive) for limit in self.limits]
+        else:
+            assert self.spread is not None
+            rows = robust_rows(self.limits, drive, self.spread, self.robust)
+        return [one.widened(self.excess) for one in rows] if self.excess else rows
 
     @cached_property
     def judged_robots(self) -> tuple[tuple[Array, Array], ...]:

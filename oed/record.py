@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from oed.bounds import Certificate
+from oed.bounds import LOOSE, Certificate, gap
 from oed.errors import FileFlaw, RecordError
-from oed.evaluation import Evaluation
+from oed.evaluation import TOLERANCE, Evaluation
 from oed.files import write_text
 from oed.solution import Solution, Start
 from oed.trajectory import Trajectory
@@ -210,28 +210,33 @@ def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any
 
 
 def certificate_data(
-    certificate: Certificate, best: float | None, drive: str | None, spline: float | None
+    certificate: Certificate, best: Evaluation | None, drive: str | None, spline: float | None
 ) -> dict[str, Any] | None:
     """A record's `certificate`; None where nothing is proved.
 
     Args:
         certificate: the bound.
-        best: largest objective of a feasible result.
+        best: the feasible result of largest objective. Its gap is to the exact bound where it satisfies the
+            limits exactly, else to that of the widened limits.
         drive: name of the result that the search for the bound came upon.
         spline: largest objective of a feasible result of a search over splines.
     """
     if not math.isfinite(certificate.upper_bound):
         return None
-    gap = None if best is None or best <= 0 else certificate.gap(best)
+    against = None if best is None else certificate.bound_on(best)
+    share = None if best is None or against is None or best.objective <= 0 else gap(against, best.objective)
     return {
         "upper_bound": certificate.upper_bound,
-        "gap": finite(gap),
+        "gap": finite(share),
         "method": certificate.method,
         "assumptions": list(certificate.assumptions),
         "multiplier": None if certificate.multiplier is None else np.asarray(certificate.multiplier).tolist(),
-        "loose": None if best is None else certificate.loose(best),
+        "widened": _widened_data(certificate.widened),
+        "gap_to": None if against is None else finite(against),
+        "loose": None if share is None else share > LOOSE,
         "complete": certificate.complete,
-        "best": best,
+        "nodes": certificate.nodes,
+        "best": None if best is None else best.objective,
         "drive": drive,
         "spline_objective": spline,
         "caps": [
@@ -239,6 +244,17 @@ def certificate_data(
             for cap in certificate.caps
         ],
         "wall_seconds": round(certificate.wall_seconds, 6),
+    }
+
+
+def _widened_data(widened: Certificate | None) -> dict[str, Any] | None:
+    if widened is None or not math.isfinite(widened.upper_bound):
+        return None
+    return {
+        "tolerance": TOLERANCE,
+        "upper_bound": widened.upper_bound,
+        "method": widened.method,
+        "assumptions": list(widened.assumptions),
     }
 
 

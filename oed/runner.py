@@ -225,19 +225,19 @@ def _file(solution: Solution) -> str:
 
 def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
     """A certificate with its gap to the best feasible of these solutions."""
-    samples = study.problem.design.samples
+    samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [
-        (one.evaluation.objective, one.kind)
+        (one.evaluation, one.kind)
         for one in solutions
         if one.evaluation is not None and one.evaluation.feasible
         if one.trajectory is not None and one.trajectory.samples == samples
     ]
     searched = {solver.model_fields["kind"].default for solver in SOLVERS}
-    splines = [objective for objective, kind in found if kind in searched]
+    splines = [evaluation.objective for evaluation, kind in found if kind in searched]
     return certificate_data(
         certificate,
-        max((objective for objective, _ in found), default=None),
+        max((evaluation for evaluation, _ in found), key=lambda one: one.objective, default=None),
         LATTICE if any(one.kind == LATTICE for one in solutions) else None,
         max(splines, default=None),
     )

@@ -24,20 +24,23 @@ def input_reach(problem: Problem) -> Array:
     largest = np.abs(problem.input_bounds).max(axis=1)
     reach = np.tile(largest, (space.samples, 1))
     if space.rest_to_rest:
-        times = (np.arange(space.samples) + 0.5) * space.period
-        spare = np.minimum(times, space.duration - times)
-        reach = np.minimum(reach, np.outer(spare, largest_rates(problem)))
+        periods = np.arange(space.samples)
+        times = space.period * np.minimum(periods, periods[::-1]) + first_moment(problem)
+        reach = np.minimum(reach, problem.rest_spare + np.outer(times, largest_rates(problem)))
     return np.asarray(reach)
+
+
+def first_moment(problem: Problem) -> float:
+    """How long after rest the input held in the first period is reached [s]: in the middle of the period, or
+    by one jump, which is limited as over a whole period.
+    """
+    space = problem.design
+    return space.period if space.spline.degree == 0 else space.period / 2
 
 
 def largest_rates(problem: Problem) -> Array:
     """Largest magnitude of each input's rate, (inputs,); infinite where nothing limits it."""
-    rates = np.full(len(problem.model.inputs), np.inf)
-    for limit in problem.limits:
-        for name, bounds in limit.rate_bounds(problem.model).items():
-            index = problem.model.input_names.index(name)
-            rates[index] = min(rates[index], float(np.abs(bounds).max()))
-    return rates
+    return np.asarray(np.abs(problem.rate_bounds).max(axis=1))
 
 
 def grip(problem: Problem) -> float | None:
@@ -88,7 +91,9 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
     found = workspace_of(problem.limits)
     if found is None:
         return None
-    x_min, x_max, y_min, y_max = found.extent
+    x_min, x_max, y_min, y_max = found.widened_extent(problem.excess)
+    if not np.isfinite(x_min):
+        return None
     own = problem.model.body_radius
     return x_min + own, x_max - own, y_min + own, y_max - own
 
@@ -96,7 +101,7 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
 def path_budget(problem: Problem) -> float | None:
     """How far the robot's origin may go [m]; None where nothing limits it."""
     found = [limit for limit in problem.limits if isinstance(limit, PathLength)]
-    return found[0].bounds if found else None
+    return (1 + problem.excess) * found[0].bounds if found else None
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:

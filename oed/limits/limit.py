@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -45,6 +45,11 @@ class Rows:
     size: float
     unit: str
 
+    def widened(self, share: float) -> Rows:
+        """The same, exceeded by at most `share` of the size."""
+        spare = share * self.size
+        return replace(self, lower=self.lower - spare, upper=self.upper + spare)
+
 
 class Limit(Component, ABC):
     """One named limit on a drive.
@@ -74,6 +79,18 @@ class Limit(Component, ABC):
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""
         return {}
+
+    def widened_bounds(
+        self, bounds: Mapping[str, tuple[float, float]], share: float, size: float
+    ) -> dict[str, tuple[float, float]]:
+        """Such bounds where the rows, of that size, are exceeded by at most `share` of it.
+
+        Right where the rows are the inputs (or rates) themselves in any unit, or grow faster than they do; a
+        limit whose rows grow more slowly says here how far its inputs get.
+        """
+        largest = max((abs(bound) for pair in bounds.values() for bound in pair), default=0.0)
+        spare = share * max(size, largest)
+        return {name: (low - spare, high + spare) for name, (low, high) in bounds.items()}
 
 
 class PathLimit(Limit, ABC):

@@ -160,6 +160,7 @@ class _Run:
     standing: float = -np.inf
     history: list[HistoryPoint] = field(default_factory=list)
     evaluations: int = 0
+    refused: set[bytes] = field(default_factory=set)
 
     def run(self) -> Solution:
         self.grid = Grid(self.problem, refine=REFINE)
@@ -194,25 +195,39 @@ class _Run:
                 return Status.TIME_LIMIT
             if options.evaluations is not None and self.evaluations >= options.evaluations:
                 break
+        if self.best is None:
+            self._keep_best(algorithm, last=True)
         return Status.SEARCHED
 
-    def _keep_best(self, algorithm: Any) -> None:
-        population, self.evaluations = algorithm.pop, int(algorithm.evaluator.n_eval)
-        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
-        order = [index for index in np.argsort(-values, kind="stable") if feasible[index]]
-        for index in order[:RESCORED]:
-            if values[index] <= self.standing:
+    def _keep_best(self, algorithm: Any, *, last: bool = False) -> None:
+        self.evaluations = int(algorithm.evaluator.n_eval)
+        for value, unknowns in self._fresh(algorithm.pop)[: None if last else RESCORED]:
+            if value <= self.standing:
                 return
-            unknowns = np.asarray(population[index].X, dtype=float)
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
             if evaluation.feasible:
-                self.standing = values[index]
-                if self.best is not None and evaluation.objective <= self.best[1].objective:
-                    return
-                self.best = (unknowns, evaluation)
-                seconds = time.perf_counter() - self.began
-                self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
+                self._keep(value, unknowns, evaluation)
                 return
+            self.refused.add(unknowns.tobytes())
+
+    def _fresh(self, population: Any) -> list[tuple[float, Array]]:
+        # Drives that keep the limits where the population is checked, the best first, but those that do not
+        # keep them between: surviving from generation to generation, they would be in the others' way.
+        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
+        drives = [
+            (float(values[index]), np.asarray(population[index].X, dtype=float))
+            for index in np.argsort(-values, kind="stable")
+            if feasible[index]
+        ]
+        return [pair for pair in drives if pair[1].tobytes() not in self.refused]
+
+    def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
+        self.standing = value
+        if self.best is not None and evaluation.objective <= self.best[1].objective:
+            return
+        self.best = (unknowns, evaluation)
+        seconds = time.perf_counter() - self.began
+        self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
 
     def _solution(self, status: Status) -> Solution:
         best = self.best

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,9 +26,15 @@ Array = npt.NDArray[np.float64]
 TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
 HOPELESS = 0.1
-"""Excess, as a share of a limit's size, that no tightening mends: the search has not found the inside."""
+"""Excess, as a share of a limit's size, that no tightening mends where Ipopt has not converged either: the
+search has not found the inside.
+"""
+NARROWEST = 0.6
+"""Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
+ROUNDING = 1e-9
+"""Share of the objective that a design must be better by to replace one found before (or after)."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -131,9 +137,22 @@ class LocalSearch:
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start."""
+        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
         floors = np.zeros(self._objective.floors.shape[0])
-        return self._tightened(self.program, unknowns, floors, self.grid.no_correction)
+        found = self._tightened(self.program, unknowns, floors, self.grid.no_correction)
+        better = self.met(unknowns, found.objective)
+        if better is None:
+            return found
+        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED)
+
+    def met(self, unknowns: Array, standing: float) -> Evaluation | None:
+        """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
+        value = float(self.design.objective(self.grid.matrices_of(unknowns, self.grid.no_correction)))
+        if not surely_better(value, standing):
+            return None
+        found = evaluate(self.problem, self.grid.trajectory(unknowns))
+        usable = found.feasible and not found.singular
+        return found if usable and surely_better(found.objective, standing) else None
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
@@ -147,22 +166,23 @@ class LocalSearch:
     def _tightened(self, program: Program, unknowns: Array, floors: Array, corrections: Array) -> Local:
         began = time.perf_counter()
         backoff = np.zeros(len(self.problem.limits))
-        outcomes: list[Outcome] = []
+        rounds: list[tuple[Outcome, Evaluation]] = []
         for _ in range(TIGHTENINGS):
             # Limits and corrections change little from round to round: each goes on from the one before.
-            after = outcomes[-1] if outcomes and outcomes[-1].succeeded else None
+            after = rounds[-1][0] if rounds and rounds[-1][0].succeeded else None
             outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
-            outcomes.append(outcome)
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+            rounds.append((outcome, evaluation))
             excess = self._excess(evaluation)
-            if excess.max() > HOPELESS or not (
-                excess.any() or self._misled(unknowns, corrections, evaluation)
-            ):
+            lost = excess.max() > HOPELESS and not outcome.succeeded
+            if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
                 break
-            backoff += 1.1 * excess
+            before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
+            if excess.any() and np.array_equal(before, backoff):
+                break
             corrections = self.grid.correction(unknowns)
-        return _judged(outcomes, evaluation, time.perf_counter() - began)
+        return _judged(rounds, time.perf_counter() - began)
 
     def solved(
         self,
@@ -210,21 +230,32 @@ class LocalSearch:
         return np.where(shares > TOLERANCE / 2, shares, 0.0)
 
 
-def _judged(outcomes: Sequence[Outcome], evaluation: Evaluation, seconds: float) -> Local:
-    last = outcomes[-1]
-    status = _STATUS.get(last.return_status, Status.FAILED)
-    found = evaluation.feasible and bool(np.isfinite(evaluation.objective))
+def surely_better(objective: float, standing: float) -> bool:
+    """Whether an objective is larger than another by more than rounding."""
+    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
+
+
+def _judged(rounds: Sequence[tuple[Outcome, Evaluation]], seconds: float) -> Local:
+    # The best of all rounds' ends, for the last one need not be; of equal ones the last.
+    chosen, standing = len(rounds) - 1, -np.inf
+    for place in range(len(rounds) - 1, -1, -1):
+        evaluation = rounds[place][1]
+        if evaluation.feasible and surely_better(evaluation.objective, standing):
+            chosen, standing = place, evaluation.objective
+    outcome, evaluation = rounds[chosen]
+    status = _STATUS.get(outcome.return_status, Status.FAILED)
+    found = bool(np.isfinite(standing))
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
-    elif status in (Status.INFEASIBLE, Status.FAILED):
-        # A feasible end is a design, whatever made Ipopt stop there.
+    elif status in (Status.INFEASIBLE, Status.FAILED) or chosen < len(rounds) - 1:
+        # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
         status = Status.ACCEPTABLE
     return Local(
-        last.unknowns,
+        outcome.unknowns,
         evaluation if found else None,
         status,
-        sum(outcome.iterations for outcome in outcomes),
-        sum(outcome.evaluations for outcome in outcomes),
+        sum(one.iterations for one, _ in rounds),
+        sum(one.evaluations for one, _ in rounds),
         seconds,
     )
 
