@@ -17,7 +17,7 @@ FLOORS: tuple[set[str], ...] = (
     {"spline", "quantities", "component", "expression", "errors", "files", "extras", "lazy"},
     {"models"},
     {"logs"},
-    {"trajectory", "rollout", "matrices"},
+    {"trajectory", "rollout", "matrices", "square_root"},
     {"measurements"},
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},

@@ -210,7 +210,7 @@ class _Search:
     def _note_history(self, result: Local) -> None:
         self.evaluations += result.evaluations
         risen = not self.history or result.objective > self.history[-1].objective
-        if result.evaluation is not None and risen:
+        if np.isfinite(result.objective) and risen:
             seconds = time.perf_counter() - self.began
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
@@ -237,11 +237,11 @@ class _Search:
                 continue
             # Better than rounding alone could make it: else the first one stays, on every machine.
             standing = -np.inf if self.best is None else self.best.objective
-            if result.objective > standing + ROUNDING * abs(result.objective):
+            if self.best is None or result.objective > standing + ROUNDING * abs(result.objective):
                 self.best = result
 
     def _note_stage(self, name: str) -> None:
-        if self.best is not None:
+        if self.best is not None and not self.best.useless:
             self.stages[name] = self.best.objective
 
     def _out_of_time(self) -> bool:
@@ -270,7 +270,7 @@ class _Search:
             if self.stopped is not None:
                 return self.stopped, NOTHING_YET
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
-        if self.best.singular:
+        if self.best.useless:
             return Status.SINGULAR, ""
         return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
 
@@ -285,5 +285,5 @@ class _Search:
 
 
 def _start(result: Local) -> Start:
-    reached = result.objective if result.evaluation is not None else None
+    reached = result.objective if np.isfinite(result.objective) else None
     return Start(reached, result.status, result.wall_seconds, result.iterations)

@@ -56,8 +56,13 @@ class Local:
 
     @property
     def singular(self) -> bool:
-        """Whether there is no design, or one that leaves parameters undetermined."""
+        """Whether there is no design, or one that leaves some combination of parameters undetermined."""
         return self.evaluation is None or self.evaluation.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether there is no design, or one that does not tell what the criterion asks about."""
+        return self.evaluation is None or not self.evaluation.identifiable
 
     @property
     def objective(self) -> float:
@@ -213,7 +218,8 @@ class LocalSearch:
 def _judged(outcomes: Sequence[Outcome], evaluation: Evaluation, seconds: float) -> Local:
     last = outcomes[-1]
     status = _STATUS.get(last.return_status, Status.FAILED)
-    found = evaluation.feasible and bool(np.isfinite(evaluation.objective))
+    # One that does not tell what is asked for is a design, if of no use: the search says so in the end.
+    found = evaluation.feasible and (bool(np.isfinite(evaluation.objective)) or not evaluation.identifiable)
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
     elif status in (Status.INFEASIBLE, Status.FAILED):
