@@ -19,18 +19,13 @@ from oed.between import most_exceeded, near
 from oed.limits.limit import Limit, PathLimit, Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
+from oed.square_root import SquareRoot
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
-
-ROUNDING = 1e-11
-"""Share of what is told of parameters alone, below which what is told of a combination is rounding."""
-
-SINGULAR = 1e-9
-"""Share of lambda_max below which lambda_min counts as 0."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +76,13 @@ class Evaluation:
         path_length: of the robot's origin [m].
         margins: of every limit, at all times; of a robust problem less what is kept in reserve.
         design_matrices: W of each block by name.
-        information: F of each block by name, on the parameters the criterion judges, in its scaling.
-        covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
-            is told; {} without noise.
-        full_information: F of each block's estimated parameters, SI.
-        alone: what F would tell of each, were all else known, (p,), SI.
-        parameters: their names by block.
+        square_roots: information of each block by name, on the parameters the criterion judges, in its
+            scaling; of the nominal robot.
+        full_square_roots: the same of each block's estimated parameters, SI.
+        identifiable: whether all is that the criterion asks about.
+        covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
+            not identifiable; {} without noise.
+        parameters: the estimated parameters' names by block.
         poses: at the samples, (N + runs, states), run by run.
         path: on the fine grid, (10 N + runs, states).
     """
@@ -99,13 +95,23 @@ class Evaluation:
     path_length: float
     margins: tuple[Margin, ...]
     design_matrices: Mapping[str, Array]
-    information: Mapping[str, Array]
+    square_roots: Mapping[str, SquareRoot]
+    full_square_roots: Mapping[str, SquareRoot]
+    identifiable: bool
     covariances: Mapping[str, Array]
-    full_information: Mapping[str, Array]
-    alone: Mapping[str, Array]
     parameters: Mapping[str, tuple[str, ...]]
     poses: Array
     path: Array
+
+    @cached_property
+    def information(self) -> Mapping[str, Array]:
+        """F of each block by name, on the parameters the criterion judges, in its scaling."""
+        return {name: root.matrix for name, root in self.square_roots.items()}
+
+    @cached_property
+    def full_information(self) -> Mapping[str, Array]:
+        """F of each block's estimated parameters, SI."""
+        return {name: root.matrix for name, root in self.full_square_roots.items()}
 
     @property
     def smallest_singular_value(self) -> float:
@@ -121,8 +127,7 @@ class Evaluation:
     @property
     def log_determinant(self) -> float:
         """Log det of the information, all blocks together; minus infinity for a singular design."""
-        signs, logs = zip(*(np.linalg.slogdet(matrix) for matrix in self.information.values()), strict=True)
-        return float(np.sum(logs)) if min(signs) > 0 else -np.inf
+        return float(sum(root.log_determinant for root in self.square_roots.values()))
 
     @property
     def standard_deviations(self) -> dict[str, float]:
@@ -135,8 +140,8 @@ class Evaluation:
 
     @property
     def singular(self) -> bool:
-        """Whether some combination of parameters is left undetermined, to rounding."""
-        return self.lambda_min <= SINGULAR * self.lambda_max
+        """Whether some combination of the parameters that the criterion judges is not identifiable."""
+        return not all(root.complete for root in self.square_roots.values())
 
     @property
     def feasible(self) -> bool:
@@ -241,11 +246,10 @@ class _Scorer:
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
             [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
-            [one.block.design_matrix for one in self.estimations],
+            # Of sensors the jacobian's first columns: they are not asked for twice.
+            [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
-            [one.matrix for one in self.estimations],
-            [one.full for one in self.estimations],
-            [one.alone for one in self.estimations],
+            [one.block.jacobian for one in self.estimations],
             [rows.expression for rows in self.rows],
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
@@ -254,32 +258,50 @@ class _Scorer:
         self._symbols = symbols[:4]
 
     @cached_property
-    def _judged(self) -> ca.Function:
+    def _jacobians(self) -> ca.Function:
         # Of any robot; only where others than the nominal one count.
-        return ca.Function("judged", self._symbols, [one.matrix for one in self.estimations])
+        return ca.Function("jacobians", self._symbols, [one.block.jacobian for one in self.estimations])
 
-    def objective(self, trajectory: Trajectory, matrices: Sequence[Array]) -> float:
-        """The criterion of the nominal robot's information, or of all robots that count."""
-        problem, values = self.problem, []
+    def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
+        """What the criterion sees of every robot that is judged."""
+        problem, found = self.problem, list[Sequence[SquareRoot]]()
         if problem.robust is None or problem.robust.objective == "nominal":
-            return float(problem.objective.value(matrices))
+            return [roots]
         for parameters, shift in problem.judged_robots:
-            found = self._judged.call(
+            jacobians = self._jacobians.call(
                 [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
             )
-            values.append(problem.objective.value([np.array(matrix) for matrix in found]))
-        return float(problem.together(values))
+            found.append(self._square_roots([np.array(each) for each in jacobians])[0])
+        return found
+
+    def _square_roots(self, jacobians: Sequence[Array]) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
+        # What the criterion sees of each block, and of all its estimated parameters.
+        seen, full = zip(
+            *(one.square_roots(each) for one, each in zip(self.estimations, jacobians, strict=True)),
+            strict=True,
+        )
+        return seen, full
+
+    def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
+        own = iter(regressors)
+        return [
+            next(own) if one.block.raw else jacobian[:, : len(one.block.parameters)]
+            for one, jacobian in zip(self.estimations, jacobians, strict=True)
+        ]
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem, drive = self.problem, trajectory
         results = self.function(drive.inputs, drive.starts, problem.robot.nominal, drive.period, *extremes)
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path, speeds), designs, responses, matrices, full, alone, limits = groups
-        eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
+        (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
+        designs = self._designs(regressors, jacobians)
+        roots, full = self._square_roots(jacobians)
+        robots, criterion = self._robots(trajectory, roots), problem.objective
+        # Of the paper's regressors W is what it is, of sensors what is left of it.
         singular = [
-            np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
-            for one, design, values in zip(self.estimations, designs, eigenvalues, strict=True)
+            (SquareRoot.of_rows(design) if one.block.raw else root).singular_values
+            for one, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
         margins = [
@@ -287,22 +309,22 @@ class _Scorer:
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
-            objective=self.objective(trajectory, matrices),
-            lambda_min=float(np.min(np.concatenate(eigenvalues))),
-            lambda_max=float(np.max(np.concatenate(eigenvalues))),
+            objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
+            lambda_min=float(min(root.smallest for root in roots)),
+            lambda_max=float(max(root.largest for root in roots)),
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
             margins=(*margins, *_conditions(problem, trajectory)),
             design_matrices=dict(zip(names, designs, strict=True)),
-            information=dict(zip(names, matrices, strict=True)),
+            square_roots=dict(zip(names, roots, strict=True)),
+            full_square_roots=dict(zip(names, full, strict=True)),
+            identifiable=all(bool(criterion.identifiable(own)) for own in robots),
             covariances={
-                one.block.name: _covariance(matrix, single.ravel())
-                for one, matrix, single in zip(self.estimations, full, alone, strict=True)
+                one.block.name: root.covariance
+                for one, root in zip(self.estimations, full, strict=True)
                 if one.noisy
             },
-            full_information=dict(zip(names, full, strict=True)),
-            alone={name: single.ravel() for name, single in zip(names, alone, strict=True)},
             parameters={one.block.name: one.parameters for one in self.estimations},
             poses=poses,
             path=path,
@@ -312,32 +334,6 @@ class _Scorer:
 @lru_cache(maxsize=64)
 def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int) -> _Scorer:
     return _Scorer(problem, samples, runs, values, rates, jerks)
-
-
-def _covariance(matrix: Array, alone: Array) -> Array:
-    # F^-1, with infinite variances for parameters that a direction without information touches.
-    told, eigenvalues, vectors, scale = told_directions(matrix, alone)
-    inverse = np.where(told, 1.0 / np.where(told, eigenvalues, 1.0), 0.0)
-    covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
-    untold = (np.abs(vectors[:, ~told]) > np.sqrt(ROUNDING)).any(axis=1)
-    covariance[untold, :] = covariance[:, untold] = np.nan
-    covariance[untold, untold] = np.inf
-    return np.asarray(covariance)
-
-
-def told_directions(matrix: Array, alone: Array) -> tuple[npt.NDArray[np.bool_], Array, Array, Array]:
-    """Which combinations of parameters an information matrix tells, to rounding.
-
-    Args:
-        matrix: F (p, p).
-        alone: what it would tell of each parameter, were all else known, (p,): the measure of rounding.
-
-    Returns:
-        Whether each is told, its eigenvalue, the combinations (columns) in units of the last: (p,).
-    """
-    scale = np.sqrt(np.where(alone > 0, alone, 1.0))
-    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return eigenvalues > ROUNDING, eigenvalues, vectors, scale
 
 
 def _margin(

@@ -14,7 +14,14 @@ import numpy.typing as npt
 from oed.criteria import Criterion, Subject
 from oed.errors import Flaw, ProblemError
 from oed.expression import Expression
-from oed.information import information, scale_factors, scaling_flaws
+from oed.information import (
+    Scaling,
+    information,
+    scale_factors,
+    scaling_flaws,
+    square_root,
+    weights_of,
+)
 from oed.limits.limit import Limit, Rows
 from oed.measurements.measurement import Block, Measurement
 from oed.models.coefficient_robot import CoefficientRobot
@@ -22,6 +29,7 @@ from oed.models.model import Model
 from oed.prior import Prior
 from oed.robust import Robust, robust_rows
 from oed.rollout import Drive, roll_out
+from oed.square_root import SquareRoot
 from oed.trajectory import DesignSpace
 from oed.uncertainty import Spread, Uncertainty, spread_of
 
@@ -36,32 +44,40 @@ class Estimation:
         block: the readings.
         parameters: those estimated, those of the criterion's interest first.
         judged: the latter alone.
-        scales: of the judged parameters, SI.
-        matrix: information on the judged parameters, scaled, all else eliminated: what the criterion sees.
+        scaling: of the criterion.
         prior: information on all estimated parameters had beforehand, SI, or None.
     """
 
     block: Block
     parameters: tuple[str, ...]
     judged: tuple[str, ...]
-    scales: Array
-    matrix: Expression
+    scaling: Scaling
     prior: Array | None
 
-    @cached_property
-    def full(self) -> Expression:
-        """Information on all estimated parameters, SI (per unit of noise where that is not known)."""
-        ones = dict.fromkeys(self.parameters, 1.0)
-        return information(self.block, ones, parameters=self.parameters, prior=self.prior)
+    @property
+    def scales(self) -> Array:
+        """Of the judged parameters, SI."""
+        return scale_factors(self.block, self.scaling, self.judged)
 
     @cached_property
-    def alone(self) -> Expression:
-        """Information on each of them (p,), were all else known."""
-        ones = dict.fromkeys(self.parameters, 1.0)
-        known = information(
-            self.block, ones, parameters=self.parameters, prior=self.prior, known_nuisances=True
+    def matrix(self) -> Expression:
+        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
+        return information(
+            self.block,
+            self.scaling,
+            parameters=self.judged,
+            unwanted=self.parameters[len(self.judged) :],
+            prior=self.prior,
         )
-        return ca.diag(known)
+
+    def square_roots(self, jacobian: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Information of a drive with these values of the block's jacobian: what `matrix` is of it, and F on
+        all estimated parameters, SI (per unit of noise where that is not known).
+        """
+        block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
+        full = square_root(block, jacobian, self.parameters, prior=self.prior)
+        seen = square_root(block, jacobian, judged, others, self.prior) if others else full
+        return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property
     def noisy(self) -> bool:
@@ -261,8 +277,7 @@ class Problem:
             block=block,
             parameters=names,
             judged=judged,
-            scales=scale_factors(block, scaling, judged),
-            matrix=information(block, scaling, parameters=judged, unwanted=others, prior=prior),
+            scaling=scaling,
             prior=prior,
         )
 

@@ -148,6 +148,8 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
         )
         return {
             "feasible": False,
+            "identifiable": False,
+            "singular": True,
             "violations": {},
             **dict.fromkeys(numbers),
             "singular_values": [],
@@ -157,6 +159,8 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
         }
     return {
         "feasible": evaluation.feasible,
+        "identifiable": evaluation.identifiable,
+        "singular": evaluation.singular,
         "violations": evaluation.violations,
         "objective": finite(evaluation.objective),
         "lambda_min": finite(evaluation.lambda_min),

@@ -209,9 +209,9 @@ def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -
     for name, criterion in judges.items():
         own = study.problem.criterion
         same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
-        # The same matrices serve every criterion that sees the parameters alike.
+        # The same information serves every criterion that sees the parameters alike.
         value = (
-            float(problem.told(criterion).value(list(evaluation.information.values())))
+            float(problem.told(criterion).judge(list(evaluation.square_roots.values())))
             if same
             else evaluate(replace(problem, criterion=criterion), trajectory).objective
         )

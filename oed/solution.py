@@ -52,7 +52,7 @@ _SENTENCES = {
     "is returned; nothing says that it is an optimum: try more starts or another seed.",
     Status.SCORED: "Scored as given; nothing was optimised.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
-    Status.SINGULAR: "No drive found tells all parameters apart; "
+    Status.SINGULAR: "No drive found tells all parameters apart that the criterion asks about; "
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
 }

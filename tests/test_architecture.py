@@ -17,7 +17,7 @@ FLOORS: tuple[set[str], ...] = (
     {"spline", "quantities", "component", "expression", "errors", "files", "extras", "lazy"},
     {"models"},
     {"logs"},
-    {"trajectory", "rollout", "matrices", "enclosures"},
+    {"trajectory", "rollout", "matrices", "square_root", "enclosures"},
     {"measurements"},
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},

@@ -18,9 +18,9 @@ from oed.calibration.starts import first_starts, further_starts
 from oed.calibration.unknowns import Unknowns
 from oed.estimators import Loss
 from oed.estimators.nonlinear import robust_loss
-from oed.evaluation import told_directions
 from oed.models.model import Integration
 from oed.segments import SegmentReadings
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
@@ -138,9 +138,8 @@ class _State:
 
 def inverse_of_told(matrix: Array) -> Array:
     """The inverse of an information matrix on what it tells; 0 in directions that it does not."""
-    told, eigenvalues, vectors, scale = told_directions(matrix, np.diag(matrix))
-    inverse = np.where(told, 1 / np.where(told, eigenvalues, 1.0), 0.0)
-    return np.asarray((vectors * inverse) @ vectors.T / np.outer(scale, scale))
+    factor = SquareRoot.of_matrix(matrix).factor
+    return np.asarray(factor @ factor.T)
 
 
 def inverse_of_sum(information: Array, known: Array) -> Array:

@@ -257,7 +257,7 @@ class _Run:
             detail = NOTHING_YET if best is None else BEST_YET
         elif best is None:
             status = Status.FAILED
-        if best is not None and best[1].singular:
+        if best is not None and not best[1].identifiable:
             status, best = Status.SINGULAR, None
         return Solution(
             name=self.options.label,

@@ -20,7 +20,6 @@ from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.solvers.conflict import describe_conflict
-from oed.solvers.local import ROUNDING as ROUNDING
 from oed.solvers.local import Local, Settings, local_search, surely_better
 from oed.solvers.parallel import Workers, run_tasks
 from oed.solvers.solver import Context, Solver
@@ -227,7 +226,7 @@ class _Search:
     def _note_history(self, result: Local) -> None:
         self.evaluations += result.evaluations
         risen = not self.history or result.objective > self.history[-1].objective
-        if result.evaluation is not None and risen:
+        if np.isfinite(result.objective) and risen:
             seconds = time.perf_counter() - self.began
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
@@ -257,7 +256,7 @@ class _Search:
                 self.best = result
 
     def _note_stage(self, name: str) -> None:
-        if self.best is not None:
+        if self.best is not None and not self.best.useless:
             self.stages[name] = self.best.objective
 
     def _out_of_time(self) -> bool:
@@ -286,7 +285,7 @@ class _Search:
             if self.stopped is not None:
                 return self.stopped, NOTHING_YET
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
-        if self.best.singular:
+        if self.best.useless:
             return Status.SINGULAR, ""
         return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
 
@@ -301,5 +300,5 @@ class _Search:
 
 
 def _start(result: Local) -> Start:
-    reached = result.objective if result.evaluation is not None else None
+    reached = result.objective if np.isfinite(result.objective) else None
     return Start(reached, result.status, result.wall_seconds, result.iterations)

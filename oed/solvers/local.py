@@ -70,8 +70,13 @@ class Local:
 
     @property
     def singular(self) -> bool:
-        """Whether there is no design, or one that leaves parameters undetermined."""
+        """Whether there is no design, or one that leaves some combination of parameters undetermined."""
         return self.evaluation is None or self.evaluation.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether there is no design, or one that does not tell what the criterion asks about."""
+        return self.evaluation is None or not self.evaluation.identifiable
 
     @property
     def objective(self) -> float:
@@ -168,7 +173,7 @@ class LocalSearch:
         if not surely_better(value, standing):
             return None
         found = evaluate(self.problem, self.grid.trajectory(unknowns))
-        usable = found.feasible and not found.singular
+        usable = found.feasible and found.identifiable
         return found if usable and surely_better(found.objective, standing) else None
 
     def settle(self, unknowns: Array, share: float) -> Local:
@@ -266,7 +271,8 @@ def surely_better(objective: float, standing: float) -> bool:
 
 
 def _judged(rounds: Sequence[Round], seconds: float) -> Local:
-    # The best of all rounds' ends, for the last one need not be; of equal ones the last.
+    # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
+    # tell what is asked for is a design, if of no use: the search says so in the end.
     chosen, standing = len(rounds) - 1, -np.inf
     for place in range(len(rounds) - 1, -1, -1):
         evaluation = rounds[place][1]
@@ -274,7 +280,7 @@ def _judged(rounds: Sequence[Round], seconds: float) -> Local:
             chosen, standing = place, evaluation.objective
     outcome, evaluation = rounds[chosen]
     status = _STATUS.get(outcome.return_status, Status.FAILED)
-    found = bool(np.isfinite(standing))
+    found = evaluation.feasible and (bool(np.isfinite(standing)) or not evaluation.identifiable)
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
     elif status in (Status.INFEASIBLE, Status.FAILED) or chosen < len(rounds) - 1:
