@@ -12,6 +12,7 @@ import pytest
 from builders import SPEED, make_problem
 
 import oed
+from oed.cli import main
 from oed.errors import StudyError
 from oed.models import PythonRobot
 
@@ -63,6 +64,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delitem(sys.modules, "my_robots", raising=False)
     yield tmp_path
     sys.modules.pop("my_robots", None)
+
+
+def gains_of(study: oed.Study) -> list[float]:
+    return study.problem.model.nominal
 
 
 def load(folder: Path, place: str = "my_robots:Unicycle", **changes: str) -> oed.Study:
@@ -164,3 +169,98 @@ def test_equal_robots_are_equal(folder: Path):
     assert one == same
     assert hash(one) == hash(same)
     assert one != other
+
+
+class TestTwoFolders:
+    """Modules of one name in two folders are two modules."""
+
+    @pytest.fixture
+    def other(self, folder: Path) -> Path:
+        place = folder / "other"
+        place.mkdir()
+        (place / "my_robots.py").write_text(MODULE.replace('turning_gain", 0.5', 'turning_gain", 0.7'))
+        return place
+
+    def test_each_study_has_the_class_beside_it(self, folder: Path, other: Path):
+        assert [gains_of(load(place)) for place in (folder, other, folder)] == [
+            [0.9, 0.5],
+            [0.9, 0.7],
+            [0.9, 0.5],
+        ]
+
+    def test_check_reads_each_of_them(self, folder: Path, other: Path, capsys: pytest.CaptureFixture[str]):
+        load(folder)
+        load(other)
+        (other / "my_robots.py").write_text(MODULE.replace("class Unicycle", "class Bicycle"))
+        assert main(["check", str(folder / "study.yaml"), str(other / "study.yaml")]) == 2
+        told = capsys.readouterr()
+        assert f"{other / 'study.yaml'}:4" in told.err
+        assert "my_robots has no Unicycle" in told.err
+
+    def test_a_module_of_that_name_that_is_already_there_is_not_taken(self, folder: Path, other: Path):
+        sys.path.insert(0, str(other))
+        import my_robots
+
+        assert my_robots.Unicycle().nominal == [1.0, 0.7]
+        assert gains_of(load(folder)) == [0.9, 0.5]
+
+    def test_nothing_is_left_on_pythons_path(self, folder: Path):
+        before = list(sys.path)
+        load(folder)
+        assert sys.path == before
+        assert "my_robots" not in sys.modules
+
+    @pytest.mark.parametrize("line", ["from sizes import TURNING", "from .sizes import TURNING"])
+    def test_what_they_import_stands_beside_each(self, folder: Path, other: Path, line: str):
+        for place, size in ((folder, 0.3), (other, 0.4)):
+            (place / "sizes.py").write_text(f"TURNING = {size}")
+            text = MODULE.replace("import casadi", f"{line}\nimport casadi").replace("0.5, ", "TURNING, ")
+            (place / "my_robots.py").write_text(text)
+        assert [gains_of(load(place))[1] for place in (folder, other)] == [0.3, 0.4]
+
+    def test_what_they_import_late_stands_beside_each(self, folder: Path, other: Path):
+        for place, size in ((folder, 0.3), (other, 0.4)):
+            (place / "sizes").mkdir()
+            (place / "sizes" / "__init__.py").write_text("from sizes.all import TURNING")
+            (place / "sizes" / "all.py").write_text(f"TURNING = {size}")
+            text = MODULE.replace("        return (oed.P", "        import sizes.all\n        return (oed.P")
+            (place / "my_robots.py").write_text(text.replace("0.5, ", "sizes.all.TURNING, "))
+        assert [gains_of(load(place))[1] for place in (folder, other)] == [0.3, 0.4]
+
+
+def test_a_module_that_has_changed_is_read_again(folder: Path):
+    before = load(folder).problem.model
+    # As long as before and within the same second.
+    (folder / "my_robots.py").write_text(MODULE.replace("0.5, ", "0.6, "))
+    after = load(folder).problem.model
+    assert (before.nominal[1], after.nominal[1]) == (0.5, 0.6)
+    assert before != after
+
+
+def test_a_module_that_is_as_it_was_is_one_module(folder: Path):
+    first, again = (load(folder).problem.model for _ in range(2))
+    assert type(first.robot) is type(again.robot)
+
+
+def test_a_module_in_a_folder_below(folder: Path):
+    (folder / "robots").mkdir()
+    (folder / "my_robots.py").rename(folder / "robots" / "mine.py")
+    assert gains_of(load(folder, "robots.mine:Unicycle")) == [0.9, 0.5]
+
+
+def test_an_installed_module_needs_no_file_beside_the_study(folder: Path):
+    study = load(
+        folder,
+        "oed.models.offset_drive:OffsetDrive",
+        **{"gain: 0.9": "wheel_radius: 5 cm\n  track: 20 cm"},
+    )
+    assert study.problem.model.robot.track == 0.2
+
+
+def test_a_module_that_ends_the_program_does_not_end_the_check_as_if_all_were_well(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    load(folder)
+    (folder / "my_robots.py").write_text("import sys\nsys.exit(0)")
+    assert main(["check", str(folder / "study.yaml")]) == 2
+    assert "my_robots cannot be imported: SystemExit: 0" in capsys.readouterr().err
