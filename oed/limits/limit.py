@@ -18,7 +18,7 @@ from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.models.model import Model
-from oed.quantities import parse_quantity
+from oed.quantities import counts_as_zero, parse_quantity
 from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
@@ -126,7 +126,9 @@ class TwoSided:
             high = parse_quantity(value, self.si)
             low = -high
             if high <= 0:
-                raise ValueError(f"expected a positive limit (or [min, max]), got {value!r}")
+                raise ValueError(
+                    f"expected a positive limit (or [min, max]), got {value!r}{counts_as_zero(value)}"
+                )
         if not low < high:
             raise ValueError(f"expected min below max, got {value!r}")
         return low, high
