@@ -106,7 +106,7 @@ class PythonRobot(Model):
         """The robot's own."""
         return self.robot.twist(inputs, parameters)
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, other: Any) -> bool:
         """By the robot that is made: its class may have changed since."""
         return isinstance(other, PythonRobot) and super().__eq__(other) and self.robot == other.robot
 
