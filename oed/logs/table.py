@@ -148,7 +148,8 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
         LogError: no such file, not text, or nothing in it.
     """
     texts = _lines(file)
-    kept = [index for index, text in enumerate(texts) if _is_row(text)]
+    # Most lines begin with a digit, which is enough to tell that they are rows.
+    kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
     if not kept:
         raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows")])
     rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
