@@ -91,10 +91,10 @@ def _evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
     found = [np.empty(function.nnz_out(index)) for index in range(function.n_out())]
     for index, one in enumerate(given):
         assert len(one) == function.nnz_in(index)
-        buffer.set_arg(index, memoryview(one))
+        buffer.set_arg(index, one.data)
     for index, one in enumerate(found):
         assert len(one) == function.numel_out(index)
-        buffer.set_res(index, memoryview(one))
+        buffer.set_res(index, one.data)
     call()
     return found
 

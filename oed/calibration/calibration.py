@@ -28,7 +28,7 @@ from oed.calibration.options import CalibrationOptions
 from oed.calibration.ready import ReadyLogs, ready
 from oed.calibration.segmenting import Segmenting
 from oed.calibration.stated import stated_noise
-from oed.calibration.thinning import thinned
+from oed.calibration.thinning import thinned, thinning_notes
 from oed.calibration.untold import untold
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.logs.log import Log
@@ -182,7 +182,8 @@ class _Work:
             raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
         self.told("fitting")
         fitted = self._fitting.fitted(found)
-        segmenting, fit, notes = fitted.segmenting, fitted.fit, list(fitted.notes)
+        segmenting, fit = fitted.segmenting, fitted.fit
+        notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         self.told("error bars")
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):

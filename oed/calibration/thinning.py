@@ -26,6 +26,8 @@ BRIEF = 0.02
 of its radius: 2e-5 at 1 rad/s."""
 SHORTEST_LOG = 50
 """Poses that every log keeps at least when they are averaged."""
+AVERAGED, SAMPLED = "averaged_poses", "sampled_poses"
+"""Findings in a log."""
 PIECES, LEAST = 10, 500
 """Pieces of a log that are used where not all of it is, and poses that each of them has at least."""
 
@@ -38,6 +40,15 @@ def thinned(logs: Sequence[Log], most: int = MOST) -> tuple[Log, ...]:
         logs = [_averaged(log, each) for log in logs]
     share = most / _poses(logs)
     return tuple(logs) if share >= 1 else tuple(_sampled(log, share) for log in logs)
+
+
+def thinning_notes(before: Sequence[Log], after: Sequence[Log]) -> list[str]:
+    """What was done to logs all together, in words; [] where nothing was."""
+    count, left, each = _poses(before), _poses(after), after[0].averaged
+    sampled = any(finding.name == SAMPLED for log in after for finding in log.findings)
+    done = [f"averaged {each} at a time"] if each > 1 else []
+    done += [f"{left} kept in pieces spread over the logs, the others left out"] if sampled else []
+    return [f"{count} poses are more than a fit takes in reasonable time: {', '.join(done)}"] if done else []
 
 
 def _poses(logs: Sequence[Log]) -> int:
@@ -56,7 +67,7 @@ def _averaged(log: Log, each: int) -> Log:
     count = len(log.pose_times)
     text = f"{count} poses are averaged, {each} at a time: noise and residuals are those of the means"
     times, poses = log.pose_times[rows].mean(axis=1), log.poses[rows].mean(axis=1)
-    return replace(log, pose_times=times, poses=poses, averaged=each).found("averaged_poses", text)
+    return replace(log, pose_times=times, poses=poses, averaged=each).found(AVERAGED, text)
 
 
 def _groups(log: Log, each: int) -> Indices:
@@ -82,4 +93,4 @@ def _sampled(log: Log, share: float) -> Log:
     holes = np.diff(log.pose_times[rows])[np.diff(rows) > 1]
     gap = log.gap if log.gap is None or not len(holes) else min(log.gap, float(holes.min()) / 2)
     sampled = replace(log, pose_times=log.pose_times[rows], poses=log.poses[rows], gap=gap)
-    return sampled.found("sampled_poses", text)
+    return sampled.found(SAMPLED, text)
