@@ -63,6 +63,12 @@ class Limit(Component, ABC):
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
+        speed, yaw rate.
+        """
+        return {}
+
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""
         return {}

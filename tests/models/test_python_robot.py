@@ -14,6 +14,8 @@ from builders import SPEED, make_problem
 import oed
 from oed.cli import main
 from oed.errors import StudyError
+from oed.limits import YawRate
+from oed.limits.implied import implied_bounds
 from oed.models import PythonRobot
 
 MODULE = '''
@@ -145,6 +147,97 @@ def test_mistakes_are_named_with_their_line(folder: Path, place: str, changes: d
     (flaw,) = caught.value.flaws
     assert flaw.line in (4, 5, 6)
     assert words in flaw.message
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        ("ca.vertcat(inputs[0], inputs[1])", r"expected a twist \(3, 1\): .*got one of shape \(2, 1\)"),
+        ("ca.horzcat(inputs[0], 0, inputs[1])", r"got one of shape \(1, 3\)"),
+        ("inputs[7]", "its twist cannot be made: "),
+        ("'fast'", "its twist cannot be made: "),
+        ("1 / 0", "its twist cannot be made: ZeroDivisionError"),
+    ],
+)
+def test_a_twist_that_is_none(folder: Path, new: str, words: str):
+    text = MODULE.replace("ca.vertcat(parameters[0] * inputs[0], 0, parameters[1] * inputs[1])", new)
+    (folder / "my_robots.py").write_text(text)
+    with pytest.raises(StudyError, match=words) as caught:
+        load(folder)
+    assert caught.value.flaws[0].key == "robot"
+
+
+VELOCITIES = MODULE.replace('"wheel_speed", "wheel_speed", "rad/s"', '"v", "speed", "m/s"').replace(
+    '"spin", "wheel_speed", "rad/s"', '"w", "yaw_rate", "rad/s"'
+)
+
+
+class TestVelocityCommands:
+    """A robot that is told how fast to drive and turn, bounded by how fast it may."""
+
+    def load(self, folder: Path, limits: str) -> oed.Study:
+        (folder / "my_robots.py").write_text(VELOCITIES)
+        return load(folder, **{"wheel_speed: 1 rad/s": limits})
+
+    def test_limits_on_the_motion_bound_them(self, folder: Path):
+        problem = self.load(folder, "body_speed: [-0.1 m/s, 0.45 m/s], yaw_rate: 1 rad/s").problem
+        # At the nominal gains of 0.9 and 0.5.
+        expected = [[-0.1 / 0.9, 0.5], [-2.0, 2.0]]
+        np.testing.assert_allclose(problem.input_bounds, expected, rtol=1e-8)
+        low, high = np.abs(problem.input_bounds.T) - np.abs(np.transpose(expected))
+        assert (low >= 0).all()
+        assert (high >= 0).all()
+
+    def test_a_drive_is_found_that_keeps_them(self, folder: Path):
+        study = self.load(folder, "body_speed: 0.4 m/s, yaw_rate: 1 rad/s")
+        found = oed.solve(study.problem, study.solvers[0], seed=1, workers=1)
+        assert found.evaluation.feasible
+        assert oed.bound(study.problem).upper_bound >= found.evaluation.objective
+
+    @pytest.mark.parametrize(
+        ("limits", "told"),
+        [
+            ("body_speed: 1 m/s", ["w; add yaw_rate"]),
+            ("yaw_rate: 1 rad/s", ["v; add body_speed"]),
+            ("path_length: 3 m", ["v; add body_speed", "w; add yaw_rate"]),
+        ],
+    )
+    def test_what_nothing_bounds_is_said_with_what_would(self, folder: Path, limits: str, told: list[str]):
+        with pytest.raises(StudyError) as caught:
+            self.load(folder, limits)
+        messages = [flaw.message for flaw in caught.value.flaws]
+        assert messages == [f"nothing bounds {one}, without which no design is best" for one in told]
+
+    def test_motion_that_is_not_linear_is_said_to_bound_nothing(self, folder: Path):
+        (folder / "my_robots.py").write_text(
+            VELOCITIES.replace("parameters[0] * inputs[0]", "inputs[0] ** 3")
+        )
+        with pytest.raises(
+            StudyError, match="nothing bounds v; body_speed does not, for the motion does not"
+        ):
+            load(folder, **{"wheel_speed: 1 rad/s": "body_speed: 1 m/s, yaw_rate: 1 rad/s"})
+
+
+def test_limits_on_the_motion_bound_wheels_as_well():
+    wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
+    limits = (oed.BodySpeed(bounds=0.5), YawRate(bounds=2.0))
+    problem = make_problem(model=wheels, limits=limits)
+    # Driving as fast as allowed while turning as fast as allowed: (0.5 + 0.1 * 2) / 0.05.
+    np.testing.assert_allclose(problem.input_bounds, [[-14, 14]] * 2, rtol=1e-8)
+
+
+def test_one_wheels_bound_helps_to_bound_the_other():
+    own = oed.WheelSpeed(each={"wheel_speed_right": (-4, 6), "wheel_speed_left": (-1e6, 1e6)})
+    known = np.array([[-4.0, 6.0], [-np.inf, np.inf]])
+    wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
+    found = implied_bounds(wheels, (YawRate(bounds=1.0), own), known)
+    np.testing.assert_allclose(found, [[-4, 6], [-8, 10]], rtol=1e-8)
+
+
+def test_what_is_not_linear_bounds_nothing():
+    car = oed.Ackermann(wheel_radius=0.05, wheelbase=0.3)
+    found = implied_bounds(car, (YawRate(bounds=1.0),), np.tile([-np.inf, np.inf], (2, 1)))
+    assert np.isinf(found).all()
 
 
 @pytest.mark.parametrize(
