@@ -171,10 +171,10 @@ def greatest(
 
     def surprise(logs: Array) -> tuple[float, Array]:
         sizes = np.exp(logs)
-        variance = np.einsum("c,cn->n", sizes, columns)
+        variance = sizes @ columns
         left = ratios / variance
         value = float((freedom * (np.log(variance) + left)).sum())
-        return value, sizes * np.einsum("cn,n->c", columns, freedom * (1 - left) / variance)
+        return value, sizes * (columns @ (freedom * (1 - left) / variance))
 
     count = len(columns)
     found = scipy.optimize.minimize(
