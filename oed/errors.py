@@ -22,6 +22,16 @@ class Failure(OedError):
     """The input is sound but the work could not be done; the message says what is in the way."""
 
 
+def shown(value: object, most: int = 60) -> str:
+    """A value as messages show it, cut after `most` characters."""
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no whole numbers of thousands of digits.
+        text = "a number of thousands of digits"
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 @dataclass(frozen=True)
 class Flaw:
     """One thing wrong with a problem: the key's path in the study, and a sentence about it."""

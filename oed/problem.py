@@ -22,10 +22,11 @@ from oed.information import (
     square_root,
     weights_of,
 )
+from oed.limits.implied import implied_bounds
 from oed.limits.limit import Limit, Rows
 from oed.measurements.measurement import Block, Measurement
 from oed.models.coefficient_robot import CoefficientRobot
-from oed.models.model import Model
+from oed.models.model import Input, Model, twist_flaws
 from oed.prior import Prior
 from oed.robust import Robust, robust_rows
 from oed.rollout import Drive, roll_out
@@ -157,8 +158,9 @@ class Problem:
 
     @cached_property
     def input_bounds(self) -> Array:
-        """Bounds (inputs, 2) that the limits set on each input."""
-        return self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        """Bounds (inputs, 2) that the limits set on each input, itself or by the motion that it makes."""
+        own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        return implied_bounds(self.model, self.limits, own, self.excess)
 
     @cached_property
     def rate_bounds(self) -> Array:
@@ -309,7 +311,10 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
 
 def _flaws(problem: Problem) -> list[Flaw]:
     model, space = problem.model, problem.design
-    flaws = []
+    flaws = twist_flaws(model)
+    if flaws:
+        # Of such a robot nothing else can be said.
+        return flaws
     needed = space.spline.degree + (3 if space.rest_to_rest else 1)
     if space.spline.coefficients < needed:
         text = (
@@ -322,17 +327,35 @@ def _flaws(problem: Problem) -> list[Flaw]:
     names = [limit.name for limit in problem.limits]
     for name in sorted({name for name in names if names.count(name) > 1}):
         flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
-    bounded = {name for limit in problem.limits for name in limit.input_bounds(model)}
-    for entry in model.inputs:
-        if entry.name not in bounded:
-            text = f"nothing bounds {entry.name}; add {entry.quantity}, without which no design is best"
-            flaws.append(Flaw(("limits",), text))
+    flaws += _unbounded(problem)
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
     if problem.uncertainty is not None and not flaws:
         flaws += problem.uncertainty.flaws(problem.model, problem.robot)
     # Blocks exist only for a measurement that fits the robot.
     return flaws or _estimation_flaws(problem) or _robust_flaws(problem)
+
+
+def _unbounded(problem: Problem) -> list[Flaw]:
+    # Inputs that no limit bounds, with the limits that would.
+    found = zip(problem.model.inputs, problem.input_bounds, strict=True)
+    return [
+        Flaw(
+            ("limits",),
+            f"nothing bounds {one.name}; {_advice(problem, one)}, without which no design is best",
+        )
+        for one, pair in found
+        if not np.isfinite(pair).all()
+    ]
+
+
+def _advice(problem: Problem, unbounded: Input) -> str:
+    motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
+    if unbounded.quantity in ("wheel_speed", "steering_angle") or motion is None:
+        return f"add {unbounded.quantity}"
+    if motion not in [limit.name for limit in problem.limits]:
+        return f"add {motion}"
+    return f"{motion} does not, for the motion does not follow linearly: make it a wheel_speed and add that"
 
 
 def _name_flaws(problem: Problem) -> list[Flaw]:

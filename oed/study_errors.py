@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.component import Component, OneOf
-from oed.errors import FileFlaw
+from oed.errors import FileFlaw, shown
+from oed.quantities import counts_as_zero
 from oed.yaml_source import YamlSource
 
 
@@ -40,7 +41,7 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
 
 def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
     context = detail.get("ctx", {})
-    got = f"got {_short(detail['input'])}"
+    got = f"got {shown(detail['input'])}"
     bounds = {
         "greater_than": ("gt", "more than"),
         "greater_than_equal": ("ge", "at least"),
@@ -56,7 +57,8 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         return str(context["error"])
     if kind in bounds:
         key, words = bounds[kind]
-        return f"expected {words} {context[key]}, {got}"
+        why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
+        return f"expected {words} {context[key]}, {got}{why}"
     if kind in ("literal_error", "union_tag_invalid"):
         expected = context.get("expected") or context.get("expected_tags")
         came = f"got {context['tag']!r}" if "tag" in context else got
@@ -87,11 +89,6 @@ def _unknown_key(key: str, known: Sequence[str]) -> str:
     close = difflib.get_close_matches(key, known, n=1)
     hint = f"did you mean {close[0]}? " if close else ""
     return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:

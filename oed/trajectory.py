@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -63,7 +64,8 @@ class Trajectory:
         """Copy the arrays, check their shapes and make them read-only.
 
         Raises:
-            ValueError: knots and coefficients that do not match, or numbers that are not finite.
+            ValueError: knots and coefficients that do not match, or numbers that are not finite, or knots
+                that are no times from 0 to a duration.
         """
         for name in ("knots", "coefficients", "start"):
             array = np.array(getattr(self, name), dtype=float)
@@ -73,6 +75,8 @@ class Trajectory:
                 raise ValueError(f"{name} must be finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        if not len(self.knots) or self.knots[0] != 0 or self.duration <= 0 or np.any(np.diff(self.knots) < 0):
+            raise ValueError(f"expected knots that rise from 0 to a positive duration, got {self.knots}")
         expected = len(self.knots) - self.degree - 1
         if self.coefficients.ndim != 2 or len(self.coefficients) != expected:
             raise ValueError(
@@ -104,8 +108,15 @@ class Trajectory:
             start: start state, (runs, states) of several runs.
             rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
             runs: how many runs of equal length the periods are shared out to.
+
+        Raises:
+            ValueError: a duration that is not positive and finite, or no table of finite inputs.
         """
+        if not 0 < duration < math.inf:
+            raise ValueError(f"expected a positive, finite duration, got {duration}")
         rows, each = np.asarray(inputs, dtype=float), duration / runs
+        if rows.ndim != 2 or not len(rows):
+            raise ValueError(f"expected inputs of shape (N, inputs), got {rows.shape}")
         parts = []
         for run in np.split(rows, runs):
             ends = np.zeros((2, rows.shape[1])) if rest_to_rest else run[[0, -1]]

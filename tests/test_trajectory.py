@@ -54,6 +54,24 @@ def test_arrays_are_read_only_copies():
             getattr(drive, name)[0] = 1
 
 
+@pytest.mark.parametrize("duration", [-10, 0, float("nan"), float("inf")])
+def test_a_duration_that_is_none_is_refused(duration):
+    with pytest.raises(ValueError, match="expected a positive, finite duration"):
+        Trajectory.from_samples(np.ones((5, 2)), duration, START)
+
+
+@pytest.mark.parametrize("rows", [np.zeros((0, 2)), np.ones(5), np.ones((5, 2, 1))])
+def test_inputs_that_are_no_table_are_refused(rows):
+    with pytest.raises(ValueError, match="expected inputs of shape"):
+        Trajectory.from_samples(rows, 1.0, START)
+
+
+@pytest.mark.parametrize("knots", [[], [0, 0, 0, 0], [0, 0, -1, -1], [1, 1, 2, 2], [0, 0, 2, 1, 2, 2]])
+def test_knots_that_are_no_times_are_refused(knots):
+    with pytest.raises(ValueError, match="expected knots that rise from 0"):
+        Trajectory(np.array(knots), 1, np.zeros((max(len(knots) - 2, 0), 2)), START, 4)
+
+
 @pytest.mark.parametrize("shape", [(4, 2), (6, 2), (5,), (5, 2, 1)])
 def test_coefficients_of_another_shape_are_refused(shape):
     space = DesignSpace(duration=2, spline=Spline(coefficients=5))

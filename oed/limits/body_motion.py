@@ -57,6 +57,11 @@ class BodySpeed(MotionLimit):
         lower[count:], upper[count:] = -np.inf, size
         return Rows(ca.vertcat(forward, whole), lower, upper, size, "m/s")
 
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Of the forward speed; sideways no robot is faster than the larger bound."""
+        size = max(map(abs, self.bounds))
+        return {0: self.bounds, 1: (-size, size)}
+
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """Bounds that exclude rest."""
         return rest_flaws(self, [self.bounds], "m/s", space)
@@ -73,6 +78,10 @@ class YawRate(MotionLimit):
         count, (low, high) = motion.shape[0], self.bounds
         size = max(abs(low), abs(high))
         return Rows(motion[:, 2], np.full(count, low), np.full(count, high), size, "rad/s")
+
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Of the yaw rate."""
+        return {2: self.bounds}
 
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """Bounds that exclude rest."""

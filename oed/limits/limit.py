@@ -18,7 +18,7 @@ from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.models.model import Model
-from oed.quantities import parse_quantity
+from oed.quantities import counts_as_zero, parse_quantity
 from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
@@ -74,6 +74,12 @@ class Limit(Component, ABC):
 
     def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on inputs, by input name."""
+        return {}
+
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
+        speed, yaw rate.
+        """
         return {}
 
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
@@ -152,7 +158,9 @@ class TwoSided:
             high = parse_quantity(value, self.si)
             low = -high
             if high <= 0:
-                raise ValueError(f"expected a positive limit (or [min, max]), got {value!r}")
+                raise ValueError(
+                    f"expected a positive limit (or [min, max]), got {value!r}{counts_as_zero(value)}"
+                )
         if not low < high:
             raise ValueError(f"expected min below max, got {value!r}")
         return low, high
