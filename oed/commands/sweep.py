@@ -26,7 +26,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_sweep, progress
-    from oed.messages import print_json, say
+    from oed.messages import print_json, say, tell
     from oed.record import load_record
     from oed.report import write_report, write_sweep
     from oed.sweep import parse_axis, sweep
@@ -49,7 +49,7 @@ def _run(options: argparse.Namespace) -> int:
         print_json({**data, "directory": str(out)})
     else:
         print_sweep(data)
-        print(f"report: {page}")
+        tell(f"report: {page}")
     if data["interrupted"]:
         say("interrupted: the same command goes on where this one stopped")
     found = any(row["objective"] is not None for row in data["points"])
