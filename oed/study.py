@@ -15,13 +15,15 @@ from oed.bounds import LATTICE
 from oed.calibration import CalibrationOptions, alternative_flaws
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import Flaw, ProblemError, RecordError, StudyError
+from oed.errors import FileFlaw, Flaw, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
+from oed.models.python_robot import UNMADE
+from oed.names import file_stem, name_flaw
 from oed.path_file import read_trajectory
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
@@ -32,6 +34,7 @@ from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace, Trajectory
 from oed.trial import Trial, trial_flaws
+from oed.trusted import refuse_code
 from oed.uncertainty import Uncertainty
 from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
@@ -219,13 +222,57 @@ def parse_study(text: str, source: str = "study") -> Study:
     return _study(parse_yaml(text, source))
 
 
-def recorded_study(record: Record) -> Study:
+def recorded_study(record: Record, *, trust: bool = False) -> Study:
     """The study that a record was made of.
 
+    Args:
+        record: the record.
+        trust: whether Python code that a record names which was read from a file may be run.
+
     Raises:
-        StudyError: one that this version does not understand.
+        RecordError: a study that this version does not understand, or code that is not trusted.
     """
-    return parse_study(json.dumps(record.data["study"]), "the record's study")
+    place = record.file or Path("record")
+    if record.file is not None and not trust:
+        refuse_code(recorded_file(record), place)
+    try:
+        return parse_study(json.dumps(record.data["study"]), str(place))
+    except StudyError as error:
+        raise _in_record(error, None, place) from None
+
+
+def recorded_file(record: Record) -> StudyFile:
+    """The study of a record as it was written; nobody's code is run, and robots of code cannot move."""
+    return StudyFile.model_validate(record.data["study"], context=UNMADE)
+
+
+def checked_echo(data: Any, file: Path) -> dict[str, Any]:
+    """A saved study as plain data, defaults filled in, by the reader of studies; no robot is made of it.
+
+    Raises:
+        RecordError: names the file and the study's key of every mistake.
+    """
+    try:
+        read = StudyFile.model_validate(data, context=UNMADE)
+    except (ValidationError, ProblemError) as error:
+        raise _in_record(error, data, file) from None
+    plain: dict[str, Any] = read.model_dump(mode="json", exclude_none=True)
+    return plain
+
+
+def _in_record(error: ValidationError | ProblemError | StudyError, data: Any, file: Path) -> RecordError:
+    # Lines mean nothing in a record: a study's keys are told as the record's.
+    if isinstance(error, ValidationError):
+        flaws = [
+            (one.key, one.message) for one in explain(error, StudyFile, parse_yaml(json.dumps(data), ""))
+        ]
+    elif isinstance(error, StudyError):
+        flaws = [(one.key, one.message) for one in error.flaws]
+    else:
+        flaws = [(".".join(map(str, one.key)), one.message) for one in error.flaws]
+    return RecordError(
+        [FileFlaw(str(file), 0, 0, f"study.{key}" if key else "study", text) for key, text in flaws]
+    )
 
 
 def _study(source: YamlSource) -> Study:
@@ -280,7 +327,7 @@ def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
     try:
         saved = load_record(folder / file.prior.record)
     except RecordError as error:
-        raise ProblemError([Flaw(("prior", "record"), str(error))]) from None
+        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
     entry = saved.result(file.prior.result)
     if entry is None:
         names = ", ".join(str(one["name"]) for one in saved.results) or "none"
@@ -331,16 +378,15 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
     flaws: list[Flaw] = []
     known = set[str]()
     for key, name in entries:
+        flaw = name_flaw(name)
+        if flaw:
+            flaws.append(Flaw(key, flaw))
+            continue
         stem = file_stem(name)
         if stem in known and (not flaws or flaws[-1].key != key):
             flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
         known.add(stem)
     return flaws
-
-
-def file_stem(name: str) -> str:
-    """The stem of the files of a result."""
-    return name.replace(" ", "_")
 
 
 def _start_flaws(file: StudyFile) -> list[Flaw]:

@@ -26,7 +26,7 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
         missing = detail["type"] == "missing"
         place = source.flaw(path[:-1] if missing else path, "", missing=str(path[-1]) if missing else "")
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = _sentence(detail, root)
+        text = sentence(detail, root)
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
@@ -38,7 +38,8 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
     ]
 
 
-def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
+def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
+    """What is wrong with one value; `root` knows the keys that there are."""
     context = detail.get("ctx", {})
     got = f"got {_short(detail['input'])}"
     bounds = {
@@ -79,6 +80,7 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         "tuple_type": "a list",
         "list_type": "a list",
         "dict_type": "keys and values",
+        "finite_number": "a finite number",
     }
     return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
 

@@ -16,6 +16,8 @@ from oed.record import Record, load_record
 from oed.runner import package_version, run
 from oed.solvers import Progress, Silent, Workers, default_workers
 from oed.solvers.parallel import run_tasks
+from oed.stored.door import checked, read_object
+from oed.stored.sweep import StoredSweep
 from oed.study import Study
 from oed.sweep.axes import Axis
 from oed.sweep.points import Point, grid, short_names
@@ -69,14 +71,11 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
         RecordError: none there, or not one of this format.
     """
     path = Path(folder) / FILE
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        text = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
-        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
-    return data
+    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
+    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
+    if data.get("format") != FORMAT:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return checked(StoredSweep, data, path).plain()
 
 
 @dataclass(frozen=True)
