@@ -36,11 +36,13 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_next, progress
     from oed.messages import print_json, tell
+    from oed.names import inside
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
     from oed.report import write_estimate, write_report
+    from oed.report.animation import folder_of
 
-    out = Path(options.out) if options.out else Path(options.folder) / "next"
+    out = Path(options.out) if options.out else inside(folder_of(options.folder), "next")
     workers = workers_of(options)
     with progress(options.quiet) as listener:
         found = next_drive(

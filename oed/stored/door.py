@@ -16,6 +16,8 @@ from oed.study_errors import sentence
 
 MOST = 256 * 2**20
 """Bytes of a file; the largest that the package writes have a hundredth of it."""
+DIGITS = 100
+"""Of a whole number."""
 SHOWN = 12
 """Flaws of a file that are told; what is damaged throughout is not told line by line."""
 
@@ -36,7 +38,7 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
     try:
         if path.stat().st_size > MOST:
             raise _flaw(path, f"expected at most {MOST >> 20} MB, got {path.stat().st_size >> 20} MB")
-        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse, parse_int=_whole)
     except FileNotFoundError:
         raise _flaw(path, absent) from None
     except json.JSONDecodeError as error:
@@ -58,6 +60,12 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
 
 def _refuse(constant: str) -> NoReturn:
     raise ValueError(f"{constant} is no number of JSON")
+
+
+def _whole(text: str) -> int:
+    if len(text) > DIGITS:
+        raise ValueError(f"a whole number of {len(text)} digits")
+    return int(text)
 
 
 def _flaw(path: Path, text: str) -> RecordError:

@@ -11,6 +11,7 @@ from typing import Any
 
 from oed.errors import FileFlaw, OedError, RecordError
 from oed.files import require_writable, write_text
+from oed.names import inside
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record
 from oed.runner import package_version, run
@@ -136,17 +137,17 @@ class _Sweep:
         if result.failure:
             self.failures[index] = result.failure
             return
-        place = self.folder / self.points[index].folder
+        place = inside(self.folder, self.points[index].folder)
         # The record last: where it is, everything is.
         for name in sorted(result.files, key=lambda name: name == RECORD):
-            write_text(place / name, result.files[name])
+            write_text(inside(place, name), result.files[name])
         self.records[index] = load_record(place)
         if self.records[index].data["interrupted"]:
             raise KeyboardInterrupt
 
     def _kept(self, index: int) -> Record | None:
         try:
-            record = load_record(self.folder / self.points[index].folder)
+            record = load_record(inside(self.folder, self.points[index].folder))
         except RecordError:
             return None
         data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
