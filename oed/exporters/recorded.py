@@ -40,7 +40,7 @@ class RecordedMotion:
         found = begin + share * change
         turn = change[:, 2:3]
         # Both chords are of one arc: their directions differ by half of what is left of the turn.
-        length = share * np.sinc(share * turn / (2 * np.pi)) / self._shortening(turn)
+        length = share * self._shortening(share * turn) / self._shortening(turn)
         found[:, :2] = begin[:, :2] + length * _turned(change[:, :2], (share - 1) * turn / 2)
         return found
 

@@ -61,6 +61,14 @@ class Along(Stored):
     file: str | None = None
 
 
+class TriedLength(Stored):
+    """A length of segments that was tried, and the errors found with it by what they are of."""
+
+    __pydantic_extra__: dict[str, Number | None]
+
+    seconds: Positive | None
+
+
 class Segments(Stored):
     """What logs were cut into."""
 
@@ -68,7 +76,7 @@ class Segments(Stored):
     count: Count | None = None
     chosen: bool | None = None
     drifts: bool | None = None
-    tried: list[Steps] | None = None
+    tried: list[TriedLength] | None = None
 
 
 class FoundNoise(Stored):
@@ -205,13 +213,12 @@ class Residuals(Stored):
     unit: str | None = None
     t: Column
     value: Column
-    speed: Column | None = None
+    speed: Column
     yaw_rate: Column | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Residuals:
-        given = {"value": self.value, "speed": self.speed or self.t, "yaw_rate": self.yaw_rate or self.t}
-        require_alike(len(self.t), **given)
+        require_alike(len(self.t), value=self.value, speed=self.speed, yaw_rate=self.yaw_rate or self.t)
         return self
 
 

@@ -90,6 +90,6 @@ def damaged(data: Any, key: Key, name: str) -> Any:
 
 def some(data: Any, count: int, seed: int) -> list[tuple[Key, str]]:
     """So many damages, drawn among all keys."""
-    draw = random.Random(seed)  # noqa: S311 - of tests
+    draw = random.Random(seed)
     keys = list(keys_of(data))
     return [(draw.choice(keys), draw.choice(list(DAMAGES))) for _ in range(count)]
