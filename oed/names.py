@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import unicodedata
-from pathlib import Path
 
 from oed.errors import UserMistake
 from oed.shown import shown
@@ -44,16 +43,3 @@ def file_stem(name: str) -> str:
     if flaw:
         raise UserMistake(f"name: {flaw}")
     return name.replace(" ", "_")
-
-
-def inside(folder: Path, name: str) -> Path:
-    """The file or folder of that name in `folder`, which no link takes elsewhere.
-
-    Raises:
-        UserMistake: no file may have that name, or a link leads out of the folder.
-    """
-    path = folder / name
-    if name_flaw(name) or path.resolve().parent != folder.resolve():
-        what = name_flaw(name) or "a link that leads out of the folder"
-        raise UserMistake(f"{path}: {what}")
-    return path

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from oed.console import print_results
 from oed.errors import FileFlaw, Flaw, UserMistake
+from oed.files import inside
 from oed.messages import say, tell
-from oed.names import file_stem, inside, name_flaw
+from oed.names import file_stem, name_flaw
 from oed.shown import shown
 
 ESCAPE = "\x1b[2J\x1b]0;gone\x07"

@@ -35,8 +35,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_next, progress
+    from oed.files import inside
     from oed.messages import print_json, tell
-    from oed.names import inside
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
     from oed.report import write_estimate, write_report

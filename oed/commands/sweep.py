@@ -26,8 +26,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_sweep, progress
+    from oed.files import inside
     from oed.messages import print_json, say, tell
-    from oed.names import inside
     from oed.record import load_record
     from oed.report import write_report, write_sweep
     from oed.sweep import parse_axis, sweep

@@ -42,7 +42,7 @@ class RecordedMotion:
         # Both chords are of one arc: their directions differ by half of what is left of the turn.
         length = share * self._shortening(share * turn) / self._shortening(turn)
         found[:, :2] = begin[:, :2] + length * _turned(change[:, :2], (share - 1) * turn / 2)
-        return found
+        return np.asarray(found)
 
     def twists_between(self, states: Array, rate: float) -> Array:
         """Forward and lateral speed [m/s] and yaw rate [rad/s] from each of `states` to the next, (K, 3)."""

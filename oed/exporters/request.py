@@ -13,8 +13,9 @@ from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.commands import Commands, modelled, recorded
 from oed.exporters.recorded import motions_of
 from oed.exporters.vehicle import Vehicle, recorded_vehicle, vehicle_of
+from oed.files import inside
 from oed.models import PythonRobot
-from oed.names import file_stem, inside
+from oed.names import file_stem
 from oed.record import FILE, Record, drive_of
 from oed.study import Study, StudyFile, recorded_file, recorded_study
 from oed.trajectory import Trajectory

@@ -12,8 +12,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from oed.files import write_text
-from oed.names import inside
+from oed.files import inside, write_text
 from oed.record import Record
 from oed.report.animation import with_film
 from oed.report.section import Animation, Section

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from oed.names import inside
+from oed.files import inside
 from oed.record import Record, load_record
 from oed.report.comparison import relative_deviations
 from oed.report.driven import path_of

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from oed.errors import FileFlaw, OedError, RecordError
-from oed.files import require_writable, write_text
-from oed.names import inside
+from oed.files import inside, require_writable, write_text
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record
 from oed.runner import package_version, run

@@ -26,6 +26,8 @@ from oed.report.animation import animate
 from oed.report.estimate.console import estimate_lines, estimate_rows
 from oed.report.estimate.page import estimate_sections
 from oed.report.page import sections_of, write_report
+from oed.report.panels import svg_text
+from oed.report.sections.drives import paths
 from oed.study import parse_study
 from oed.sweep import load_sweep
 
@@ -295,6 +297,15 @@ def test_an_older_record_is_read(tmp_path: Path):
     saved(tmp_path, data)
     report(tmp_path)
     assert load_record(tmp_path).results[0]["drive"]["runs"] == 1
+
+
+def test_names_are_no_formulas(tmp_path: Path):
+    data = copy.deepcopy(shipped("obstacle_course"))
+    data["results"] = data["results"][:1]
+    data["results"][0]["name"] = data["best"] = "a $x^$ drive"
+    saved(tmp_path, data)
+    (picture,) = paths(load_record(tmp_path)).figures
+    assert "<svg" in svg_text(picture.draw)
 
 
 def test_damages_damage():
