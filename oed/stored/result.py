@@ -17,7 +17,6 @@ from oed.stored.parts import (
     Size,
     Sizes,
     Stored,
-    require_different,
     require_known,
     require_table,
 )
@@ -149,7 +148,6 @@ class StoredResult(Stored):
             raise ValueError("drive: expected that of a feasible result, got none")
         require_known("criterion", [self.criterion or "E"], KINDS)
         require_known("criteria", self.criteria, KINDS)
-        require_different("margins", [one.limit for one in self.margins])
         if self.lambda_min is not None and self.lambda_max is not None and self.lambda_min > self.lambda_max:
             raise ValueError(f"lambda_min: expected at most lambda_max, got {self.lambda_min:g}")
         return self

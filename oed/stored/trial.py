@@ -84,12 +84,6 @@ class Error(Around):
     each: list[Number | None]
 
 
-class Total(Around):
-    """Of all parameters together."""
-
-    value: Number
-
-
 class Scatter(Stored):
     """How estimates from a drive scatter."""
 
@@ -97,7 +91,7 @@ class Scatter(Stored):
     fit: str
     mean: Numbers
     relative: Numbers
-    total: Total
+    total: Around
     each: list[Numbers]
 
 
