@@ -128,7 +128,7 @@ class StoredResult(Stored):
     condition_number: Number | None
     smallest_singular_value: Number | None
     norm_y: Number | None
-    path_length: Number | None
+    path_length: Positive | None
     singular_values: Numbers
     standard_deviations: dict[str, Positive | None]
     covariances: list[Covariance] = Field(default_factory=list)
@@ -146,6 +146,8 @@ class StoredResult(Stored):
     def _known(self) -> StoredResult:
         if self.feasible and self.drive is None:
             raise ValueError("drive: expected that of a feasible result, got none")
+        if self.drive is not None and self.path_length is None:
+            raise ValueError("path_length: expected that of the drive, got none")
         require_known("criterion", [self.criterion or "E"], KINDS)
         require_known("criteria", self.criteria, KINDS)
         if self.lambda_min is not None and self.lambda_max is not None and self.lambda_min > self.lambda_max:

@@ -61,8 +61,8 @@ def entry(name: str, drive: Trajectory | None, feasible: bool = True) -> dict[st
         sizes = {"degree": drive.degree, "samples": drive.samples, "runs": drive.runs}
         held = {**arrays, **sizes, "poses": poses}
     solution = Solution(name, "path", None, None, Status.SCORED)
-    objective = 1.0 if feasible else None
-    return {**result_data(solution, None), "feasible": feasible, "objective": objective, "drive": held}
+    known = {"objective": 1.0 if feasible else None, "path_length": None if drive is None else 1.0}
+    return {**result_data(solution, None), "feasible": feasible, **known, "drive": held}
 
 
 def saved(folder: Path, study: Study, results: list[dict[str, Any]] | None = None) -> Path:
