@@ -85,7 +85,7 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
         RecordError: no estimate there, or not one of this format.
     """
     # Imported late, as in `oed.record`.
-    from oed.study import checked_echo
+    from oed.recorded_study import checked_echo
 
     path = Path(folder)
     path = path / FILE if path.is_dir() else path

@@ -10,9 +10,10 @@ from pydantic import ValidationError
 
 from oed.errors import ProblemError, UserMistake
 from oed.record import Record, drive_of, validation_data
+from oed.recorded_study import recorded_study
 from oed.solution import Solution, scored
 from oed.solvers import Ipopt, Progress, Silent, Workers, default_workers
-from oed.study import Study, ValidationOptions, recorded_study
+from oed.study import Study, ValidationOptions
 from oed.trial import run_trial
 from oed.validation import validate
 

@@ -18,9 +18,10 @@ from oed.estimation import estimate
 from oed.files import require_writable, write_text
 from oed.quantities import parse_quantity
 from oed.record import FILE, Record
+from oed.recorded_study import recorded_study
 from oed.runner import run
 from oed.solvers import Progress, Workers
-from oed.study import Study, parse_study, recorded_study
+from oed.study import Study, parse_study
 
 Array = npt.NDArray[np.float64]
 

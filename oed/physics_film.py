@@ -10,11 +10,12 @@ from pathlib import Path
 
 from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.record import FILE, drive_of, load_record
+from oed.recorded_study import recorded_study
 from oed.report.animation import MadeFilm
 from oed.report.film import require_format, write_frames
 from oed.report.film.frame import Frame
 from oed.solvers import Progress
-from oed.study import Study, recorded_study
+from oed.study import Study
 from oed.validation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
 
 SIZE = (300, 400)

@@ -90,7 +90,7 @@ def load_record(folder: str | Path) -> Record:
         RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
     # Imported late: studies take priors from records.
-    from oed.study import checked_echo
+    from oed.recorded_study import checked_echo
 
     path = Path(folder)
     path = path / FILE if path.is_dir() else path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,26 +14,24 @@ from oed.bounds import LATTICE
 from oed.calibration import CalibrationOptions, alternative_flaws
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import FileFlaw, Flaw, ProblemError, RecordError, StudyError
+from oed.errors import Flaw, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
-from oed.models.python_robot import UNMADE
 from oed.names import file_stem, name_flaw
 from oed.path_file import read_trajectory
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
-from oed.record import NOMINAL, Record, load_record
+from oed.record import NOMINAL, load_record
 from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
 from oed.trajectory import DesignSpace, Trajectory
 from oed.trial import Trial, trial_flaws
-from oed.trusted import refuse_code
 from oed.uncertainty import Uncertainty
 from oed.validation.monte_carlo import ALPHA
 from oed.yaml_source import YamlSource, parse_yaml, read_yaml
@@ -220,59 +217,6 @@ def parse_study(text: str, source: str = "study") -> Study:
         StudyError: every mistake in the text, each with its line and key.
     """
     return _study(parse_yaml(text, source))
-
-
-def recorded_study(record: Record, *, trust: bool = False) -> Study:
-    """The study that a record was made of.
-
-    Args:
-        record: the record.
-        trust: whether Python code that a record names which was read from a file may be run.
-
-    Raises:
-        RecordError: a study that this version does not understand, or code that is not trusted.
-    """
-    place = record.file or Path("record")
-    if record.file is not None and not trust:
-        refuse_code(recorded_file(record), place)
-    try:
-        return parse_study(json.dumps(record.data["study"]), str(place))
-    except StudyError as error:
-        raise _in_record(error, None, place) from None
-
-
-def recorded_file(record: Record) -> StudyFile:
-    """The study of a record as it was written; nobody's code is run, and robots of code cannot move."""
-    return StudyFile.model_validate(record.data["study"], context=UNMADE)
-
-
-def checked_echo(data: Any, file: Path) -> dict[str, Any]:
-    """A saved study as plain data, defaults filled in, by the reader of studies; no robot is made of it.
-
-    Raises:
-        RecordError: names the file and the study's key of every mistake.
-    """
-    try:
-        read = StudyFile.model_validate(data, context=UNMADE)
-    except (ValidationError, ProblemError) as error:
-        raise _in_record(error, data, file) from None
-    plain: dict[str, Any] = read.model_dump(mode="json", exclude_none=True)
-    return plain
-
-
-def _in_record(error: ValidationError | ProblemError | StudyError, data: Any, file: Path) -> RecordError:
-    # Lines mean nothing in a record: a study's keys are told as the record's.
-    if isinstance(error, ValidationError):
-        flaws = [
-            (one.key, one.message) for one in explain(error, StudyFile, parse_yaml(json.dumps(data), ""))
-        ]
-    elif isinstance(error, StudyError):
-        flaws = [(one.key, one.message) for one in error.flaws]
-    else:
-        flaws = [(".".join(map(str, one.key)), one.message) for one in error.flaws]
-    return RecordError(
-        [FileFlaw(str(file), 0, 0, f"study.{key}" if key else "study", text) for key, text in flaws]
-    )
 
 
 def _study(source: YamlSource) -> Study:

@@ -52,7 +52,7 @@ FLOORS: tuple[set[str], ...] = (
         "experiments",
         "calibration_record",
         "stored",
-        "trusted",
+        "recorded_study",
         "estimation",
         "driven",
         "next_drive",

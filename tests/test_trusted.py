@@ -20,9 +20,10 @@ from oed.exporters import export
 from oed.exporters.request import Request
 from oed.next_drive import next_drive
 from oed.record import Record, load_record, save_record
+from oed.recorded_study import recorded_study
 from oed.runner import record
 from oed.solution import scored
-from oed.study import Study, load_study, parse_study, recorded_study
+from oed.study import Study, load_study, parse_study
 
 MODULE = """
 from pathlib import Path

@@ -17,7 +17,8 @@ from oed.files import inside
 from oed.models import PythonRobot
 from oed.names import file_stem
 from oed.record import FILE, Record, drive_of
-from oed.study import Study, StudyFile, recorded_file, recorded_study
+from oed.recorded_study import recorded_file, recorded_study
+from oed.study import Study, StudyFile
 from oed.trajectory import Trajectory
 
 MOST = 1_000_000
