@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from oed.shown import shown
+
 
 class OedError(Exception):
     """Base of every error that `oed` raises on purpose."""
@@ -22,16 +24,6 @@ class Failure(OedError):
     """The input is sound but the work could not be done; the message says what is in the way."""
 
 
-def shown(value: object, most: int = 60) -> str:
-    """A value as messages show it, cut after `most` characters."""
-    try:
-        text = repr(value)
-    except ValueError:
-        # Python writes no whole numbers of thousands of digits.
-        text = "a number of thousands of digits"
-    return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
 @dataclass(frozen=True)
 class Flaw:
     """One thing wrong with a problem: the key's path in the study, and a sentence about it."""
@@ -42,7 +34,7 @@ class Flaw:
     def __str__(self) -> str:
         """`key.path: message`."""
         path = ".".join(str(part) for part in self.key)
-        return f"{path}: {self.message}" if path else self.message
+        return shown(f"{path}: {self.message}" if path else self.message)
 
 
 class ProblemError(UserMistake):
@@ -67,7 +59,7 @@ class FileFlaw:
     def __str__(self) -> str:
         """`file:line: key: message`."""
         place = f"{self.file}:{self.line}" if self.line else self.file
-        return f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}"
+        return shown(f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}")
 
 
 class FileError(UserMistake):

@@ -207,6 +207,12 @@ def input_table(problem: Problem) -> list[dict[str, Any]]:
     ]
 
 
+def state_table(problem: Problem) -> list[dict[str, Any]]:
+    """The robot's states: name, SI unit."""
+    model = problem.model
+    return [{"name": name, "unit": unit} for name, unit in zip(model.states, model.state_units, strict=True)]
+
+
 def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
     """What is estimated along: name, SI unit, the block, and the deviation known beforehand (or None)."""
     return [

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and nowhere but in the folder that is meant."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from oed.errors import UserMistake
+from oed.names import name_flaw
 
 
 def write_text(path: Path, text: str) -> None:
@@ -52,3 +53,16 @@ def require_writable(folder: Path) -> None:
             folder.rmdir()
     except OSError as error:
         raise UserMistake(f"{folder}: cannot write there: {error.strerror}") from None
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file or folder of that name in `folder`, which no link takes elsewhere.
+
+    Raises:
+        UserMistake: no file may have that name, or a link leads out of the folder.
+    """
+    path = folder / name
+    if name_flaw(name) or path.resolve().parent != folder.resolve():
+        what = name_flaw(name) or "a link that leads out of the folder"
+        raise UserMistake(f"{path}: {what}")
+    return path

@@ -18,9 +18,10 @@ from oed.estimation import estimate
 from oed.files import require_writable, write_text
 from oed.quantities import parse_quantity
 from oed.record import FILE, Record
+from oed.recorded_study import recorded_study
 from oed.runner import run
 from oed.solvers import Progress, Workers
-from oed.study import Study, parse_study, recorded_study
+from oed.study import Study, parse_study
 
 Array = npt.NDArray[np.float64]
 
@@ -76,6 +77,7 @@ def next_drive(
     seed: int | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    trust: bool = False,
 ) -> NextDrive:
     """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
 
@@ -91,13 +93,15 @@ def next_drive(
         seed: of every random draw, instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
+        trust: whether Python code that the record names may be run.
 
     Raises:
+        RecordError: the robot is code that is not trusted.
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
         StudyError: a duration that no drive of the study can have.
         LogError: logs that cannot be read, or do not fit the robot.
     """
-    study = recorded_study(saved)
+    study = recorded_study(saved, trust=trust)
     _require_own_parameters(study)
     if out is not None:
         require_writable(Path(out))

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from oed.errors import shown
+from oed.shown import written
 
 if TYPE_CHECKING:
     import pint
@@ -103,12 +103,12 @@ def parse_quantity(value: object, unit: str) -> float:
     """
     expected = f"expected {_meaning(unit)}"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"{expected}, got {shown(value)}")
+        raise ValueError(f"{expected}, got {written(value)}")
     number = _parse_string(value, unit, expected) if isinstance(value, str) else value
     if isinstance(number, float) and not math.isfinite(number):
-        raise ValueError(f"{expected} that is finite, got {shown(value)}")
+        raise ValueError(f"{expected} that is finite, got {written(value)}")
     if abs(number) > LARGEST:
-        raise ValueError(f"{expected} of at most {LARGEST:g} in SI units, got {shown(value)}")
+        raise ValueError(f"{expected} of at most {LARGEST:g} in SI units, got {written(value)}")
     return float(number) if abs(number) >= SMALLEST else 0.0
 
 

@@ -16,10 +16,13 @@ from oed.errors import FileFlaw, RecordError
 from oed.evaluation import TOLERANCE, Evaluation
 from oed.files import write_text
 from oed.solution import Solution, Start
+from oed.stored.consistency import require_one_study
+from oed.stored.door import checked, read_object
+from oed.stored.study_record import FORMAT as FORMAT
+from oed.stored.study_record import StudyRecord
 from oed.trajectory import Trajectory
 from oed.validation import Validation
 
-FORMAT = 1
 FILE = "record.json"
 NOMINAL = "nominal"
 """Name of the result of a robust study's search without any reserve."""
@@ -27,9 +30,14 @@ NOMINAL = "nominal"
 
 @dataclass(frozen=True)
 class Record:
-    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none."""
+    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none.
+
+    `file` is where it was read from, None of a record that was made here: what a file names is data, and
+    code that it names is run only for those who trust it.
+    """
 
     data: Mapping[str, Any]
+    file: Path | None = None
 
     @property
     def results(self) -> list[Mapping[str, Any]]:
@@ -76,26 +84,24 @@ def save_record(record: Record, folder: str | Path) -> Path:
 
 
 def load_record(folder: str | Path) -> Record:
-    """Read the record in `folder` (or the record file itself).
+    """Read the record in `folder` (or the record file itself); no code that it names is run.
 
     Raises:
-        RecordError: no record there, or not one of this format.
+        RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
+    # Imported late: studies take priors from records.
+    from oed.recorded_study import checked_echo
+
     path = Path(folder)
     path = path / FILE if path.is_dir() else path
-    name = str(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RecordError([FileFlaw(name, 0, 0, "", "no record there; make one with `oed run`")]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
-    except json.JSONDecodeError as error:
-        raise RecordError([FileFlaw(name, error.lineno, error.colno, "", f"not JSON: {error.msg}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT or "results" not in data:
-        text = f"expected a record of format {FORMAT}; make it again with `oed run`"
-        raise RecordError([FileFlaw(name, 0, 0, "", text)])
-    return Record(data)
+    expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
+    data = read_object(path, "no record there; make one with `oed run`", expected)
+    if data.get("format") != FORMAT or "results" not in data:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    known = checked(StudyRecord, data, path).plain()
+    known["study"] = checked_echo(known["study"], path)
+    require_one_study(known, path)
+    return Record(known, path)
 
 
 def finite(value: float | None) -> float | None:

@@ -14,9 +14,10 @@ from typing import Any
 from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
-from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table
+from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table, state_table
 from oed.experiments import driven_in_physics, simulated
 from oed.files import require_writable
+from oed.names import file_stem
 from oed.path_file import write_trajectory
 from oed.record import (
     FORMAT,
@@ -29,7 +30,7 @@ from oed.record import (
 from oed.robustness import nominal_search, robustness, safe, tried
 from oed.solution import Solution, Status, scored
 from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
-from oed.study import PathFile, Study, file_stem
+from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
 from oed.trial import require_ready
 
@@ -165,6 +166,7 @@ def record(
             "study_text": study.text,
             "seed": seed,
             "inputs": input_table(study.problem),
+            "states": state_table(study.problem),
             "parameters": parameter_table(study.problem),
             "nuisances": nuisance_table(study.problem),
             "results": results,

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.component import Component, OneOf
-from oed.errors import FileFlaw, shown
+from oed.errors import FileFlaw
 from oed.quantities import counts_as_zero
+from oed.shown import written
 from oed.yaml_source import YamlSource
 
 
@@ -27,7 +28,7 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
         missing = detail["type"] == "missing"
         place = source.flaw(path[:-1] if missing else path, "", missing=str(path[-1]) if missing else "")
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = _sentence(detail, root)
+        text = sentence(detail, root)
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
@@ -39,9 +40,10 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
     ]
 
 
-def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
+def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
+    """What is wrong with one value; `root` knows the keys that there are."""
     context = detail.get("ctx", {})
-    got = f"got {shown(detail['input'])}"
+    got = f"got {written(detail['input'])}"
     bounds = {
         "greater_than": ("gt", "more than"),
         "greater_than_equal": ("ge", "at least"),
@@ -81,6 +83,7 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         "tuple_type": "a list",
         "list_type": "a list",
         "dict_type": "keys and values",
+        "finite_number": "a finite number",
     }
     return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
 

@@ -14,7 +14,18 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "oed"
 
 FLOORS: tuple[set[str], ...] = (
-    {"spline", "quantities", "component", "expression", "errors", "files", "extras", "lazy"},
+    {
+        "spline",
+        "quantities",
+        "component",
+        "expression",
+        "errors",
+        "files",
+        "extras",
+        "lazy",
+        "names",
+        "shown",
+    },
     {"models"},
     {"logs"},
     {"trajectory", "rollout", "matrices", "square_root", "enclosures"},
@@ -41,6 +52,8 @@ FLOORS: tuple[set[str], ...] = (
         "robustness",
         "experiments",
         "calibration_record",
+        "stored",
+        "recorded_study",
         "estimation",
         "driven",
         "next_drive",
@@ -168,6 +181,13 @@ def test_no_module_imports_itself_in_a_circle():
 def test_casadi_is_imported_from_models_to_solvers_only(module: str):
     allowed = FLOOR.get(part_of(module)) in CASADI_FLOORS
     assert allowed or "casadi" not in libraries(module, lazy=True)
+
+
+@every_module
+def test_only_messages_and_tables_write_to_the_terminal(module: str):
+    calls = (node.func for node in ast.walk(MODULES[module]) if isinstance(node, ast.Call))
+    names = {func.id for func in calls if isinstance(func, ast.Name)}
+    assert module in ("oed.cli", "oed.console") or "print" not in names, "use oed.messages.tell or say"
 
 
 @every_module

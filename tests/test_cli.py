@@ -347,7 +347,7 @@ MISTAKES = {
         "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,fast,1\n",
         "wrong.yaml:3: wheel_speed_right: expected a finite number, got 'fast'",
     ),
-    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: not JSON"),
+    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: cannot be read: not JSON"),
 }
 
 

@@ -28,7 +28,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_estimate, progress
     from oed.estimation import estimate
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.report import write_estimate
     from oed.study import load_study
 
@@ -44,7 +44,7 @@ def _run(options: argparse.Namespace) -> int:
         print_json({**record.data, "directory": str(out)})
     else:
         print_estimate(record.data)
-        print(f"report: {page}")
+        tell(f"report: {page}")
     return DONE
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_working, duration, pair, share, workers_of
+from oed.commands.arguments import add_trust, add_working, duration, pair, share, workers_of
 from oed.commands.command import DONE, Command, saved_in, verdict
 
 
@@ -30,16 +30,19 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=duration, help="of the next drive, e.g. '20 s' (default: that of the last)"
     )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: DIR/next/)")
+    add_trust(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_next, progress
-    from oed.messages import print_json
+    from oed.files import inside
+    from oed.messages import print_json, tell
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
     from oed.report import write_estimate, write_report
+    from oed.report.animation import folder_of
 
-    out = Path(options.out) if options.out else Path(options.folder) / "next"
+    out = Path(options.out) if options.out else inside(folder_of(options.folder), "next")
     workers = workers_of(options)
     with progress(options.quiet) as listener:
         found = next_drive(
@@ -52,6 +55,7 @@ def _run(options: argparse.Namespace) -> int:
             seed=options.seed,
             workers=workers,
             progress=listener,
+            trust=options.trust,
         )
     with saved_in(out):
         write_estimate(found.estimate.data, out)
@@ -61,7 +65,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print_next(found.data)
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     return DONE if found.record is None else verdict(found.record)
 
 

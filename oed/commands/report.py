@@ -16,7 +16,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.calibration_record import FILE as ESTIMATE
     from oed.calibration_record import load_estimate
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.record import FILE, load_record
     from oed.report import write_comparison, write_estimate, write_report, write_sweep
     from oed.sweep import FILE as SWEEP
@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"report": str(page)})
     else:
-        print(f"report: {page}")
+        tell(f"report: {page}")
     return DONE
 
 

@@ -17,9 +17,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_certificate, print_results, progress
-    from oed.messages import print_json, say
+    from oed.messages import print_json, say, tell
     from oed.report import write_report
     from oed.runner import run
+    from oed.shown import shown
     from oed.study import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
@@ -35,9 +36,9 @@ def _run(options: argparse.Namespace) -> int:
         print_results(record.results, record.data["robustness"])
         if record.data["certificate"] is not None:
             print_certificate(record.data["certificate"])
-        print(f"report: {page}")
+        tell(f"report: {page}")
     for note in record.data["notes"]:
-        say(f"note: {note}")
+        say(shown(f"note: {note}"))
     return verdict(record)
 
 

@@ -26,7 +26,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_sweep, progress
-    from oed.messages import print_json, say
+    from oed.files import inside
+    from oed.messages import print_json, say, tell
     from oed.record import load_record
     from oed.report import write_report, write_sweep
     from oed.sweep import parse_axis, sweep
@@ -37,7 +38,7 @@ def _run(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         data = sweep(options.study, axes, out, seed=options.seed, workers=workers, progress=listener)
         if options.reports:
-            folders = [out / row["folder"] for row in data["points"] if row["record"] is not None]
+            folders = [inside(out, row["folder"]) for row in data["points"] if row["record"] is not None]
             listener.begin("reports", len(folders))
             for folder in folders:
                 write_report(load_record(folder), folder)
@@ -49,7 +50,7 @@ def _run(options: argparse.Namespace) -> int:
         print_json({**data, "directory": str(out)})
     else:
         print_sweep(data)
-        print(f"report: {page}")
+        tell(f"report: {page}")
     if data["interrupted"]:
         say("interrupted: the same command goes on where this one stopped")
     found = any(row["objective"] is not None for row in data["points"])

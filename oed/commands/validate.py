@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from oed.commands.arguments import add_quiet, add_workers, positive, whole, workers_of
+from oed.commands.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
 from oed.commands.command import DONE, Command, saved_in
 
 
@@ -24,15 +24,17 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_workers(parser)
     parser.add_argument("--seed", type=whole, help="seed of the noise (default: the record's)")
+    add_trust(parser)
     add_quiet(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import progress
     from oed.experiments import validated, validation_options
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.record import load_record, save_record
     from oed.report import write_report
+    from oed.shown import shown
 
     saved = load_record(options.folder)
     chosen = validation_options(
@@ -40,7 +42,9 @@ def _run(options: argparse.Namespace) -> int:
     )
     workers = workers_of(options)
     with progress(options.quiet) as listener:
-        record = validated(saved, chosen, seed=options.seed, workers=workers, progress=listener)
+        record = validated(
+            saved, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
+        )
     save_record(record, options.folder)
     with saved_in(options.folder):
         page = write_report(record, options.folder)
@@ -48,8 +52,8 @@ def _run(options: argparse.Namespace) -> int:
         print_json(record.data["validation"])
     else:
         for entry in record.data["validation"]["results"]:
-            print(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}")
-        print(f"report: {page}")
+            tell(shown(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}"))
+        tell(f"report: {page}")
     return DONE
 
 

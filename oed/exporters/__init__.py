@@ -7,7 +7,7 @@ from pathlib import Path
 
 from oed.calibration_record import FILE as ESTIMATE
 from oed.calibration_record import load_estimate
-from oed.errors import UserMistake
+from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
 from oed.exporters.diff_drive import write_parameters
 from oed.exporters.request import Request, require_rate
@@ -35,6 +35,7 @@ def export(
     out: str | Path | None = None,
     storage: str = "sqlite3",
     force: bool = False,
+    trust: bool = False,
 ) -> Path:
     """Write a result's drive, or the robot's parameters, for use outside of the package.
 
@@ -54,13 +55,14 @@ def export(
             `diff_drive_controller.yaml`.
         storage: of a bag, one of `STORAGES`.
         force: replace a bag that exists; files are replaced in any case.
+        trust: whether Python code that the record names may be run; only `ros2_yaml` needs it.
 
     Returns:
         What was written.
 
     Raises:
         RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
-            read.
+            read, code that is needed and not trusted.
         UserMistake: an unknown format or storage, a rate that is not above 0, a bag that exists, a robot
             that the format has no room for, a place that cannot be written to.
     """
@@ -77,6 +79,7 @@ def export(
         out=None if out is None else Path(out),
         storage=storage,
         force=force,
+        trust=trust,
     )
     return EXPORTERS[to](request)
 
@@ -84,5 +87,8 @@ def export(
 def _record_in(place: Path, to: str) -> Record:
     # The robot's parameters need no design: an estimate knows its study as well.
     if to == "ros2_yaml" and not (place / RECORD).is_file() and (place / ESTIMATE).is_file():
-        return Record({"study": load_estimate(place).data["study"], "results": []})
+        found = load_estimate(place)
+        if "study" not in found.data:
+            raise RecordError([FileFlaw(str(found.file), 0, 0, "study", "missing")])
+        return Record({"study": found.data["study"], "results": []}, found.file)
     return load_record(place)

@@ -8,11 +8,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal
 
-from pydantic import ConfigDict, ValidationError, model_validator
+from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validator
 
 from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter
 from oed.models.own_module import own_module
+
+UNMADE = {"robots": "unmade"}
+"""Pydantic's context in which robots of the user's own are read as the names they are: no code is run."""
 
 
 class PythonRobot(Model):
@@ -31,9 +34,17 @@ class PythonRobot(Model):
     folder: str | None = None
 
     @model_validator(mode="after")
-    def _made(self) -> PythonRobot:
-        _ = self.robot
+    def _made(self, info: ValidationInfo) -> PythonRobot:
+        # Data may name a robot without its code being run.
+        if info.context != UNMADE:
+            _ = self.robot
         return self
+
+    @property
+    def module_file(self) -> str:
+        """Where its code is looked for first."""
+        path = Path(self.folder or ".", *self.object.partition(":")[0].split("."))
+        return f"{path}.py"
 
     @cached_property
     def robot(self) -> Model:

@@ -12,7 +12,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from oed.files import write_text
+from oed.files import inside, write_text
 from oed.record import Record
 from oed.report.animation import with_film
 from oed.report.section import Animation, Section
@@ -59,7 +59,7 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
     templates = _environment()
     html, markdown = (templates.get_template(template).render(content) for template in (HTML, MARKDOWN))
     for figure, text in drawings.items():
-        write_text(target / FIGURES / f"{figure}.svg", text)
+        write_text(inside(inside(target, FIGURES), f"{figure}.svg"), text)
     write_text(target / f"{name}.md", markdown)
     write_text(target / f"{name}.html", html)
     return target / f"{name}.html"

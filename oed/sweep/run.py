@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from oed.errors import FileFlaw, OedError, RecordError
-from oed.files import require_writable, write_text
+from oed.files import inside, require_writable, write_text
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record
 from oed.runner import package_version, run
 from oed.solvers import Progress, Silent, Workers, default_workers
 from oed.solvers.parallel import run_tasks
+from oed.stored.door import checked, read_object
+from oed.stored.sweep import StoredSweep
 from oed.study import Study
 from oed.sweep.axes import Axis
 from oed.sweep.points import Point, grid, short_names
@@ -69,14 +71,11 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
         RecordError: none there, or not one of this format.
     """
     path = Path(folder) / FILE
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        text = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
-        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
-    return data
+    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
+    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
+    if data.get("format") != FORMAT:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return checked(StoredSweep, data, path).plain()
 
 
 @dataclass(frozen=True)
@@ -137,17 +136,17 @@ class _Sweep:
         if result.failure:
             self.failures[index] = result.failure
             return
-        place = self.folder / self.points[index].folder
+        place = inside(self.folder, self.points[index].folder)
         # The record last: where it is, everything is.
         for name in sorted(result.files, key=lambda name: name == RECORD):
-            write_text(place / name, result.files[name])
+            write_text(inside(place, name), result.files[name])
         self.records[index] = load_record(place)
         if self.records[index].data["interrupted"]:
             raise KeyboardInterrupt
 
     def _kept(self, index: int) -> Record | None:
         try:
-            record = load_record(self.folder / self.points[index].folder)
+            record = load_record(inside(self.folder, self.points[index].folder))
         except RecordError:
             return None
         data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
