@@ -29,10 +29,13 @@ class DesignExpressions:
         entries: those symbols, stacked.
     """
 
-    def __init__(self, problem: Problem, refine: int = 1) -> None:
-        """Write the expressions; positions are limited at `refine` points per sample."""
+    def __init__(self, problem: Problem, refine: int = 1, *, differentiated: bool = True) -> None:
+        """Write the expressions; positions are limited at `refine` points per sample.
+
+        With `differentiated` False they serve for values alone.
+        """
         self.problem = problem
-        self.terms: Terms = terms_of(problem, refine)
+        self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
+from oed.limits.limit import PathLimit
 from oed.problem import Problem
 from oed.solution import Status
 from oed.solvers.coarse import Grid
@@ -22,6 +23,8 @@ from oed.solvers.epigraph import objective_of
 from oed.solvers.program import Outcome, Program
 
 Array = npt.NDArray[np.float64]
+Round: TypeAlias = tuple[Outcome, Evaluation]
+Stage = Literal["program", "second"]
 
 TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
@@ -35,6 +38,11 @@ MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 ROUNDING = 1e-9
 """Share of the objective that a design must be better by to replace one found before (or after)."""
+
+SLIPPED = 0.02
+"""Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
+FINER, FINEST = 4, 64
+"""Factor on the points per sample then, and the most there are."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -91,19 +99,28 @@ class Settings:
 
 
 class LocalSearch:
-    """The compiled programs of one problem: the criterion's, and the second stage's."""
+    """The compiled programs of one problem: the criterion's, and the second stage's.
 
-    def __init__(self, problem: Problem, settings: Settings) -> None:
+    Limits on the path hold at `refine` points per sample. Where a design slips through between them, as
+    across a wall that is thinner than a step, the search goes on with more.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, refine: int = 1) -> None:
         """Write the expressions; programs are built when first used."""
         self.problem = problem
         self.settings = settings
-        self.grid = Grid(problem, settings.search_samples)
+        self.refine = refine
+        self.grid = Grid(problem, settings.search_samples, refine)
         self.design = self.grid.design
         self.scale = self.design.scale
         self._robots = [[matrix / self.scale for matrix in own] for own in self.grid.robots]
         self._objective = objective_of(problem, self._robots)
         # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
         self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
+
+    @cached_property
+    def _finer(self) -> LocalSearch:
+        return LocalSearch(self.problem, self.settings, FINER * self.refine)
 
     @cached_property
     def program(self) -> Program:
@@ -139,7 +156,7 @@ class LocalSearch:
     def maximise(self, unknowns: Array) -> Local:
         """Maximise the criterion from a start; the start itself if that is better than where this ends."""
         floors = np.zeros(self._objective.floors.shape[0])
-        found = self._tightened(self.program, unknowns, floors, self.grid.no_correction)
+        found = self._best("program", unknowns, floors, self.grid.no_correction)
         better = self.met(unknowns, found.objective)
         if better is None:
             return found
@@ -161,12 +178,18 @@ class LocalSearch:
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
-        return self._tightened(self._second, unknowns, floors, corrections)
+        return self._best("second", unknowns, floors, corrections)
 
-    def _tightened(self, program: Program, unknowns: Array, floors: Array, corrections: Array) -> Local:
+    def _best(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Local:
         began = time.perf_counter()
+        rounds = self._rounds(stage, unknowns, floors, corrections)
+        return _judged(rounds, time.perf_counter() - began)
+
+    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> list[Round]:
+        # Solves under limits tightened again and again, each with what its end is worth.
+        program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
-        rounds: list[tuple[Outcome, Evaluation]] = []
+        rounds: list[Round] = []
         for _ in range(TIGHTENINGS):
             # Limits and corrections change little from round to round: each goes on from the one before.
             after = rounds[-1][0] if rounds and rounds[-1][0].succeeded else None
@@ -178,11 +201,18 @@ class LocalSearch:
             lost = excess.max() > HOPELESS and not outcome.succeeded
             if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
                 break
+            if outcome.succeeded and self._slips(excess):
+                return rounds + self._finer._rounds(stage, unknowns, floors, corrections)
             before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
             if excess.any() and np.array_equal(before, backoff):
                 break
             corrections = self.grid.correction(unknowns)
-        return _judged(rounds, time.perf_counter() - began)
+        return rounds
+
+    def _slips(self, excess: Array) -> bool:
+        # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
+        on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
+        return self.refine < FINEST and bool(np.any(excess[on_path] > SLIPPED))
 
     def solved(
         self,
@@ -235,7 +265,7 @@ def surely_better(objective: float, standing: float) -> bool:
     return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
 
 
-def _judged(rounds: Sequence[tuple[Outcome, Evaluation]], seconds: float) -> Local:
+def _judged(rounds: Sequence[Round], seconds: float) -> Local:
     # The best of all rounds' ends, for the last one need not be; of equal ones the last.
     chosen, standing = len(rounds) - 1, -np.inf
     for place in range(len(rounds) - 1, -1, -1):
