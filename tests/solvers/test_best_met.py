@@ -51,7 +51,7 @@ def test_a_search_ends_with_no_less_than_its_best_feasible_start(seed: int):
     assert evaluate(problem, solution.trajectory).feasible
     assert solution.evaluation.objective >= least * (1 - 1e-9 * np.sign(least))
     if seed in GIVEN_UP:
-        assert solution.status is Status.CONVERGED
+        assert solution.status in (Status.CONVERGED, Status.ACCEPTABLE)
         assert solution.evaluation.objective > least
     else:
         assert solution.status is Status.UNIMPROVED
