@@ -345,14 +345,16 @@ def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, 
 def _margin(
     problem: Problem, limit: Limit, trajectory: Trajectory, rows: Rows, values: Array, speeds: Array
 ) -> Margin:
-    excess = np.maximum(values - rows.upper, rows.lower - values)
+    # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
+    spare = problem.excess * rows.size
+    excess = np.maximum(values - rows.upper, rows.lower - values) + spare
     stretches = None
     if problem.robust is None and isinstance(limit, PathLimit):
         # One thing after the other, asked of all points of the path.
         points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
         stretches = near(problem, limit, rows.size, trajectory, points, speeds)
     most, certain = most_exceeded(problem, limit, trajectory, float(excess.max()), stretches)
-    return Margin(limit.name, -most, rows.size, rows.unit, certain)
+    return Margin(limit.name, spare - most, rows.size, rows.unit, certain)
 
 
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:

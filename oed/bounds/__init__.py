@@ -12,7 +12,7 @@ import numpy.typing as npt
 from oed.bounds.caps import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_caps
 from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate, bound_on, gap
 from oed.bounds.joint import joint_caps
-from oed.bounds.motion import first_moment, largest_rates, unslipped
+from oed.bounds.motion import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.criteria import E
 from oed.evaluation import TOLERANCE, evaluate
@@ -163,7 +163,7 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
     # Limits of the speeds, weights, and what is known beforehand.
     space, one = problem.design, problem.any_estimations[-1]
     rate = float(largest_rates(problem).max())
-    ends = problem.rest_spare + first_moment(problem) * rate if space.rest_to_rest else np.inf
+    ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
     limits = SpeedLimits(space.samples, problem.input_bounds, space.period * rate, ends)
     return limits, space.period * one.scales / noise_of(problem, one), prior_matrix(problem, one)
 

@@ -12,6 +12,7 @@ from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import follows_state, step
 from oed.models.skid_steer import SkidSteer
 from oed.problem import Problem
+from oed.trajectory import middles
 
 Array = npt.NDArray[np.float64]
 
@@ -24,18 +25,10 @@ def input_reach(problem: Problem) -> Array:
     largest = np.abs(problem.input_bounds).max(axis=1)
     reach = np.tile(largest, (space.samples, 1))
     if space.rest_to_rest:
-        periods = np.arange(space.samples)
-        times = space.period * np.minimum(periods, periods[::-1]) + first_moment(problem)
-        reach = np.minimum(reach, problem.rest_spare + np.outer(times, largest_rates(problem)))
+        times = middles(space.duration, space.samples)
+        spare = np.minimum(times, times[::-1])
+        reach = np.minimum(reach, problem.rest_spare + np.outer(spare, largest_rates(problem)))
     return np.asarray(reach)
-
-
-def first_moment(problem: Problem) -> float:
-    """How long after rest the input held in the first period is reached [s]: in the middle of the period, or
-    by one jump, which is limited as over a whole period.
-    """
-    space = problem.design
-    return space.period if space.spline.degree == 0 else space.period / 2
 
 
 def largest_rates(problem: Problem) -> Array:
