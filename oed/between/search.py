@@ -62,7 +62,7 @@ def _looked_at(problem: Problem, limit: Limit, drive: Trajectory) -> Iterator[tu
     if robust is None or spread is None or not isinstance(limit, PathLimit):
         robot = problem.robot
         nominal = _of_one(robot, rule, drive, np.array(robot.nominal), drive.starts)
-        yield excess_of(limit, robot, rule, problem.excess), nominal
+        yield excess_of(limit, robot, rule), nominal
         return
     robot = spread.robot
     if robust.kind != "scenarios":
@@ -75,7 +75,7 @@ def _looked_at(problem: Problem, limit: Limit, drive: Trajectory) -> Iterator[tu
     starts = drive.starts + spread.shifts(values)
     for parameters, start in zip(spread.robots(values), starts, strict=True):
         other = _of_one(robot, rule, drive, parameters, start)
-        yield excess_of(limit, robot, rule, problem.excess), other
+        yield excess_of(limit, robot, rule), other
 
 
 def _of_one(
@@ -91,9 +91,9 @@ def _of_one(
 
 
 @lru_cache(maxsize=128)
-def excess_of(limit: Limit, robot: Model, rule: Integration, share: float = 0.0) -> Excess:
-    """A limit's excess as it stands, or widened by a share of its size."""
-    return Excess(lambda instant: limit.rows(instant).widened(share), robot, rule)
+def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
+    """A limit's excess as it stands."""
+    return Excess(limit.rows, robot, rule)
 
 
 @lru_cache(maxsize=32)
@@ -103,7 +103,7 @@ def _reserved(problem: Problem, limit: PathLimit, run: int) -> Excess:
     assert robust is not None
 
     def rows(instant: Moment) -> Rows:
-        return reserved(limit, instant, spread, robust).widened(problem.excess)
+        return reserved(limit, instant, spread, robust)
 
     return Excess(rows, spread.robot, problem.design.integration, sensitive=True, run=run)
 
