@@ -1,0 +1,209 @@
+"""Random problems, judged: the package's score, verdict on limits and certificates against the oracle's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import oed
+from oed import evaluation as scoring
+from oed.identifiability import require_identifiable
+from oed.study import parse_study
+
+from .cases import Failure, quoted
+from .generator.drives import Drive, draw_drive, draw_polygon, draw_seemingly_feasible, pinched
+from .generator.quantities import one_of, plain
+from .generator.studies import Study, draw_study
+from .oracle.limits import Excess, excesses
+from .oracle.score import Score, score
+from .oracle.splines import Run, clamped_run
+
+Rng = np.random.Generator
+
+AGREED = 1e-6
+"""Share by which scores may differ on a well-conditioned drive."""
+TOLERANCE: float = scoring.TOLERANCE
+"""Share of a limit's size that the scorer says it tolerates."""
+ROUNDING = 1e-9
+"""Share of what is added up that rounding may take from a distance."""
+CORNER = 1.01e-9
+"""Speed [m/s] over which the scorer rounds a path length's corner at rest."""
+CLEARLY = 3e-3
+"""Share of its size by which a limit is kept so clearly that it must not be called broken."""
+SOLVED, BOUNDED, PINCHED = 0.04, 0.25, 0.35
+"""Shares of problems that are searched, bounded, and drawn around a drive."""
+SOLVERS = (
+    {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
+    {"starts": 2, "perturbations": 1, "max_iterations": 25},
+)
+
+
+def problem_case(rng: Rng) -> Iterator[Failure]:
+    """One random problem and some drives of it."""
+    study, drives = _drawn(rng)
+    try:
+        problem = parse_study(study.text(rng), "campaign.yaml").problem
+    except oed.UserMistake as error:
+        yield Failure("valid study refused", quoted(str(error)))
+        return
+    judged = [_Judged(study, problem, drive) for drive in drives]
+    judged += [_Judged(study, problem, drive) for drive in _designs(rng, study, problem)]
+    for one in judged:
+        yield from one.failures()
+    if rng.random() < BOUNDED and study.spec["criterion"]["kind"] == "E":
+        yield from _bounded(problem, judged)
+
+
+def _drawn(rng: Rng) -> tuple[Study, list[Drive]]:
+    study, drives = draw_study(rng), []
+    if rng.random() < PINCHED:
+        study, drive = pinched(rng, study)
+        drives.append(drive)
+    else:
+        drives.append(draw_seemingly_feasible(rng, study))
+    drives.append(one_of(rng, (draw_drive, draw_seemingly_feasible, draw_polygon))(rng, study))
+    return study, drives
+
+
+def _designs(rng: Rng, study: Study, problem: oed.Problem) -> Iterator[Drive]:
+    if rng.random() >= SOLVED:
+        return
+    try:
+        require_identifiable(problem)
+    except oed.UserMistake:
+        return
+    options: dict[str, Any] = one_of(rng, SOLVERS)
+    try:
+        found = oed.solve(problem, oed.Ipopt(**options), seed=int(rng.integers(1000)), workers=1)
+    except oed.OedError:
+        return
+    if found.trajectory is not None:
+        yield drive_of(found.trajectory)
+
+
+def drive_of(trajectory: oed.Trajectory) -> Drive:
+    """A trajectory of a study's space as the oracle knows it."""
+    duration, samples = trajectory.duration / trajectory.runs, trajectory.samples // trajectory.runs
+    parts = np.split(np.asarray(trajectory.coefficients), trajectory.runs)
+    runs: list[Run] = [
+        clamped_run(duration, trajectory.degree, part, start[:3], samples)
+        for part, start in zip(parts, trajectory.starts, strict=True)
+    ]
+    return Drive(tuple(runs))
+
+
+def trajectory_of(problem: oed.Problem, drive: Drive) -> oed.Trajectory:
+    """The package's trajectory of a drive."""
+    states = problem.start_states(drive.starts)
+    if not drive.polygon:
+        return problem.design.trajectory(drive.coefficients, states)
+    rest, runs = problem.design.rest_to_rest, problem.design.runs
+    whole = problem.design.whole_duration
+    return oed.Trajectory.from_samples(drive.held, whole, states, rest_to_rest=rest, runs=runs)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A drive, scored by both."""
+
+    study: Study
+    problem: oed.Problem
+    drive: Drive
+
+    @cached_property
+    def spec(self) -> dict[str, Any]:
+        return dict(plain(self.study.spec))
+
+    @cached_property
+    def said(self) -> oed.Evaluation:
+        """What the package says."""
+        return oed.evaluate(self.problem, trajectory_of(self.problem, self.drive))
+
+    @cached_property
+    def true(self) -> Score:
+        """What the oracle says."""
+        return score(self.spec, self.drive.runs)
+
+    @cached_property
+    def limits(self) -> list[Excess]:
+        """How far each limit is exceeded at most."""
+        return excesses(self.spec, self.drive.runs)
+
+    def failures(self) -> Iterator[Failure]:
+        """Everything the two disagree about."""
+        if self.true.sort == "well":
+            yield from self._scores()
+        elif self.true.sort == "singular":
+            yield from self._singular()
+        yield from self._broken()
+
+    def _scores(self) -> Iterator[Failure]:
+        said, true, kind = self.said, self.true, self.spec["criterion"]["kind"]
+        pairs = {
+            f"objective {kind}": (said.objective, true.objective),
+            "lambda_min": (said.lambda_min, true.lambda_min),
+            "lambda_max": (said.lambda_max, true.lambda_max),
+            "path length": (said.path_length, true.path_length),
+            **{
+                f"deviation of {name}": (said.standard_deviations.get(name, math.nan), size)
+                for name, size in true.deviations.items()
+            },
+        }
+        for name, (one, other) in pairs.items():
+            # log det is a sum of logarithms: what is a share elsewhere is an amount there.
+            least = 1.0 if name == "objective D" else 0.0
+            spare = CORNER * self.said_duration if name == "path length" else 0.0
+            if not abs(one - other) <= AGREED * max(abs(other), least) + spare:
+                yield Failure("score", f"{name}: {one:.9g}, the oracle says {other:.9g}")
+
+    @property
+    def said_duration(self) -> float:
+        """Of all runs [s]."""
+        return sum(run.duration for run in self.drive.runs)
+
+    def _singular(self) -> Iterator[Failure]:
+        kind, objective = self.spec["criterion"]["kind"], self.said.objective
+        if kind == "E" and objective > 1e-9 * self.said.lambda_max:
+            yield Failure("singular", f"E {objective:.4g} of a drive that leaves parameters undetermined")
+        if kind in ("D", "A", "modified_E") and objective != -math.inf:
+            yield Failure("singular", f"{kind} {objective:.4g} of a drive that leaves parameters undetermined")
+
+    def _broken(self) -> Iterator[Failure]:
+        margins = {margin.name: margin for margin in self.said.margins}
+        for one in self.limits:
+            margin = margins[one.limit]
+            allowed = TOLERANCE * min(one.size, margin.size) + self._rounding(one.limit)
+            if margin.kept and one.amount > allowed:
+                text = f"{one.limit}: called kept, exceeded by {one.amount:.4g} (size {one.size:.4g})"
+                yield Failure("feasible that is not", text)
+            if not margin.kept and one.amount < -CLEARLY * one.size - self._rounding(one.limit):
+                text = f"{one.limit}: kept with {-one.amount:.4g} to spare (size {one.size:.4g}), called broken"
+                yield Failure("infeasible that is not", f"{text} by {margin.violation:.4g}")
+
+    def _rounding(self, limit: str) -> float:
+        places = ("workspace", "obstacles", "end_position", "path_length")
+        return ROUNDING * (self.study.size + self.true.path_length) if limit in places else 0.0
+
+    @property
+    def exactly_feasible(self) -> bool:
+        """Whether every limit is kept without any tolerance."""
+        return self.said.feasible and all(one.amount <= 0 for one in self.limits)
+
+
+def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Failure]:
+    certificate = oed.bound(problem)
+    widened = getattr(certificate, "widened", None)
+    for one in judged:
+        if not one.said.feasible or any(run.samples != problem.design.samples for run in one.drive.runs):
+            continue
+        exact = one.exactly_feasible
+        limit = certificate.upper_bound if exact or widened is None else widened
+        # A certificate that says nothing of tolerances is not held to them.
+        if (exact or widened is not None) and one.said.objective > limit * (1 + AGREED):
+            text = f"{one.said.objective:.6g} above {limit:.6g} ({certificate.method})"
+            yield Failure("above the certificate", text)
