@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..oracle.robots import Robot
-from .quantities import Quantity, log_uniform, one_of
+from .quantities import Quantity, log_uniform, one_of, plain
 
 Rng = np.random.Generator
 
@@ -18,7 +18,8 @@ def draw_measurement(rng: Rng, robot: Robot, samples: int, reach: float) -> Any:
     if columns and rng.random() < 0.4:
         return _displacements(rng, columns, samples, reach)
     count = one_of(rng, (1, 1, 1, 2, 3))
-    initial = _initial_pose(rng, reach)
+    # Bare numbers: sensors must agree on them to the last digit, in whatever unit.
+    initial = plain(_initial_pose(rng, reach))
     kinds = ["poses", "poses", "ranges", "yaw_rate", *(["trailer_angle"] if robot.trailer else [])]
     sensors = [_SENSORS[one_of(rng, kinds)](rng, samples, reach, initial) for _ in range(count)]
     return sensors[0] if count == 1 and rng.random() < 0.7 else sensors

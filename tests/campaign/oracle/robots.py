@@ -122,6 +122,8 @@ def _made(
         forward, lateral, yaw = asked(np.eye(linear), [np.array([[value]]) for value in bare])
         rows = [yaw[0], forward[0], *([lateral[0]] if more.get("sideways") else [])]
         matrix = np.array([np.broadcast_to(row, (linear,)) for row in rows], dtype=float)
+        # What geometry makes 0 is no coefficient of a size of its own.
+        matrix[np.abs(matrix) < 1e-12 * np.abs(matrix).max(axis=1, keepdims=True)] = 0.0
     radius = float(spec.get("body_radius", 0.0))
     return Robot(inputs, names, values, sizes, asked, coefficients=matrix, body_radius=radius, **more)
 
