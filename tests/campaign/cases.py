@@ -1,4 +1,4 @@
-"""Cases and what becomes of them."""
+"""Cases, what is asked of each, and what becomes of it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 SECONDS = 60.0
 """After which a case counts as hanging."""
+MEMORY = 2 * 2**30
+"""Bytes that no case may need."""
 
 
 @dataclass(frozen=True)
-class Failure:
-    """Something wrong: its kind, and a sentence."""
+class Verdict:
+    """One thing asked of a case: what, and a sentence about it where it does not hold."""
 
-    kind: str
-    text: str
+    asked: str
+    wrong: str = ""
 
 
 @dataclass(frozen=True)
@@ -24,19 +26,30 @@ class Outcome:
     Attributes:
         sort: "problem", "file" or "signal".
         index: of the case among its sort.
-        failures: what is wrong, nothing if all is well.
+        verdicts: on everything that was asked of it.
         seconds: it took.
-        peak: largest memory of its process [bytes].
     """
 
     sort: str
     index: int
-    failures: tuple[Failure, ...]
+    verdicts: tuple[Verdict, ...]
     seconds: float = 0.0
-    peak: int = 0
+
+    @property
+    def failures(self) -> tuple[Verdict, ...]:
+        """What does not hold."""
+        return tuple(verdict for verdict in self.verdicts if verdict.wrong)
 
 
 def quoted(text: str, most: int = 160) -> str:
     """A text on one line, cut short."""
     line = re.sub(r"\s+", " ", text.strip())
     return line if len(line) <= most else f"{line[: most - 1]}…"
+
+
+def place_of(trace: str) -> str:
+    """What a traceback ends with, and where in the package."""
+    lines = trace.strip().splitlines()
+    within = [line.strip() for line in lines if "/oed/" in line and line.strip().startswith("File")]
+    where = within[-1].rsplit("/oed/", 1)[1].replace('"', "") if within else "beyond the package"
+    return quoted(f"{lines[-1]} ({where})")

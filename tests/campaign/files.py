@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cases import Failure
+from .cases import Verdict
 from .damage.material import TARGETS, Target, copied, filled
 from .damage.running import Ran, run_apart, run_here
 from .damage.tables import LONG_SHARE, TABLES, far_too_long
@@ -22,11 +22,12 @@ from .generator.quantities import one_of
 
 Rng = np.random.Generator
 
+STREAMS = (".stdout", ".stderr")
 APART = 0.1
 """Share of cases whose command has a process of its own."""
 
 
-def file_case(rng: Rng, material: Path, *, quick: bool = False) -> Iterator[Failure]:
+def file_case(rng: Rng, material: Path, *, quick: bool = False) -> Iterator[Verdict]:
     """One damaged file and one command that reads it; `quick` ones take a fraction of a second."""
     target: Target = one_of(rng, TARGETS)
     commands = target.commands[: target.quick] if quick else target.commands
@@ -43,11 +44,11 @@ def file_case(rng: Rng, material: Path, *, quick: bool = False) -> Iterator[Fail
         before = _prints(folder)
         after = _with_exports((run_apart if apart else run_here)(filled(command, out), folder), command, out)
         what = f"{command[0]} of a {target.sort} ({damage.__name__})"
-        found = [*manners(after), *_strays(Path(place), folder, before, command)]
+        found = [*manners(after), _strays(Path(place), folder, before, command)]
         if damage is not far_too_long:
-            found += taken_for_right(target.sort, sound, damaged, _undamaged(material, command), after)
+            found.append(taken_for_right(target.sort, sound, damaged, _undamaged(material, command), after))
     for one in found:
-        yield Failure(one.kind, f"{what}: {one.text}")
+        yield Verdict(one.asked, one.wrong and f"{what}: {one.wrong}")
 
 
 def _damage(rng: Rng, target: Target, *, quick: bool) -> Damage:
@@ -88,16 +89,14 @@ def _prints(folder: Path) -> dict[str, str]:
     return {str(file.relative_to(folder)): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
-def _strays(place: Path, folder: Path, before: dict[str, str], command: tuple[str, ...]) -> Iterator[Failure]:
+def _strays(place: Path, folder: Path, before: dict[str, str], command: tuple[str, ...]) -> Verdict:
     # Files written where nothing was to be written; `validate` renews its own record and report.
     beyond = [entry.name for entry in place.iterdir() if entry.name not in ("work", "out")]
     after = _prints(folder)
     own = f"{command[1]}/" if command[0] == "validate" else "\0"
-    hidden = (".stdout", ".stderr")
     changed = [
         name
         for name in {*before, *after}
-        if before.get(name) != after.get(name) and not name.startswith(own) and name not in hidden
+        if before.get(name) != after.get(name) and not name.startswith(own) and name not in STREAMS
     ]
-    if beyond or changed:
-        yield Failure("written elsewhere", ", ".join(sorted([*beyond, *changed])[:3]))
+    return Verdict("nothing written elsewhere", ", ".join(sorted([*beyond, *changed])[:3]))

@@ -15,7 +15,7 @@ from oed import evaluation as scoring
 from oed.identifiability import require_identifiable
 from oed.study import parse_study
 
-from .cases import Failure, quoted
+from .cases import Verdict, quoted
 from .generator.drives import Drive, draw_drive, draw_polygon, draw_seemingly_feasible, pinched
 from .generator.quantities import one_of, plain
 from .generator.studies import Study, draw_study
@@ -39,24 +39,28 @@ CLEARLY = 3e-3
 """Share of its size by which a limit is kept so clearly that it must not be called broken."""
 SOLVED, BOUNDED, PINCHED = 0.04, 0.25, 0.35
 """Shares of problems that are searched, bounded, and drawn around a drive."""
+READ, SCORED, SINGULAR = "valid studies are read", "scores agree", "undetermined is -inf"
+FEASIBLE, INFEASIBLE = "kept is kept", "broken is broken"
+BOUND = "no score above its certificate"
 SOLVERS = (
     {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
     {"starts": 2, "perturbations": 1, "max_iterations": 25},
 )
 
 
-def problem_case(rng: Rng) -> Iterator[Failure]:
+def problem_case(rng: Rng) -> Iterator[Verdict]:
     """One random problem and some drives of it."""
     study, drives = _drawn(rng)
     try:
         problem = parse_study(study.text(rng), "campaign.yaml").problem
     except oed.UserMistake as error:
-        yield Failure("valid study refused", quoted(str(error)))
+        yield Verdict(READ, quoted(str(error)))
         return
+    yield Verdict(READ)
     judged = [_Judged(study, problem, drive) for drive in drives]
     judged += [_Judged(study, problem, drive) for drive in _designs(rng, study, problem)]
     for one in judged:
-        yield from one.failures()
+        yield from one.verdicts()
     if rng.random() < BOUNDED and study.spec["criterion"]["kind"] == "E":
         yield from _bounded(problem, judged)
 
@@ -136,7 +140,7 @@ class _Judged:
         """How far each limit is exceeded at most."""
         return excesses(self.spec, self.drive.runs)
 
-    def failures(self) -> Iterator[Failure]:
+    def verdicts(self) -> Iterator[Verdict]:
         """Everything the two disagree about."""
         if self.true.sort == "well":
             yield from self._scores()
@@ -144,7 +148,7 @@ class _Judged:
             yield from self._singular()
         yield from self._broken()
 
-    def _scores(self) -> Iterator[Failure]:
+    def _scores(self) -> Iterator[Verdict]:
         said, true, kind = self.said, self.true, self.spec["criterion"]["kind"]
         pairs = {
             f"objective {kind}": (said.objective, true.objective),
@@ -160,35 +164,37 @@ class _Judged:
             # log det is a sum of logarithms: what is a share elsewhere is an amount there.
             least = 1.0 if name == "objective D" else 0.0
             spare = CORNER * self.said_duration if name == "path length" else 0.0
-            if not abs(one - other) <= AGREED * max(abs(other), least) + spare:
-                yield Failure("score", f"{name}: {one:.9g}, the oracle says {other:.9g}")
+            agreed = abs(one - other) <= AGREED * max(abs(other), least) + spare
+            yield Verdict(SCORED, "" if agreed else f"{name}: {one:.9g}, the oracle says {other:.9g}")
 
     @property
     def said_duration(self) -> float:
         """Of all runs [s]."""
         return sum(run.duration for run in self.drive.runs)
 
-    def _singular(self) -> Iterator[Failure]:
+    def _singular(self) -> Iterator[Verdict]:
         kind, objective = self.spec["criterion"]["kind"], self.said.objective
-        if kind == "E" and objective > 1e-9 * self.said.lambda_max:
-            yield Failure("singular", f"E {objective:.4g} of a drive that leaves parameters undetermined")
-        if kind in ("D", "A", "modified_E") and objective != -math.inf:
-            yield Failure("singular", f"{kind} {objective:.4g} of a drive that leaves parameters undetermined")
+        expected = {"E": 0.0, "D": -math.inf, "A": -math.inf, "modified_E": -math.inf}
+        if kind in expected:
+            right = objective == expected[kind] or (kind == "E" and objective <= 1e-9 * self.said.lambda_max)
+            yield Verdict(
+                SINGULAR, "" if right else f"{kind} {objective:.4g} where parameters are undetermined"
+            )
 
-    def _broken(self) -> Iterator[Failure]:
+    def _broken(self) -> Iterator[Verdict]:
         margins = {margin.name: margin for margin in self.said.margins}
         for one in self.limits:
-            margin = margins[one.limit]
-            allowed = TOLERANCE * min(one.size, margin.size) + self._rounding(one.limit)
-            if margin.kept and one.amount > allowed:
-                text = f"{one.limit}: called kept, exceeded by {one.amount:.4g} (size {one.size:.4g})"
-                yield Failure("feasible that is not", text)
-            spare = CLEARLY * one.size + self._rounding(one.limit)
-            # A length is rounded upwards, by a tenth of a millimetre per second.
-            spare += LONGER * self.said_duration if one.limit == "path_length" else 0.0
-            if not margin.kept and one.amount < -spare:
-                text = f"{one.limit}: kept with {-one.amount:.4g} to spare (size {one.size:.4g}), called broken"
-                yield Failure("infeasible that is not", f"{text} by {margin.violation:.4g}")
+            margin, rounding = margins[one.limit], self._rounding(one.limit)
+            if margin.kept:
+                right = one.amount <= TOLERANCE * min(one.size, margin.size) + rounding
+                text = f"{one.limit} exceeded by {one.amount:.4g} (size {one.size:.4g}), called kept"
+                yield Verdict(FEASIBLE, "" if right else text)
+            else:
+                spare = CLEARLY * one.size + rounding
+                # A length is rounded upwards, by a tenth of a millimetre per second.
+                spare += LONGER * self.said_duration if one.limit == "path_length" else 0.0
+                text = f"{one.limit} kept with {-one.amount:.4g} to spare (size {one.size:.4g}), called broken by"
+                yield Verdict(INFEASIBLE, "" if one.amount >= -spare else f"{text} {margin.violation:.4g}")
 
     def _rounding(self, limit: str) -> float:
         places = ("workspace", "obstacles", "end_position", "path_length")
@@ -200,7 +206,7 @@ class _Judged:
         return self.said.feasible and all(one.amount <= 0 for one in self.limits)
 
 
-def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Failure]:
+def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Verdict]:
     certificate = oed.bound(problem)
     widened = getattr(certificate, "widened", None)
     for one in judged:
@@ -208,7 +214,7 @@ def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Failure]:
             continue
         exact = one.exactly_feasible
         limit = certificate.upper_bound if exact or widened is None else widened
-        # A certificate that says nothing of tolerances is not held to them.
-        if (exact or widened is not None) and one.said.objective > limit * (1 + AGREED):
+        if exact or widened is not None:
+            # A certificate that says nothing of tolerances is not held to them.
             text = f"{one.said.objective:.6g} above {limit:.6g} ({certificate.method})"
-            yield Failure("above the certificate", text)
+            yield Verdict(BOUND, "" if one.said.objective <= limit * (1 + AGREED) else text)

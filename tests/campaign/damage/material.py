@@ -74,13 +74,31 @@ class Target:
 
 TARGETS = (
     *(
-        Target("study", f"{name}.yaml", (("check", f"{name}.yaml"), ("evaluate", "--json", f"{name}.yaml", f"{name}/ipopt.csv")), 2)
+        Target(
+            "study",
+            f"{name}.yaml",
+            (("check", f"{name}.yaml"), ("evaluate", "--json", f"{name}.yaml", f"{name}/ipopt.csv")),
+            2,
+        )
         for name in STUDIES
     ),
     Target("study", "drawn.yaml", (("check", "drawn.yaml"),), 1),
-    Target("study", "logged.yaml", (("check", "logged.yaml"), ("estimate", "--json", "--quiet", "logged.yaml", "log.csv", "--out", "{out}")), 1),
+    Target(
+        "study",
+        "logged.yaml",
+        (
+            ("check", "logged.yaml"),
+            ("estimate", "--json", "--quiet", "logged.yaml", "log.csv", "--out", "{out}"),
+        ),
+        1,
+    ),
     *(
-        Target("path", f"{name}/ipopt.csv", (("evaluate", "--json", f"{name}.yaml", f"{name}/ipopt.csv", "--designs", "{out}"),), 1)
+        Target(
+            "path",
+            f"{name}/ipopt.csv",
+            (("evaluate", "--json", f"{name}.yaml", f"{name}/ipopt.csv", "--designs", "{out}"),),
+            1,
+        )
         for name in STUDIES
     ),
     Target(
@@ -121,7 +139,9 @@ def make_material(folder: Path, seed: int) -> None:
     shutil.copy(SHIPPED / "logs" / "room_robot.csv", folder / "log.csv")
     study = yaml.safe_load((SHIPPED / "room_robot.yaml").read_text(encoding="utf-8"))
     study["name"] = "Logged"
-    text = yaml.safe_dump({**study, "calibration": {"covariance": "information", "segment": "log"}}, sort_keys=False)
+    text = yaml.safe_dump(
+        {**study, "calibration": {"covariance": "information", "segment": "log"}}, sort_keys=False
+    )
     (folder / "logged.yaml").write_text(text, encoding="utf-8")
 
 

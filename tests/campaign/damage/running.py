@@ -17,10 +17,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..cases import SECONDS
+from ..cases import MEMORY, SECONDS
 
-MEMORY = 2 * 2**30
-"""Bytes that no command may need on a file of ordinary size."""
 CEILING = 6 * MEMORY
 """Address space that a process of its own may have, so that a machine survives."""
 ROOT = Path(__file__).parents[3]
@@ -46,28 +44,31 @@ class Ran:
     raised: str = ""
 
 
-class _TooLong(BaseException):
+class TooLong(BaseException):
     """Not an Exception: no handler of the package's may take it for an error of its own."""
 
 
 @contextlib.contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise `_TooLong` where a block takes longer; of no effect but in a main thread."""
+    """Raise `TooLong` where a block takes longer; of no effect but in a main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def ring(*_: object) -> None:
-        raise _TooLong
+        raise TooLong
 
-    before = signal.signal(signal.SIGALRM, ring)
+    before, began = signal.signal(signal.SIGALRM, ring), time.monotonic()
     # Again and again: what swallows one is rung once more.
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    left, interval = signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+        if left:
+            # A limit around this one goes on.
+            signal.setitimer(signal.ITIMER_REAL, max(left - time.monotonic() + began, 1e-3), interval)
 
 
 def run_here(arguments: Sequence[str], folder: Path) -> Ran:
@@ -82,7 +83,7 @@ def run_here(arguments: Sequence[str], folder: Path) -> Ran:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 code = main(list(arguments))
-    except _TooLong:
+    except TooLong:
         code = None
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else 1

@@ -71,7 +71,9 @@ def far_too_long(rng: Rng, data: bytes) -> bytes:
     """The rows over and over, each time with later times: a log of two million."""
     rows = [line.split(",") for line in data.decode("utf-8").splitlines()]
     body, times = rows[1:], (0, 3) if rows[0][0] == "encoder_ms" else (0,)
-    spans = {place: float(body[-1][place]) * 2 - float(body[-2][place]) - float(body[0][place]) for place in times}
+    spans = {
+        place: float(body[-1][place]) * 2 - float(body[-2][place]) - float(body[0][place]) for place in times
+    }
     parts = [",".join(rows[0])]
     for turn in range(MANY // len(body)):
         for row in body:

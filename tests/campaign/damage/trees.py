@@ -100,7 +100,15 @@ def deeper(rng: Rng, tree: Any) -> Any:
     return tree
 
 
-TREES: tuple[Callable[[Rng, Any], Any], ...] = (odd_value, odd_value, odd_value, missing_key, other_key, moved_value, deeper)
+TREES: tuple[Callable[[Rng, Any], Any], ...] = (
+    odd_value,
+    odd_value,
+    odd_value,
+    missing_key,
+    other_key,
+    moved_value,
+    deeper,
+)
 
 
 def in_yaml(change: Callable[[Rng, Any], Any]) -> Damage:

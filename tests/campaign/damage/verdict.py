@@ -15,8 +15,8 @@ from typing import Any
 
 import yaml
 
-from ..cases import SECONDS, Failure, quoted
-from .running import MEMORY, Ran
+from ..cases import MEMORY, SECONDS, Verdict, place_of
+from .running import Ran
 
 SAME = 1e-6
 """Share by which numbers of a sound and a damaged file may differ and be the same."""
@@ -27,36 +27,27 @@ TIMES = {"seconds", "wall_seconds", "finished", "peak", "stages", "history", "di
 TYPES: tuple[tuple[type, ...], ...] = ((bool,), (int, float), (str,), (dict,), (list,), (type(None),))
 
 
-def manners(ran: Ran) -> Iterator[Failure]:
+def manners(ran: Ran) -> Iterator[Verdict]:
     """How it ended, whatever it said."""
-    if ran.code is None or ran.seconds > SECONDS:
-        yield Failure("hang", f"not ended after {ran.seconds:.0f} s")
-    elif ran.raised:
-        lines = ran.raised.strip().splitlines()
-        places = [line.strip() for line in lines if "/oed/" in line and line.strip().startswith("File")]
-        place = places[-1].rsplit("/oed/", 1)[1].replace('"', "") if places else "?"
-        yield Failure("traceback", quoted(f"{lines[-1]} ({place})"))
-    elif ran.code not in (0, 1, 2):
-        yield Failure("exit code", f"{ran.code}")
-    elif ran.code and not ran.err.strip():
-        yield Failure("no word", f"exit code {ran.code} and nothing said")
-    if ran.peak > MEMORY:
-        yield Failure("memory", f"{ran.peak / 2**30:.1f} GB")
-    if any(ord(sign) < 32 and sign not in "\n\t\r" for sign in _without_styles(ran)):
-        yield Failure("control characters", "on the terminal")
+    late = ran.code is None or ran.seconds > SECONDS
+    yield Verdict("no hang", f"not ended after {ran.seconds:.0f} s" if late else "")
+    yield Verdict("no traceback", place_of(ran.raised) if ran.raised else "")
+    code = "" if late or ran.code in (0, 1, 2) else f"{ran.code}"
+    silent = bool(ran.code) and not ran.raised and not ran.err.strip()
+    yield Verdict("exit code 0, 1 or 2, and why", code or ("not a word" if silent else ""))
+    yield Verdict("memory below 2 GB", f"{ran.peak / 2**30:.1f} GB" if ran.peak > MEMORY else "")
+    odd = {sign for sign in ran.out + ran.err if ord(sign) < 32 and sign not in "\n\t\r"}
+    yield Verdict("no control characters", f"{odd} on the terminal" if odd else "")
 
 
-def _without_styles(ran: Ran) -> str:
-    return ran.out + ran.err
-
-
-def taken_for_right(sort: str, sound: bytes, damaged: bytes, before: Ran, after: Ran) -> Iterator[Failure]:
+def taken_for_right(sort: str, sound: bytes, damaged: bytes, before: Ran, after: Ran) -> Verdict:
     """Whether a damaged file passed for a sound one: exit code 0, other numbers, and not a word."""
+    asked = "damage is not taken for right"
     if after.code != 0 or before.code != 0 or same(_numbers(before.out), _numbers(after.out)):
-        return
+        return Verdict(asked)
     if _said_more(before, after) or as_strict(sort, sound, damaged):
-        return
-    yield Failure("taken for right", "exit code 0 with other numbers, and nothing said of the damage")
+        return Verdict(asked)
+    return Verdict(asked, "exit code 0 with other numbers, and nothing said of the damage")
 
 
 def _numbers(text: str) -> Any:
@@ -88,7 +79,9 @@ def _findings(tree: Any) -> int:
     # Entries of lists that name what was found in a file.
     if isinstance(tree, Mapping):
         own = [value for key, value in tree.items() if key in ("findings", "notes", "repairs", "issues")]
-        return sum(len(value) for value in own if isinstance(value, list)) + sum(map(_findings, tree.values()))
+        return sum(len(value) for value in own if isinstance(value, list)) + sum(
+            map(_findings, tree.values())
+        )
     return sum(map(_findings, tree)) if isinstance(tree, list) else 0
 
 

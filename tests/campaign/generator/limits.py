@@ -13,7 +13,9 @@ from .quantities import Quantity, log_uniform, one_of
 Rng = np.random.Generator
 
 
-def draw_input_limits(rng: Rng, robot: Robot, speed: float, period: float, degree: int, *, rest: bool) -> dict[str, Any]:
+def draw_input_limits(
+    rng: Rng, robot: Robot, speed: float, period: float, degree: int, *, rest: bool
+) -> dict[str, Any]:
     """Limits on wheels and steering; `speed` is the fastest wheel's [rad/s]."""
     wheels = [name for name in robot.inputs if name.startswith("wheel_speed")]
     limits = {"wheel_speed": _each(rng, wheels, speed, "rad/s", zero=rest)}

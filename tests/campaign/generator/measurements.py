@@ -33,7 +33,10 @@ def _displacements(rng: Rng, columns: int, samples: int, reach: float) -> dict[s
     segments: Any = int(rng.integers(least, samples + 1))
     if rng.random() < 0.25:
         segments = "samples"
-    noise = {"position": Quantity(reach * log_uniform(rng, 1e-4, 1e-1), "m"), "heading": Quantity(log_uniform(rng, 1e-3, 0.2), "rad")}
+    noise = {
+        "position": Quantity(reach * log_uniform(rng, 1e-4, 1e-1), "m"),
+        "heading": Quantity(log_uniform(rng, 1e-3, 0.2), "rad"),
+    }
     model = one_of(rng, ("increments", "increments", "absolute"))
     estimator = {"estimator": one_of(rng, ("gls", "ols"))} if model == "absolute" else {}
     return {
@@ -78,7 +81,9 @@ def _pose_noise(rng: Rng, quantities: list[str], readings: int, reach: float) ->
     sort = rng.random()
     if sort < 0.2:
         count = len(quantities) * (readings if sort < 0.05 and readings < 15 else 1)
-        deviations = np.array([heading if name == "heading" else position for name in quantities] * (count // len(quantities)))
+        deviations = np.array(
+            [heading if name == "heading" else position for name in quantities] * (count // len(quantities))
+        )
         return {"covariance": _covariance(rng, deviations)}
     noise: dict[str, Any] = {"position": Quantity(position, "m"), "heading": Quantity(heading, "rad")}
     if sort < 0.4:
@@ -90,7 +95,10 @@ def _pose_noise(rng: Rng, quantities: list[str], readings: int, reach: float) ->
 
 
 def _covariance(rng: Rng, deviations: np.ndarray[Any, Any]) -> list[list[float]]:
-    mixed = np.eye(len(deviations)) + 0.3 * rng.standard_normal((len(deviations), len(deviations))) / len(deviations) ** 0.5
+    mixed = (
+        np.eye(len(deviations))
+        + 0.3 * rng.standard_normal((len(deviations), len(deviations))) / len(deviations) ** 0.5
+    )
     matrix = mixed @ mixed.T * np.outer(deviations, deviations)
     return ((matrix + matrix.T) / 2).tolist()
 
@@ -100,7 +108,13 @@ def _ranges(rng: Rng, samples: int, reach: float, initial: Any) -> dict[str, Any
     beacons = [[Quantity(reach * value, "m") for value in rng.uniform(-3, 3, 2)] for _ in range(count)]
     every = int(one_of(rng, (1, 1, 2)))
     noise = Quantity(reach * log_uniform(rng, 1e-4, 1e-2), "m")
-    return {"kind": "ranges", "beacons": beacons, "noise": noise, "every": every, **_placed(rng, reach, initial)}
+    return {
+        "kind": "ranges",
+        "beacons": beacons,
+        "noise": noise,
+        "every": every,
+        **_placed(rng, reach, initial),
+    }
 
 
 def _yaw_rate(rng: Rng, samples: int, reach: float, initial: Any) -> dict[str, Any]:

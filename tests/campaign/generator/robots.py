@@ -63,7 +63,9 @@ def _preset_names() -> tuple[str, ...]:
 def _read_preset(name: str) -> dict[str, dict[str, Any]]:
     text = resources.files("oed.presets").joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     data = yaml.safe_load(text)
-    return {part: {key: _quantity(value) for key, value in data[part].items()} for part in ("robot", "limits")}
+    return {
+        part: {key: _quantity(value) for key, value in data[part].items()} for part in ("robot", "limits")
+    }
 
 
 def _quantity(value: Any) -> Any:
@@ -101,7 +103,11 @@ def _offset(rng: Rng, size: float) -> dict[str, Any]:
 
 def _skid_steer(rng: Rng, size: float) -> dict[str, Any]:
     slips = {"slip_outer": float(rng.uniform(0.01, 0.4)), "slip_inner": -float(rng.uniform(0.01, 0.3))}
-    return {**_geometry(rng, size), **slips, "slip_transition": Quantity(log_uniform(rng, 0.05, 1.0), "rad/s")}
+    return {
+        **_geometry(rng, size),
+        **slips,
+        "slip_transition": Quantity(log_uniform(rng, 0.05, 1.0), "rad/s"),
+    }
 
 
 def _icr(rng: Rng, size: float) -> dict[str, Any]:

@@ -36,10 +36,16 @@ def draw_outline(rng: Rng, size: float, centre: Array) -> list[list[Quantity]]:
         # Walls of all lengths: rows and columns are shifted, never past each other.
         for axis in (0, 1):
             levels, places = np.unique(corners[:, axis], return_inverse=True)
-            corners[:, axis] = np.cumsum(np.concatenate([[0.0], np.diff(levels) * rng.uniform(0.3, 1.7, len(levels) - 1)]))[places]
+            corners[:, axis] = np.cumsum(
+                np.concatenate([[0.0], np.diff(levels) * rng.uniform(0.3, 1.7, len(levels) - 1)])
+            )[places]
     else:
         count = int(rng.integers(3, 10))
-        angles = np.sort(rng.permutation(24)[:count]) * (2 * np.pi / 24) if sort < 0.8 else np.arange(count) * 2 * np.pi / count
+        angles = (
+            np.sort(rng.permutation(24)[:count]) * (2 * np.pi / 24)
+            if sort < 0.8
+            else np.arange(count) * 2 * np.pi / count
+        )
         while np.diff(np.append(angles, angles[0] + 2 * np.pi)).max() >= np.pi:
             angles = np.arange(count) * 2 * np.pi / count
         reach = rng.uniform(0.4, 1.0, count) if sort < 0.8 else np.ones(count)
@@ -95,15 +101,25 @@ def draw_obstacle(rng: Rng, size: float, place: Array) -> dict[str, Any]:
     kind = one_of(rng, ("post", "wall", "polygon"))
     if kind == "post":
         x, y = (Quantity(value, "m") for value in place)
-        return {"kind": "circle", "x": x, "y": y, "radius": Quantity(max(SMALLEST, size * log_uniform(rng, 1e-3, 0.1)), "m")}
+        return {
+            "kind": "circle",
+            "x": x,
+            "y": y,
+            "radius": Quantity(max(SMALLEST, size * log_uniform(rng, 1e-3, 0.1)), "m"),
+        }
     if kind == "wall":
-        half = np.maximum(SMALLEST, size / 2 * np.array([log_uniform(rng, 0.03, 0.5), log_uniform(rng, 5e-4, 0.01)]))
+        half = np.maximum(
+            SMALLEST, size / 2 * np.array([log_uniform(rng, 0.03, 0.5), log_uniform(rng, 5e-4, 0.01)])
+        )
         turn = rng.uniform(-np.pi, np.pi)
         ahead, left = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
         signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
         corners = [place + a * half[0] * ahead + b * half[1] * left for a, b in signs]
         return {"kind": "polygon", "points": [[Quantity(x, "m"), Quantity(y, "m")] for x, y in corners]}
-    return {"kind": "polygon", "points": draw_outline(rng, max(4 * SMALLEST, size * rng.uniform(0.03, 0.25)), place)}
+    return {
+        "kind": "polygon",
+        "points": draw_outline(rng, max(4 * SMALLEST, size * rng.uniform(0.03, 0.25)), place),
+    }
 
 
 def clear_of(obstacle: dict[str, Any], points: Array, radius: float) -> bool:

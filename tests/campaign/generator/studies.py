@@ -80,7 +80,11 @@ def _draw_trajectory(rng: Rng, keys: dict[str, Any], limits: dict[str, Any]) -> 
     samples = int(one_of(rng, (1, 2, *(int(log_uniform(rng, 3, 41)) for _ in range(18)))))
     degree, rest = int(rng.integers(0, 6)), bool(rng.random() < 0.75)
     least = degree + (3 if rest else 1)
-    count = int(one_of(rng, (least, least + 1, least + 4, max(least, samples // 2), least + samples, 3 * samples + 40)))
+    count = int(
+        one_of(
+            rng, (least, least + 1, least + 4, max(least, samples // 2), least + samples, 3 * samples + 40)
+        )
+    )
     speed = float(limits["wheel_speed"]) if "wheel_speed" in limits else log_uniform(rng, 0.5, 30.0)
     fastest = 2 * wheel_radius(keys) * speed / scale_of(keys)
     period = log_uniform(rng, 0.02, 4.0) / fastest

@@ -66,7 +66,9 @@ def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> It
             yield _inputs(name, limits[name], robot, _values(run, checked, points, rest=rest), "wheel_speed")
     for name, checked in (("steering_angle", 0), ("steering_rate", 1)):
         if name in limits:
-            yield _inputs(name, limits[name], robot, _values(run, checked, points, rest=rest), "steering_angle")
+            yield _inputs(
+                name, limits[name], robot, _values(run, checked, points, rest=rest), "steering_angle"
+            )
     twists = None
     for name, check in _BODY.items():
         if name in limits:
@@ -92,7 +94,9 @@ def _values(run: Run, order: int, points: int, *, rest: bool) -> Array:
 
 def pair(bounds: Any) -> tuple[float, float]:
     """(min, max) of a bound given as one number or as two."""
-    return (float(bounds[0]), float(bounds[1])) if isinstance(bounds, list) else (-float(bounds), float(bounds))
+    return (
+        (float(bounds[0]), float(bounds[1])) if isinstance(bounds, list) else (-float(bounds), float(bounds))
+    )
 
 
 def _inputs(name: str, bounds: Any, robot: Robot, values: Array, quantity: str) -> Excess:

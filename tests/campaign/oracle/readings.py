@@ -46,9 +46,7 @@ class Block:
     spread: Array | None = None
 
 
-def blocks_of(
-    measurement: Any, robot: Robot, runs: Sequence[Run], rule: str
-) -> tuple[Block, ...]:
+def blocks_of(measurement: Any, robot: Robot, runs: Sequence[Run], rule: str) -> tuple[Block, ...]:
     """What a study's key `measurement` says of a drive."""
     if isinstance(measurement, Mapping) and measurement["kind"] == "displacements":
         return _regressions(measurement, robot, runs, rule)
@@ -115,9 +113,7 @@ def displaced(values: Sequence[float], first: int, copies: int) -> list[Array]:
     return found
 
 
-def _white_jacobians(
-    sensors: Sequence[Mapping[str, Any]], robot: Robot, run: Run, rule: str
-) -> list[Array]:
+def _white_jacobians(sensors: Sequence[Mapping[str, Any]], robot: Robot, run: Run, rule: str) -> list[Array]:
     own = [_nuisances(sensor) for sensor in sensors]
     size, states = len(robot.values), len(robot.states)
     copies = 1 + size + states + sum(map(len, own))
@@ -137,7 +133,9 @@ def _white_jacobians(
     return found
 
 
-def _placed(sensor: Mapping[str, Any], motion: Motion, values: list[Array], columns: Array) -> tuple[Array, Array]:
+def _placed(
+    sensor: Mapping[str, Any], motion: Motion, values: list[Array], columns: Array
+) -> tuple[Array, Array]:
     # Where the sensor is: its arm turns with the robot.
     x, y, heading = (one[:, columns] for one in motion.states[:3])
     arm = sensor.get("lever_arm", {})
@@ -246,7 +244,15 @@ def _regressions(
         _weighed(
             measurement,
             [one[place] for one in both],
-            Block(names[name], nominal[name], np.abs(nominal[name]), np.zeros(0), noise.get(name), np.zeros(0), True),
+            Block(
+                names[name],
+                nominal[name],
+                np.abs(nominal[name]),
+                np.zeros(0),
+                noise.get(name),
+                np.zeros(0),
+                True,
+            ),
         )
         for place, name in enumerate(("heading", "position"))
         if wanted in (name, "both")
@@ -260,9 +266,7 @@ def edges(measurement: Mapping[str, Any], samples: int) -> Array:
     return np.rint(np.linspace(0, samples, count + 1)).astype(int)
 
 
-def _run_regressors(
-    measurement: Mapping[str, Any], robot: Robot, run: Run, rule: str
-) -> tuple[Array, Array]:
+def _run_regressors(measurement: Mapping[str, Any], robot: Robot, run: Run, rule: str) -> tuple[Array, Array]:
     # Phi_theta (1, P, q) and Phi_xy (2, P, q') of one run, coordinate by coordinate [Choi, eqs 10, 14].
     nominal = [np.array([[value]]) for value in robot.values]
     start = [np.array([[value]]) for value in [*run.start, *[0.0] * (len(robot.states) - 3)]]

@@ -67,9 +67,7 @@ class Run:
         return self.spline.derivative(order)(times) if order else self.spline(times)
 
 
-def clamped_run(
-    duration: float, degree: int, coefficients: Array, start: Array, samples: int
-) -> Run:
+def clamped_run(duration: float, degree: int, coefficients: Array, start: Array, samples: int) -> Run:
     """A run on uniform clamped knots."""
     inner = np.linspace(0.0, duration, len(coefficients) - degree + 1)
     knots = np.concatenate([np.zeros(degree), inner, np.full(degree, duration)])
