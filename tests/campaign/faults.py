@@ -40,7 +40,7 @@ DISKS = 0.3
 """Share of faults that are full disks."""
 LONG = STUDIES["plain"].replace("starts: 1, perturbations: 0", "starts: 200, perturbations: 0")
 """A search long enough for worker processes to be worth their start."""
-TOKEN = "OED_CAMPAIGN_TOKEN"  # noqa: S105
+TOKEN = "OED_CAMPAIGN_TOKEN"
 FULL_DISK = """\
 import builtins, errno, io, os, sys
 left = int(sys.argv.pop(1))
@@ -95,7 +95,7 @@ def fault_case(rng: Rng, material: Path, *, quick: bool = False) -> Iterator[Ver
             yield from (one for one in _signalled(rng, folder) if not quick or one.asked != STOPS)
 
 
-# --- signals ----------------------------------------------------------------------------------------------------
+# --- signals ---
 
 
 def _signalled(rng: Rng, folder: Path) -> Iterator[Verdict]:
@@ -193,7 +193,7 @@ def _marked(token: str) -> list[int]:
     return found
 
 
-# --- full disks -------------------------------------------------------------------------------------------------
+# --- full disks ---
 
 
 def _full_disk(rng: Rng, folder: Path) -> Iterator[Verdict]:
@@ -232,7 +232,7 @@ def _limited(command: list[str], folder: Path, most: int | None) -> subprocess.C
     )
 
 
-# --- what was there before --------------------------------------------------------------------------------------
+# --- what was there before ---
 
 
 def snapshot(folder: Path) -> dict[str, str]:

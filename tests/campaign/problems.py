@@ -193,8 +193,9 @@ class _Judged:
                 spare = CLEARLY * one.size + rounding
                 # A length is rounded upwards, by a tenth of a millimetre per second.
                 spare += LONGER * self.said_duration if one.limit == "path_length" else 0.0
-                text = f"{one.limit} kept with {-one.amount:.4g} to spare (size {one.size:.4g}), called broken by"
-                yield Verdict(INFEASIBLE, "" if one.amount >= -spare else f"{text} {margin.violation:.4g}")
+                text = f"{one.limit} kept with {-one.amount:.4g} to spare (size {one.size:.4g})"
+                broken = f"{text}, called broken by {margin.violation:.4g}"
+                yield Verdict(INFEASIBLE, "" if one.amount >= -spare else broken)
 
     def _rounding(self, limit: str) -> float:
         places = ("workspace", "obstacles", "end_position", "path_length")
@@ -208,13 +209,14 @@ class _Judged:
 
 def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Verdict]:
     certificate = oed.bound(problem)
-    widened = getattr(certificate, "widened", None)
+    # A certificate without a widened one says nothing of drives within the tolerance only.
+    looser = getattr(certificate, "widened", None)
+    widened = None if looser is None else looser.upper_bound
     for one in judged:
         if not one.said.feasible or any(run.samples != problem.design.samples for run in one.drive.runs):
             continue
         exact = one.exactly_feasible
         limit = certificate.upper_bound if exact or widened is None else widened
         if exact or widened is not None:
-            # A certificate that says nothing of tolerances is not held to them.
             text = f"{one.said.objective:.6g} above {limit:.6g} ({certificate.method})"
             yield Verdict(BOUND, "" if one.said.objective <= limit * (1 + AGREED) else text)

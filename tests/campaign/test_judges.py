@@ -18,11 +18,11 @@ from .generator.studies import draw_study
 from .oracle.information import eliminated
 from .oracle.limits import excesses
 from .oracle.motion import extrapolated
+from .oracle.robots import robot_of
 from .oracle.score import score
 from .oracle.shapes import inside_distance, thickness
 from .oracle.splines import clamped_run
 from .oracle.track import Track
-from .oracle.robots import robot_of
 
 POST = {
     "robot": {"kind": "differential_drive", "wheel_radius": 0.05, "track": 0.2},

@@ -44,7 +44,9 @@ measurement:
 estimate: [c11, c12, c21, c22]
 limits:
   wheel_speed: {wheel_speed_right: 9 rad/s, wheel_speed_left: [-8 rad/s, 8 rad/s]}
-  workspace: {kind: polygon, points: [[-1 m, -1 m], [2 m, -1 m], [2 m, 0 m], [0 m, 0 m], [0 m, 2 m], [-1 m, 2 m]]}
+  workspace:
+    kind: polygon
+    points: [[-1 m, -1 m], [2 m, -1 m], [2 m, 0 m], [0 m, 0 m], [0 m, 2 m], [-1 m, 2 m]]
   obstacles: [{kind: circle, x: 1.3 m, y: -0.5 m, radius: 10 cm}]
   end_position: start
 criterion: {kind: D}

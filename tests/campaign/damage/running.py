@@ -76,21 +76,18 @@ def run_here(arguments: Sequence[str], folder: Path) -> Ran:
     from oed.cli import main
 
     out, err = io.StringIO(), io.StringIO()
-    began, code, raised, before = time.perf_counter(), None, "", os.getcwd()
-    os.chdir(folder)
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), time_limit(SECONDS):
-            with warnings.catch_warnings():
+    began, code, raised = time.perf_counter(), None, ""
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(folder):
+        try:
+            with time_limit(SECONDS), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 code = main(list(arguments))
-    except TooLong:
-        code = None
-    except SystemExit as left:
-        code = left.code if isinstance(left.code, int) else 1
-    except BaseException:
-        code, raised = 1, traceback.format_exc()
-    finally:
-        os.chdir(before)
+        except TooLong:
+            code = None
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else 1
+        except BaseException:
+            code, raised = 1, traceback.format_exc()
     return Ran(code, out.getvalue(), err.getvalue(), time.perf_counter() - began, raised=raised)
 
 

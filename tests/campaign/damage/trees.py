@@ -122,7 +122,7 @@ def in_json(change: Callable[[Rng, Any], Any]) -> Damage:
 
 
 def yaml_trap(rng: Rng, data: bytes) -> bytes:
-    """Something that only YAML can hold: aliases that multiply or recur, tags, odd keys, very deep nesting."""
+    """Something that only YAML can hold: aliases that multiply or recur, tags, odd keys, deep nesting."""
     bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
         f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 12)
     )

@@ -1,9 +1,9 @@
 """What a command may make of a damaged file.
 
-It ends with 0, 1 or 2, in time and within memory, without a traceback; it writes nowhere but where it was told to.
-Exit code 0 says that all is well: then its numbers are those of the sound file, or it said something that it does
-not say of the sound one, or the damage is none that a reader could see: the file is as strictly formed as before,
-with other values in it.
+It ends with 0, 1 or 2, in time and within memory, without a traceback; it writes nowhere but where it was
+told to. Exit code 0 says that all is well: then its numbers are those of the sound file, or it said something
+that it does not say of the sound one, or the damage is none that a reader could see: the file is as strictly
+formed as before, with other values in it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Random drives of a study: anywhere within the inputs' bounds, scaled until they seem to keep every limit, and
-studies whose limits are drawn around a drive, so that it breaks them between the points that are looked at first.
+"""Random drives of a study: anywhere within the inputs' bounds, or scaled until they seem to keep every
+limit; and studies whose limits are drawn around a drive, so that it breaks them between the points that are
+looked at first.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ def draw_polygon(rng: Rng, study: Study) -> Drive:
     return Drive(tuple(runs), polygon=True)
 
 
-# --- limits around a drive --------------------------------------------------------------------------------------
+# --- limits around a drive ---
 
 
 def pinched(rng: Rng, study: Study) -> tuple[Study, Drive]:

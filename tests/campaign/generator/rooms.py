@@ -1,4 +1,4 @@
-"""Random rooms and obstacles: rectangles, circles, turned rectilinear and non-convex polygons, walls, posts."""
+"""Random rooms and obstacles: rectangles, circles, turned and non-convex polygons; walls and posts."""
 
 from __future__ import annotations
 

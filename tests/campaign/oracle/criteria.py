@@ -17,8 +17,8 @@ Array = npt.NDArray[Any]
 
 
 def value(kind: str, told: Sequence[Told], predictions: Sequence[Array] = ()) -> float:
-    """The criterion of all blocks together; `predictions` are the derivatives (legs, coordinates, p) that G and
-    I judge, one array for each block.
+    """The criterion of all blocks together; `predictions` are the derivatives (legs, coordinates, p) that G
+    and I judge, one array for each block.
     """
     spectra = [one.eigenvalues for one in told]
     if kind == "E":

@@ -1,4 +1,4 @@
-"""Limits on the true motion, looked at densely: between the samples, at both ends of each period, at every knot.
+"""Limits on the true motion, looked at densely: between samples, at both ends of each period, at every knot.
 
 Each check gives how far a limit is exceeded at most, in the limit's unit; negative where it is kept.
 """
@@ -22,8 +22,8 @@ from .track import Track
 Array = npt.NDArray[Any]
 
 CREEP, SOFT = 2e-3, 1e-3
-"""Speed per turning radius [1/s] that a turn's speed may lack, and speed [m/s] over which corners of a turning
-radius are rounded, as its documentation states."""
+"""Speed per turning radius [1/s] that a turn's speed may lack, and speed [m/s] over which corners of a
+turning radius are rounded, as its documentation states."""
 HEADING_TOLERANCE, PLACE_TOLERANCE = pi / 180, 0.01
 """Of ends, where a study says none [rad, m]."""
 
@@ -44,8 +44,8 @@ class Excess:
 
 
 def excesses(study: Mapping[str, Any], runs: Sequence[Run], points: int = 200) -> list[Excess]:
-    """Every limit's excess over all runs, looked at `points` times a sample and knot interval, and finer where
-    walls and obstacles are close.
+    """Every limit's excess over all runs, looked at `points` times a sample and knot interval, and finer
+    where walls and obstacles are close.
     """
     robot = robot_of(study["robot"])
     found: dict[str, Excess] = {}

@@ -42,7 +42,7 @@ class Motion:
 def drive(
     robot: Robot, held: Array, start: Sequence[Array], p: Sequence[Array], period: float, rule: str
 ) -> Motion:
-    """The run that holds `held` (N, inputs), from start states (copies, 1) and with parameters (copies, 1)."""
+    """The run that holds `held` (N, inputs), for start states and parameters (copies, 1)."""
     asked = robot.asked(held, p)
     copies = np.broadcast(*p, *start).shape[0] if p else len(start[0])
     asked = tuple(np.broadcast_to(one, (copies, len(held))) for one in asked)  # type: ignore[assignment]

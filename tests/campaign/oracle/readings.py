@@ -54,7 +54,7 @@ def blocks_of(measurement: Any, robot: Robot, runs: Sequence[Run], rule: str) ->
     return (_joint(sensors, robot, runs, rule),)
 
 
-# --- sensors ----------------------------------------------------------------------------------------------------
+# --- sensors ---
 
 
 def _joint(sensors: Sequence[Mapping[str, Any]], robot: Robot, runs: Sequence[Run], rule: str) -> Block:
@@ -227,7 +227,7 @@ _READ = {
 }
 
 
-# --- the paper's regressions ------------------------------------------------------------------------------------
+# --- the paper's regressions ---
 
 
 def _regressions(

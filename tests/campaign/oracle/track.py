@@ -84,8 +84,8 @@ class Track:
     def least(self, distance: Callable[[Array, Array], Array], points: int, wanted: float) -> float:
         """The least distance along the path, wherever it is below `wanted`; else some larger one.
 
-        A distance changes by no more than the robot moves. Between two points that are d1 and d2 away and a way
-        w apart it is at least (d1 + d2 - w) / 2: intervals that may fall below what is known are cut in two.
+        A distance changes by no more than the robot moves. Between two points that are d1 and d2 away and a
+        way w apart it is at least (d1 + d2 - w) / 2: intervals that may fall below what is known are halved.
         """
         speeds = self._fastest()
         periods = np.repeat(np.arange(self.run.samples), points)
@@ -112,8 +112,8 @@ class Track:
         return least
 
     def _fastest(self) -> Array:
-        # Speeds (N,) that no fraction of a period exceeds: of arcs their own; the midpoint rule and a lag turn
-        # the way to a fraction's end as the fraction grows.
+        # Speeds (N,) that no fraction of a period exceeds: of arcs their own; the midpoint rule and a lag
+        # turn the way to a fraction's end as the fraction grows.
         turns = np.abs(self.asked[2]) * self.run.period
         if self.robot.lag is not None:
             turns = turns + np.abs(self.states[3, :-1]) * self.run.period
