@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .motion import drive
 from .robots import Robot, Twist, robot_of
 from .shapes import obstacle_clearance, obstacle_size, room_clearance, room_size
 from .splines import Run
@@ -21,9 +20,8 @@ from .track import Track
 
 Array = npt.NDArray[Any]
 
-CREEP, SOFT = 2e-3, 1e-3
-"""Speed per turning radius [1/s] that a turn's speed may lack, and speed [m/s] over which corners of a
-turning radius are rounded, as its documentation states."""
+CREEP = 2e-3
+"""Yaw rate [rad/s] over which a turning radius is rounded at rest, as its documentation states."""
 HEADING_TOLERANCE, PLACE_TOLERANCE = pi / 180, 0.01
 """Of ends, where a study says none [rad, m]."""
 
@@ -83,9 +81,11 @@ def _values(run: Run, order: int, points: int, *, rest: bool) -> Array:
     if order == 0:
         return run.held if run.degree == 0 else np.vstack([run.dense(0, points), run.held])
     if run.degree == 0:
-        held = np.pad(run.held, ((1, 1), (0, 0))) if rest else run.held
-        jumps = np.diff(held, axis=0) / run.period
-        return jumps if order == 1 else np.diff(jumps, axis=0) / run.period
+        jumps = np.diff(run.held, axis=0) / run.period
+        if order == 2:
+            return np.diff(jumps, axis=0) / run.period
+        # Half a period from rest to the middle of the first one, and from that of the last.
+        return np.vstack([jumps, run.held[[0, -1]] / (run.period / 2)]) if rest else jumps
     if order == 2 and run.degree == 1:
         slopes = run.at(1, (run.knots[2:-3] + run.knots[3:-2]) / 2)
         return np.diff(slopes, axis=0) / run.period
@@ -111,8 +111,8 @@ def _inputs(name: str, bounds: Any, robot: Robot, values: Array, quantity: str) 
 
 
 def motions(robot: Robot, run: Run, track: Track, points: int) -> Twist:
-    """Twists that the robot makes at some time: of its splines and what it holds of them, or, where its yaw
-    rate lags, what it truly does from the beginning to the end of every period.
+    """Twists that a limit on motion looks at: of the splines at all times and of what is held of them; where
+    the yaw rate lags, what the robot truly does from the beginning to the end of every period.
     """
     if robot.lag is not None:
         return track.lagging(points)
@@ -142,12 +142,9 @@ def _lateral(bound: Any, robot: Robot, twists: Twist) -> Excess:
 
 
 def _turning(radius: Any, robot: Robot, twists: Twist) -> Excess:
-    speed = np.sqrt(twists[0] ** 2 + twists[1] ** 2 + SOFT**2)
-    needed = np.sqrt((radius * twists[2]) ** 2 + SOFT**2)
-    lacking = needed - speed - CREEP * radius
-    worst = int(np.argmax(lacking))
-    # A share of a radius is that share of the speed which the radius needs.
-    return Excess("turning_radius", float(lacking[worst]), float(radius * np.abs(twists[2]).max()))
+    speed, needed = twists[0] ** 2 + twists[1] ** 2, (radius * twists[2]) ** 2
+    lacking = radius * (needed - speed) / (needed + speed + 2 * (CREEP * radius) ** 2)
+    return Excess("turning_radius", float(lacking.max()), float(radius))
 
 
 _BODY: dict[str, Callable[[Any, Robot, Twist], Excess]] = {
@@ -197,6 +194,3 @@ def _ends(limits: Mapping[str, Any], robot: Robot, run: Run, track: Track) -> It
         tolerance = float(given.get("tolerance", HEADING_TOLERANCE))
         away = abs((last[2] - wanted + pi) % (2 * pi) - pi)
         yield Excess("end_heading", float(away) - tolerance, tolerance)
-
-
-__all__ = ["Excess", "drive", "excesses", "motions", "pair"]
