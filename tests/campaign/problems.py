@@ -12,7 +12,6 @@ import numpy as np
 
 import oed
 from oed import evaluation as scoring
-from oed.identifiability import require_identifiable
 from oed.study import parse_study
 
 from .cases import Verdict, quoted
@@ -22,6 +21,7 @@ from .generator.studies import Study, draw_study
 from .oracle.limits import Excess, excesses
 from .oracle.score import Score, score
 from .oracle.splines import Run, clamped_run
+from .searches import searched
 
 Rng = np.random.Generator
 
@@ -37,15 +37,11 @@ LONGER = 1e-4
 """Speed [m/s] by which a limit on path length may see a robot faster, as its documentation states."""
 CLEARLY = 3e-3
 """Share of its size by which a limit is kept so clearly that it must not be called broken."""
-SOLVED, BOUNDED, PINCHED = 0.04, 0.25, 0.35
+SEARCHED, BOUNDED, PINCHED = 0.06, 0.4, 0.35
 """Shares of problems that are searched, bounded, and drawn around a drive."""
 READ, SCORED, SINGULAR = "valid studies are read", "scores agree", "undetermined is -inf"
 FEASIBLE, INFEASIBLE = "kept is kept", "broken is broken"
 BOUND = "no score above its certificate"
-SOLVERS = (
-    {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
-    {"starts": 2, "perturbations": 1, "max_iterations": 25},
-)
 
 
 def problem_case(rng: Rng) -> Iterator[Verdict]:
@@ -58,7 +54,11 @@ def problem_case(rng: Rng) -> Iterator[Verdict]:
         return
     yield Verdict(READ)
     judged = [_Judged(study, problem, drive) for drive in drives]
-    judged += [_Judged(study, problem, drive) for drive in _designs(rng, study, problem)]
+    if rng.random() < SEARCHED:
+        own = [trajectory_of(problem, drive) for drive in drives if not drive.polygon]
+        design, verdicts = searched(rng, problem, own)
+        yield from verdicts
+        judged += [] if design is None else [_Judged(study, problem, drive_of(design))]
     for one in judged:
         yield from one.verdicts()
     if rng.random() < BOUNDED and study.spec["criterion"]["kind"] == "E":
@@ -74,22 +74,6 @@ def _drawn(rng: Rng) -> tuple[Study, list[Drive]]:
         drives.append(draw_seemingly_feasible(rng, study))
     drives.append(one_of(rng, (draw_drive, draw_seemingly_feasible, draw_polygon))(rng, study))
     return study, drives
-
-
-def _designs(rng: Rng, study: Study, problem: oed.Problem) -> Iterator[Drive]:
-    if rng.random() >= SOLVED:
-        return
-    try:
-        require_identifiable(problem)
-    except oed.UserMistake:
-        return
-    options: dict[str, Any] = one_of(rng, SOLVERS)
-    try:
-        found = oed.solve(problem, oed.Ipopt(**options), seed=int(rng.integers(1000)), workers=1)
-    except oed.OedError:
-        return
-    if found.trajectory is not None:
-        yield drive_of(found.trajectory)
 
 
 def drive_of(trajectory: oed.Trajectory) -> Drive:

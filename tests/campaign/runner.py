@@ -27,10 +27,10 @@ CHUNKS = {"problem": 20, "file": 5, "signal": 1}
 """Cases that a process takes at a time."""
 REUSED = 25
 """Chunks after which a process makes room for a fresh one."""
-STUCK = 3 * SECONDS
+STUCK = 6 * SECONDS
 """Seconds after which a process that no signal reaches ends itself."""
-FAULT = 4 * SECONDS
-"""Seconds that a case with processes of its own may take."""
+FAULT = 5 * SECONDS
+"""Seconds that a case may take whose commands are timed by themselves."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def run_case(task: Task) -> Outcome:
     began, verdicts = time.perf_counter(), list[Verdict]()
     _forget_peak()
     try:
-        with time_limit(FAULT if task.sort == "signal" else SECONDS + 10), warnings.catch_warnings():
+        with time_limit(SECONDS if task.sort == "problem" else FAULT), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             verdicts.extend(_verdicts(task))
         if task.sort == "problem":
@@ -139,7 +139,7 @@ def _run_chunk(chunk: list[Task]) -> list[Outcome]:
     found = []
     for task in chunk:
         # Native code that never returns hears no alarm.
-        faulthandler.dump_traceback_later(FAULT + SECONDS if task.sort == "signal" else STUCK, exit=True)
+        faulthandler.dump_traceback_later(STUCK, exit=True)
         found.append(run_case(task))
     faulthandler.cancel_dump_traceback_later()
     return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -72,17 +73,19 @@ def same(one: Any, other: Any) -> bool:
 
 def _said_more(before: Ran, after: Ran) -> bool:
     said = set(after.err.split("\n")) - set(before.err.split("\n")) - {""}
-    return bool(said) or _findings(_numbers(after.out)) > _findings(_numbers(before.out))
+    return bool(said or _findings(_numbers(after.out)) - _findings(_numbers(before.out)))
 
 
-def _findings(tree: Any) -> int:
-    # Entries of lists that name what was found in a file.
-    if isinstance(tree, Mapping):
-        own = [value for key, value in tree.items() if key in ("findings", "notes", "repairs", "issues")]
-        return sum(len(value) for value in own if isinstance(value, list)) + sum(
-            map(_findings, tree.values())
-        )
-    return sum(map(_findings, tree)) if isinstance(tree, list) else 0
+def _findings(tree: Any) -> Counter[str]:
+    # Names of what was found in a file, or the notes on it, and how often.
+    found = Counter[str]()
+    for key, value in tree.items() if isinstance(tree, Mapping) else ():
+        if key in ("findings", "notes", "repairs", "issues") and isinstance(value, list):
+            found.update(str(one["name"]) if isinstance(one, Mapping) else str(one) for one in value)
+        found += _findings(value)
+    for value in tree if isinstance(tree, list) else ():
+        found += _findings(value)
+    return found
 
 
 def as_strict(sort: str, sound: bytes, damaged: bytes) -> bool:
