@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from oed.errors import FileFlaw, PathFileError
 from oed.files import write_text
+from oed.models.model import Model
 from oed.problem import Problem
 from oed.quantities import LARGEST, too_large
 from oed.trajectory import Trajectory
@@ -128,7 +129,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     times, flaws = _columns(table, ("t",), last_may_be_empty=False)
     inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
     start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
-    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states)
+    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, model)
     if flaws:
         return flaws
     # The last row holds the final pose only, with empty inputs.
@@ -139,7 +140,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
 
 
-def _cut_short(table: _Table, inputs: Array, states: Sequence[str]) -> list[FileFlaw]:
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str], model: Model) -> list[FileFlaw]:
     # Rows of other lengths than the header, and a file that does not end as a whole one does.
     width = len(table.header)
     uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
@@ -147,6 +148,10 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str]) -> list[File
         text = "expected {} cells, as in the header, got {}; is the file cut short?"
         return [table.flaw(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
     if np.isnan(inputs[-1]).any() or (table.ended and not states):
+        return []
+    # Exported commands end with the one to stop.
+    drives = np.array([entry.drives for entry in model.inputs])
+    if table.ended and not inputs[-1, drives].any():
         return []
     held = "the final pose" if states else "the time of the end"
     text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
