@@ -58,6 +58,13 @@ _COMMON = {
 _QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
 """One of those, or a quotient such as "deg/s" and "m/s^2"; others are read by pint, which is slow to load."""
 
+_FACTOR = r"(?:[^\W\d_⁰¹²³⁴-⁹]+|[%°]|1)(?:\s*(?:\^|\*\*)\s*[+-]?[0-9]|⁻?[¹²³⁴-⁹])?"
+_TIMES = r"(?:\s*[*/]\s*|\s+)"
+_PRODUCT = rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,7}}"
+_GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"
+_UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
+"""Names and their small powers, multiplied and divided. pint would take any arithmetic, and compute it."""
+
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _MEANINGS = {
@@ -96,10 +103,18 @@ def parse_quantity(value: object, unit: str) -> float:
     expected = f"expected {_meaning(unit)}"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"{expected}, got {value!r}")
-    number = _parse_string(value, unit, expected) if isinstance(value, str) else float(value)
+    number = _parse_string(value, unit, expected) if isinstance(value, str) else _float(value)
     if not math.isfinite(number):
         raise ValueError(f"{expected} that is finite, got {value!r}")
     return number
+
+
+def _float(value: float) -> float:
+    # Whole numbers may have more digits than a float has room for.
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _parse_string(text: str, unit: str, expected: str) -> float:
@@ -134,6 +149,9 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 
 
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
+    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known"
+    if _UNIT.fullmatch(unit_text) is None:
+        raise ValueError(unknown)
     # Imported late, for it takes longer than all the rest of reading a study.
     import pint
 
@@ -145,7 +163,7 @@ def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
         raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
     except Exception:
         # pint reports malformed unit text with a variety of exceptions, tokenizer errors among them.
-        raise ValueError(f"{expected}, got {text!r}, whose unit {unit_text!r} is not known") from None
+        raise ValueError(unknown) from None
 
 
 def _meaning(unit: str) -> str:
