@@ -225,7 +225,7 @@ def recorded_study(record: Record) -> Study:
     Raises:
         StudyError: one that this version does not understand.
     """
-    return parse_study(json.dumps(record.data["study"]), "the record's study")
+    return parse_study(json.dumps(record.data["study"], ensure_ascii=False), "the record's study")
 
 
 def _study(source: YamlSource) -> Study:

@@ -964,3 +964,11 @@ class TestSensors:
         (flaw,) = flaws_of(text)
         assert flaw.line == line_of(text, "measurement")
         assert flaw.key in ("measurement", "measurement.0")
+
+
+def test_mistakes_without_number_are_counted():
+    flaws = flaws_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
+    assert len(flaws) == 201
+    assert flaws[-1].key == "k200"
+    assert flaws[-1].message == "and 2800 more mistakes"
+    assert flaws[-1].line == SMALL.count("\n") + 201
