@@ -32,7 +32,10 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
-    left = [_place(details[MOST], source, f"and {len(details) - MOST} more mistakes")] if details[MOST:] else []
+    left = [
+        _place(detail, source, f"and {len(details) - MOST} more mistakes")
+        for detail in details[MOST : MOST + 1]
+    ]
     above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
     return [
         FileFlaw(source.file, line, column, key, "; or ".join(texts))

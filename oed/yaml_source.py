@@ -22,9 +22,7 @@ DEPTH = 50
 """Levels of nesting beyond which a text is no study, those behind aliases counted too."""
 NUMBER = 100
 """Length beyond which a text is no number."""
-_FORBIDDEN = re.compile(
-    r"[^\t\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
-)
+_FORBIDDEN = re.compile(r"[^\t\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no text of a study has: control characters, which a terminal obeys, and halves of characters."""
 _KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false", "timestamp": "a date"}
 _SHOWN = 60

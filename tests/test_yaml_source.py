@@ -151,7 +151,11 @@ BOMB = nested("abcdefghij")
         ("a: 1\nb: " + "[" * 100_000, 2, f"nested more than {DEPTH} levels deep"),
         ("a: " + "{a: " * 100_000, 1, f"nested more than {DEPTH} levels deep"),
         ("- " * 100_000, 1, f"nested more than {DEPTH} levels deep"),
-        ("".join(" " * level + "a:\n" for level in range(200)), DEPTH, f"nested more than {DEPTH} levels deep"),
+        (
+            "".join(" " * level + "a:\n" for level in range(99)),
+            DEPTH,
+            f"nested more than {DEPTH} levels deep",
+        ),
         (
             "a: &a " + "[" * 30 + "]" * 30 + "\nb: &b " + "[" * 30 + "*a" + "]" * 30,
             2,
@@ -216,9 +220,17 @@ FRAGMENTS = (
     "!!pairs ", "!!null ", "!!str ", "!!map ", "!!seq ", "!x ", "!<!foo> ", "%YAML 1.1\n---\n", "%TAG ! a",
     "[", "]", "{", "}", "? ", ": ", "- ", "|", "> ", "|9", '"', "'", "\\U99999999", "\\uD800", '"\\xZZ"',
     "2024-13-45", "1:99:3", ".inf", ".nan", "0x", "0b", "0o9", "08", "1_", "_", "~", "<<: *a", "<<: [*a, 3]",
-    "=", "\t", "\x85", "\u2028", "\ufeff", "\a", "1e999", "9" * 200, "---", "...", "#", "@", "`", "%FF", "!%FF",
-    "\n", "\n  ", "\n    ", "null: 1", "[a]: 1", "{a: 1}: 2", "a", "b: ", "1", ", ",
+    "=", "\t", "\x85", "\u2028", "\ufeff", "\a", "1e999", "9" * 200, "---", "...", "#", "@", "`", "%FF",
+    "!%FF", "\n", "\n  ", "\n    ", "null: 1", "[a]: 1", "{a: 1}: 2", "a", "b: ", "1", ", ",
 )  # fmt: skip
+
+
+def flaws_in(text: str) -> tuple[FileFlaw, ...]:
+    try:
+        parse_yaml(text, "file")
+    except StudyError as error:
+        return error.flaws
+    return ()
 
 
 def test_any_text_is_data_or_flaws():
@@ -228,11 +240,8 @@ def test_any_text_is_data_or_flaws():
         for _ in range(draw.randint(1, 10)):
             place = draw.randint(0, len(text))
             text = text[:place] + draw.choice(FRAGMENTS) + text[place:]
-        try:
-            parse_yaml(text, "file")
-        except StudyError as error:
-            assert all(flaw.line > 0 for flaw in error.flaws), text
-            assert str(error).count("\n") == len(error.flaws) - 1, text
+        flaws = flaws_in(text)
+        assert all(flaw.line > 0 and "\n" not in str(flaw) for flaw in flaws), text
 
 
 class TestFiles:
