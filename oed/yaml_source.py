@@ -73,7 +73,7 @@ def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Mark, yaml.Nod
 class _Refused(yaml.MarkedYAMLError):
     """Valid YAML that no study is made of."""
 
-    def __init__(self, problem: str, mark: yaml.Mark) -> None:
+    def __init__(self, problem: str, mark: Any) -> None:
         """What is wrong, and where."""
         super().__init__(problem=problem, problem_mark=mark)
 
@@ -89,7 +89,8 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """The next node; how many nodes and levels it stands for is kept for its aliases."""
-        event, nodes, deepest = self.peek_event(), self._nodes, self._deepest
+        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+        nodes, deepest = self._nodes, self._deepest
         self._depth += 1
         self._deepest = self._depth
         if isinstance(event, yaml.AliasEvent):
