@@ -168,7 +168,8 @@ def _read(file: str | Path, needed: Sequence[str]) -> _Table:
     header = [cell.strip() for cell in numbered[0][1]]
     missing = [column for column in needed if column not in header]
     if missing:
-        text = f"the header lacks {', '.join(missing)}; it has {', '.join(header)}"
+        # What the file says instead is not repeated: it may be no path at all, and nobody's business.
+        text = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
         raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", text)])
     lines, rows = zip(*numbered[1:], strict=True)
     return _Table(name, header, list(lines), list(rows))

@@ -473,3 +473,36 @@ def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
 
     monkeypatch.setattr("oed.study.json_schema", interrupted)
     assert call(capsys, "schema") == (1, "", "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            ZeroDivisionError("two\nlines"),
+            "a defect of oed, not of your files (ZeroDivisionError: two lines);",
+        ),
+        (
+            SystemError("of no interrupt"),
+            "a defect of oed, not of your files (SystemError: of no interrupt);",
+        ),
+        (SystemExit(0), "something ended the program halfway (SystemExit: 0), which a robot's own module"),
+        (RecursionError(), "a defect of oed, not of your files (RecursionError:);"),
+    ],
+)
+def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error: BaseException, words: str):
+    def fail():
+        raise error
+
+    monkeypatch.delenv("OED_DEBUG", raising=False)
+    monkeypatch.setattr("oed.study.json_schema", fail)
+    code, out, err = call(capsys, "schema")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert err.startswith(words)
+    assert "OED_DEBUG=1" in err
+    code, data, _ = call_json(capsys, "schema")
+    assert code == 1
+    assert data == {"error": err.strip(), "flaws": []}
+    monkeypatch.setenv("OED_DEBUG", "1")
+    with pytest.raises(type(error)):
+        main(["schema"])
