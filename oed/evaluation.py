@@ -15,6 +15,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.errors import Flaw, NotFinite
+from oed.finiteness import require_finite
 from oed.limits.limit import Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
@@ -155,6 +157,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.
+        NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
     """
     expected = len(problem.model.inputs)
     if trajectory.coefficients.shape[1] != expected:
@@ -274,6 +277,7 @@ class _Scorer:
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
         (length, poses, path), designs, responses, matrices, full, alone, limits = groups
+        require_finite(problem, drive, path, responses, designs, [*matrices, *full])
         eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
         singular = [
             np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
@@ -339,7 +343,10 @@ def told_directions(matrix: Array, alone: Array) -> tuple[npt.NDArray[np.bool_],
 
 
 def _margin(name: str, rows: Rows, values: Array) -> Margin:
-    distance = min(np.min(rows.upper - values), np.min(values - rows.lower))
+    if np.isnan(values).any():
+        raise NotFinite(Flaw(("limits", name), "not a number somewhere along the drive"))
+    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept.
+    distance = np.min([rows.upper - values, values - rows.lower], initial=np.inf)
     return Margin(name, float(distance), rows.size, rows.unit)
 
 

@@ -6,14 +6,14 @@ drives together, the initial pose and all nuisances eliminated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.errors import Flaw, ProblemError
-from oed.evaluation import evaluate, told_directions
+from oed.errors import Flaw, NotFinite, ProblemError
+from oed.evaluation import Evaluation, evaluate, told_directions
 from oed.problem import Estimation, Problem
 from oed.trajectory import Trajectory
 
@@ -73,7 +73,7 @@ def require_identifiable(problem: Problem) -> None:
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
     """Every combination of parameters that no drive of the design space tells, and the criterion judges."""
     rng = np.random.default_rng(0)
-    found = [evaluate(problem, _random_drive(problem, rng)) for _ in range(drives)]
+    found = _evaluated(problem, [_random_drive(problem, rng) for _ in range(drives)])
     return tuple(
         ambiguity
         for one in problem.any_estimations
@@ -83,6 +83,19 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
             sum((each.alone[one.block.name] for each in found), np.zeros(())),
         )
     )
+
+
+def _evaluated(problem: Problem, drives: Sequence[Trajectory]) -> list[Evaluation]:
+    # Of those that are finite: a robot at its fastest may go beyond all bounds. Where none is, why not.
+    found, failed = [], list[NotFinite]()
+    for drive in drives:
+        try:
+            found.append(evaluate(problem, drive))
+        except NotFinite as error:
+            failed.append(error)
+    if not found:
+        raise failed[0]
+    return found
 
 
 def _null_combinations(one: Estimation, matrix: Array, alone: Array) -> list[Ambiguity]:

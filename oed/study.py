@@ -16,7 +16,7 @@ from oed.bounds import LATTICE
 from oed.calibration import CalibrationOptions, alternative_flaws
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import Flaw, PathFileError, ProblemError, RecordError, StudyError
+from oed.errors import Flaw, NotFinite, PathFileError, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
@@ -173,15 +173,17 @@ class Study:
         return self.file.seed
 
     def require_identifiable(self) -> None:
-        """Refuse a study whose parameters no drive tells apart.
+        """Refuse a study whose parameters no drive tells apart, or whose drives are not finite.
 
         Raises:
-            StudyError: names every combination that cannot be told, and what to do.
+            StudyError: names what is not finite, or every combination that cannot be told, and what to do.
         """
         try:
             require_identifiable(self.problem)
         except ProblemError as error:
             raise self._error(error.flaws) from None
+        except NotFinite as error:
+            raise self._error([error.flaw]) from None
 
     def own_paths(self) -> dict[str, Trajectory]:
         """The user's own paths that the study compares with, by name.

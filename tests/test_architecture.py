@@ -22,7 +22,7 @@ FLOORS: tuple[set[str], ...] = (
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},
     {"problem"},
-    {"evaluation"},
+    {"evaluation", "finiteness"},
     {"departures", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},
     {"estimators"},

@@ -105,6 +105,7 @@ class _Search:
     stopped: Status | None = None
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
+    _reason: str = ""
 
     def __post_init__(self) -> None:
         options = self.options
@@ -234,6 +235,7 @@ class _Search:
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
             if result is None or result.evaluation is None:
+                self._reason = self._reason or ("" if result is None else result.reason)
                 continue
             # Better than rounding alone could make it: else the first one stays, on every machine.
             standing = -np.inf if self.best is None else self.best.objective
@@ -269,7 +271,7 @@ class _Search:
         if self.best is None:
             if self.stopped is not None:
                 return self.stopped, NOTHING_YET
-            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
+            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.singular:
             return Status.SINGULAR, ""
         return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.errors import NotFinite
 from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.problem import Problem
@@ -53,6 +54,8 @@ class Local:
     iterations: int
     evaluations: int
     wall_seconds: float
+    reason: str = ""
+    """Why it has failed, where that is known."""
 
     @property
     def singular(self) -> bool:
@@ -131,7 +134,13 @@ class LocalSearch:
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start."""
+        """Maximise the criterion from a start; one that leads to what is not finite fails."""
+        try:
+            return self._maximised(unknowns)
+        except NotFinite as error:
+            return Local(unknowns, None, Status.FAILED, 0, 0, 0.0, str(error))
+
+    def _maximised(self, unknowns: Array) -> Local:
         floors = np.zeros(self._objective.floors.shape[0])
         return self._tightened(self.program, unknowns, floors, self.grid.no_correction)
 
