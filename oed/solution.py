@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from oed.departures import Leaving
+from oed.errors import NotFinite
 from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
 from oed.robust import Robust
@@ -23,6 +24,7 @@ class Status(Enum):
     INTERRUPTED = "interrupted"
     SEARCHED = "searched"
     SCORED = "scored"
+    UNSCORED = "unscored"
     INFEASIBLE = "infeasible"
     SINGULAR = "singular"
     FAILED = "failed"
@@ -35,7 +37,7 @@ class Status(Enum):
     @property
     def usable(self) -> bool:
         """Whether there is a design to use."""
-        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED)
+        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED)
 
 
 _SENTENCES = {
@@ -48,6 +50,7 @@ _SENTENCES = {
     Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit on the fine grid, "
     "but nothing says that it is an optimum.",
     Status.SCORED: "Scored as given; nothing was optimised.",
+    Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
     Status.SINGULAR: "No drive found tells all parameters apart; "
     "allow more motion, more segments or another regressor.",
@@ -130,3 +133,8 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
         evaluation=evaluate(problem, trajectory),
         status=Status.SCORED,
     )
+
+
+def unscored(name: str, kind: str, error: NotFinite) -> Solution:
+    """A drive among others that cannot be scored, and why."""
+    return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")

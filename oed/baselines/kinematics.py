@@ -75,10 +75,12 @@ class Kinematics:
         method on the speeds; far too fast ones where a robot that slips can make no such twist.
         """
         step = self._newton(len(twists))
-        speeds = np.array(step(np.zeros((len(self.drives), len(twists))), angles.T, twists.T))
+        first = step(np.zeros((len(self.drives), len(twists))), angles.T, twists.T)
+        speeds = np.nan_to_num(np.array(first))
         most = BEYOND * np.abs(speeds).max(axis=0)
         for _ in range(SPEED_STEPS - 1):
-            speeds = np.clip(np.array(step(speeds, angles.T, twists.T)), -most, most)
+            following = np.array(step(speeds, angles.T, twists.T))
+            speeds = np.where(np.isfinite(following), following.clip(-most, most), speeds)
         values = np.zeros((len(twists), len(self.drives) + len(self.steers)))
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values
@@ -96,7 +98,7 @@ class Kinematics:
             angles, within = self._steering(wanted, bounds)
         values, made = self._unhurried(wanted, angles)
         # Slips that hinder Newton's method are no reason to refuse a move.
-        made |= self.free
+        made |= self.free & values.any(axis=1) & np.isfinite(self._linear(values)[0]).all(axis=1)
         made &= within | ~np.array([move.on_the_spot for move in distinct])
         made &= np.array([self.sideways or move.sideways == 0 for move in distinct])
         order = [distinct.index(move) for move in moves]

@@ -278,7 +278,9 @@ class _Search:
 
     @cached_property
     def _conflict(self) -> str:
-        # Which limits conflict, in words; "" if they were found to agree.
+        # Which limits conflict, in words; "" if they were found to agree, or something else is in the way.
+        if self._reason:
+            return ""
         self.context.progress.begin("find out which limits conflict", 1)
         points = random_drives(self.design, np.array([0.25, 0.5, 1.0]), self.context.rng(2))
         conflict = describe_conflict(self.design, list(points))
