@@ -44,7 +44,7 @@ def require_finite(
         rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))
         if rows.size:
             where = _reading(problem, trajectory, int(rows[0]), len(array))
-            columns = np.flatnonzero(~np.isfinite(array[rows[0]])) if what == "derivative" else ()
+            columns = np.flatnonzero(~np.isfinite(array[rows[0]])).tolist() if what == "derivative" else []
             raise NotFinite(Flaw(("measurement",), _sentence(problem, what, where, columns)))
     if not all(np.isfinite(matrix).all() for matrix in information):
         text = "the information of this drive is not finite: some reading's derivative, or noise, is not"
@@ -71,10 +71,10 @@ def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> 
     return f"{label} at {samples * trajectory.period:.6g} s" + (f" of run {run + 1}" if runs > 1 else "")
 
 
-def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int] | Array) -> str:
+def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int]) -> str:
     if what == "reading":
         return f"the reading of {where} is not finite"
     block = problem.any_estimations[0].block
     names = [*block.parameters, *(nuisance.name for nuisance in block.nuisances)]
-    known = [names[int(column)] for column in columns if int(column) < len(names)]
+    known = [names[column] for column in columns if column < len(names)]
     return f"the derivative of {where} by {', '.join(known) or 'what is estimated'} is not finite"

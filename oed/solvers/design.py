@@ -161,10 +161,9 @@ class DesignExpressions:
 
 def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
     # A drive that is not finite tells nothing and exceeds all limits, whatever robot it is of.
-    sound = np.isfinite(violations).all(axis=1)
-    for stack in (stack for own in robots for stack in own):
-        sound &= np.isfinite(stack).all(axis=(1, 2))
+    parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
+    sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
     if sound.all():
         return robots, violations
-    kept = [[np.where(sound[:, None, None], stack, 0.0) for stack in own] for own in robots]
-    return kept, np.where(sound[:, None], violations, UNSOUND)
+    kept = [[np.where(sound[:, :, None], stack, 0.0) for stack in own] for own in robots]
+    return kept, np.where(sound, violations, UNSOUND)
