@@ -90,7 +90,7 @@ AnyPrior = Annotated[
 class ValidationOptions(Component):
     """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
 
-    replicates: Annotated[int, Field(ge=100)] = 10_000
+    replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
     estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
     heading: Heading = "known"
     loss: Loss = "linear"

@@ -1003,3 +1003,31 @@ class TestOwnPaths:
         (flaw,) = self.flaws(tmp_path, "passwd")
         assert "the header lacks t, wheel_speed_right, wheel_speed_left; expected a path" in flaw.message
         assert "secret" not in flaw.message
+
+
+HUGE = 10**40
+"""More than fits into any memory, or any array's index."""
+
+
+@pytest.mark.parametrize(
+    ("keys", "key"),
+    [
+        (f"trajectory: {{duration: 10 s, samples: {HUGE}}}", "trajectory.samples"),
+        (
+            f"trajectory: {{duration: 10 s, samples: 40, spline: {{coefficients: {HUGE}}}}}",
+            "trajectory.spline.coefficients",
+        ),
+        (f"trajectory: {{duration: 10 s, runs: {HUGE}}}", "trajectory.runs"),
+        (f"solvers: [{{kind: ipopt, starts: {HUGE}}}]", "solvers.0.starts"),
+        (f"solvers: [{{kind: genetic, population: {HUGE}}}]", "solvers.0.population"),
+        (f"validation: {{replicates: {HUGE}}}", "validation.replicates"),
+        (f"robust: {{kind: chance, draws: {HUGE}}}", "robust.draws"),
+        (f"calibration: {{replicates: {HUGE}}}", "calibration.replicates"),
+    ],
+)
+def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
+    kept = [line for line in SMALL.splitlines() if not keys.startswith(line.partition(":")[0] + ":")]
+    flaws = flaws_of("\n".join([*kept, keys]))
+    (flaw,) = [flaw for flaw in flaws if flaw.key == key]
+    assert flaw.line == len(kept) + 1
+    assert "expected at most" in flaw.message

@@ -53,7 +53,7 @@ class Ipopt(Solver):
     """
 
     kind: Literal["ipopt"] = "ipopt"
-    starts: PositiveInt = 12
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
