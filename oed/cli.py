@@ -10,10 +10,13 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from oed.commands import COMMANDS
 from oed.commands.command import DONE, FAILED, MISTAKE
+
+if TYPE_CHECKING:
+    from oed.errors import OedError
 
 DEBUG = "OED_DEBUG"
 """Environment variable with which what nobody has foreseen is shown as Python shows it."""
@@ -36,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], int] = options.run
     try:
         return command(options)
-    except OedError as error:
+    except OedError as raised:
+        error = _located(raised, options)
         flaws = error.flaws if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
         _report_error(options, str(error), [vars(flaw) for flaw in flaws])
@@ -56,6 +60,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE
     except (Exception, SystemExit) as error:
         return _defect(options, error)
+
+
+def _located(error: OedError, options: argparse.Namespace) -> OedError:
+    # What a command finds out of a study late is told by its line all the same.
+    from oed.errors import FileError, ProblemError, StudyError
+    from oed.yaml_source import read_yaml
+
+    file = getattr(options, "study", None)
+    if file is None or not isinstance(error, ProblemError):
+        return error
+    try:
+        source = read_yaml(file)
+    except FileError:
+        return error
+    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws])
 
 
 def _defect(options: argparse.Namespace, error: BaseException) -> int:

@@ -16,6 +16,7 @@ from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
 from oed.console import percent
+from oed.errors import Flaw, ProblemError
 from oed.record import load_record
 
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
@@ -506,3 +507,17 @@ def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error
     monkeypatch.setenv("OED_DEBUG", "1")
     with pytest.raises(type(error)):
         main(["schema"])
+
+
+def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: Any, **__: Any) -> None:
+        raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])
+
+    monkeypatch.setattr("oed.study.Study.require_identifiable", refuse)
+    code, data, err = call_json(capsys, "run", "study.yaml", "--quiet")
+    assert code == 2
+    assert err.splitlines() == [
+        "study.yaml:7: limits.wheel_speed: is too late",
+        "study.yaml:3: robot: as well",
+    ]
+    assert [flaw["line"] for flaw in data["flaws"]] == [7, 3]
