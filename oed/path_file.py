@@ -216,7 +216,9 @@ def _reason_against(header: Sequence[str], needed: Sequence[str]) -> str:
     if twice:
         return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
-    return f"the header lacks {', '.join(missing)}; it has {', '.join(header)}" if missing else ""
+    # What the file says instead is not repeated: it may be no path at all, and nobody's business.
+    lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
+    return lacking if missing else ""
 
 
 def _columns(
