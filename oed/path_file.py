@@ -64,7 +64,7 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     Raises:
         PathFileError: every mistake in the file, each with its line.
     """
-    table = _read(file, ("t", *problem.model.input_names))
+    table = _read(file, ("t", *problem.model.input_names), problem.model.states)
     parts = _by_run(table, problem.design.runs)
     read = [_read_run(part, problem) for part in parts]
     flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
@@ -178,14 +178,14 @@ class _Table:
         return FileFlaw(self.name, self.lines[row], 0, key, message)
 
 
-def _read(file: str | Path, needed: Sequence[str]) -> _Table:
+def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Table:
     name, text = str(file), _text(file)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
     numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
         raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
     header = [cell.strip() for cell in numbered[0][1]]
-    reason = _reason_against(header, needed)
+    reason = _reason_against(header, needed, states)
     if reason:
         raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
     places, rows = zip(*numbered[1:], strict=True)
@@ -211,14 +211,20 @@ def _cells(name: str, number: int, line: str) -> list[str]:
         raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
 
 
-def _reason_against(header: Sequence[str], needed: Sequence[str]) -> str:
+def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
     twice = sorted({column for column in header if column and header.count(column) > 1})
     if twice:
         return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
     # What the file says instead is not repeated: it may be no path at all, and nobody's business.
     lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
-    return lacking if missing else ""
+    if missing:
+        return lacking
+    # A start that is given in part would be taken for one that is not given.
+    given = [state for state in states if state in header]
+    others = [state for state in states if state not in header]
+    text = f"the header has {', '.join(given)} of the start, but not {', '.join(others)}: give all or none"
+    return text if given and others else ""
 
 
 def _columns(
