@@ -14,7 +14,18 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "oed"
 
 FLOORS: tuple[set[str], ...] = (
-    {"spline", "quantities", "component", "expression", "errors", "files", "extras", "lazy"},
+    {
+        "spline",
+        "quantities",
+        "component",
+        "expression",
+        "errors",
+        "files",
+        "folders",
+        "signals",
+        "extras",
+        "lazy",
+    },
     {"models"},
     {"logs"},
     {"trajectory", "rollout", "matrices"},
