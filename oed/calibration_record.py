@@ -14,8 +14,8 @@ import numpy.typing as npt
 from oed.calibration import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
-from oed.files import write_text
-from oed.record import Record, finite, finite_rows
+from oed.record import Record, finite, finite_rows, saved_file
+from oed.saving import ESTIMATE, pages, save_files
 
 Array = npt.NDArray[np.float64]
 
@@ -67,10 +67,18 @@ class EstimateRecord:
 
 
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
-    """Write estimate.json into `folder`; returns the file."""
-    path = Path(folder) / FILE
-    write_text(path, Record(record.data).to_json())
-    return path
+    """Write estimate.json into `folder`, where the page of an earlier one goes; returns the file.
+
+    Raises:
+        NotSaved: it could not be written there; says where it is instead.
+    """
+    save_files(Path(folder), estimate_files(record), record, pages(Path(folder), ESTIMATE))
+    return Path(folder) / FILE
+
+
+def estimate_files(record: EstimateRecord) -> dict[str, str]:
+    """The file of an estimate, by its name."""
+    return {FILE: Record(record.data).to_json()}
 
 
 def load_estimate(folder: str | Path) -> EstimateRecord:
@@ -79,8 +87,7 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
     Raises:
         RecordError: no estimate there, or not one of this format.
     """
-    path = Path(folder)
-    path = path / FILE if path.is_dir() else path
+    path = saved_file(folder, FILE)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -30,28 +30,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.errors import FileError, OedError, UserMistake
+    from oed.signals import ending_alike
 
     command: Callable[[argparse.Namespace], int] = options.run
     try:
-        return command(options)
+        with ending_alike():
+            return command(options)
     except OedError as error:
         flaws = error.flaws if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
-        _report_error(options, str(error), [vars(flaw) for flaw in flaws])
+        _report_error(options, _with_notes(str(error), error), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
     except SystemError as error:
         # What CasADi's wrappers make of Ctrl-C in the middle of a call.
         if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             raise
-        _report_error(options, "interrupted", [])
+        _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
-    except KeyboardInterrupt:
-        _report_error(options, "interrupted", [])
+    except KeyboardInterrupt as error:
+        _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
     except BrokenPipeError:
         # The reader of our output has left (`oed ... | head`): nothing more to say.
         sys.stderr.close()
         return DONE
+    except OSError as error:
+        # A disk that is full, a file that may not be read: no fault of the program's.
+        _report_error(options, _with_notes(str(error), error), [])
+        return FAILED
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    # What was done before the error, and where it is.
+    return "; ".join([message, *getattr(error, "__notes__", ())])
 
 
 def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from oed.errors import Failure, UserMistake
@@ -44,6 +45,16 @@ def write_text(path: Path, text: str) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts by file name, each as `write_text` does.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
+    for name, text in files.items():
+        write_text(folder / name, text)
 
 
 def unwritten(text: str, error: OSError) -> UserMistake | Failure:

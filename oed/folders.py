@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO
 
 from oed.errors import UserMistake
-from oed.files import require_short, require_writable, write_text
+from oed.files import require_short, require_writable, unwritten, write_files
 from oed.signals import undisturbed
 
 INSIDE = ".oed"
@@ -47,8 +47,7 @@ class Draft:
 
     def write(self, files: Mapping[str, str]) -> None:
         """Write texts by file name."""
-        for name, text in files.items():
-            write_text(self.path / name, text)
+        write_files(self.path, files)
 
     def adopt(self, folder: Path) -> None:
         """Take over a folder with all that it holds; it stays where it is, too."""
@@ -62,16 +61,21 @@ class Draft:
             carry: whether whatever else stands in the folder stays.
 
         Raises:
-            OSError: it cannot be put there; then nothing is changed.
+            UserMistake, Failure: it cannot be put there.
         """
-        with undisturbed():
-            if not self._home.exists():
-                os.replace(self.path, self._home)
-            elif self._stays or not self._swapped(drop, carry):
-                gone = drop if carry else set(_names(self._home))
-                os.replace(self.path, self._ready)
-                _move_in(self._ready, self._home, gone)
+        try:
+            with undisturbed():
+                if not self._home.exists():
+                    os.replace(self.path, self._home)
+                elif self._stays or not self._swapped(drop, carry):
+                    self._moved_in(drop if carry else set(_names(self._home)))
+        except OSError as error:
+            raise unwritten(f"{self.target}: cannot be written", error) from None
         return self.target
+
+    def discard(self) -> None:
+        """Keep nothing of what is written."""
+        shutil.rmtree(self.path, ignore_errors=True)
 
     def put_aside(self) -> Path | None:
         """Keep what is written beside the folder; returns where, None where nothing is."""
@@ -112,6 +116,15 @@ class Draft:
         os.replace(self.path, self._home)
         shutil.rmtree(self._old, ignore_errors=True)
         return True
+
+    def _moved_in(self, drop: Collection[str]) -> None:
+        os.replace(self.path, self._ready)
+        try:
+            _move_in(self._ready, self._home, drop)
+        except OSError:
+            # A folder where a file should go: what could not be moved is a draft again.
+            os.replace(self._ready, self.path)
+            raise
 
     def _shown(self, place: Path) -> Path:
         # As the user would name it.
@@ -183,7 +196,7 @@ def _draft(target: Path, kind: str, *, in_place: bool, wait: bool) -> Iterator[D
     hidden = _hidden(home, kind)
     with _held(hidden, target, wait=wait):
         draft = Draft(target, home, hidden, in_place=in_place)
-        found = draft.put_in_order()
+        found = _found(draft)
         if found is not None:
             logging.getLogger(__name__).warning("a run into %s was killed; %s", target, kept_in(found))
         _require_made(draft.path, target)
@@ -191,6 +204,13 @@ def _draft(target: Path, kind: str, *, in_place: bool, wait: bool) -> Iterator[D
             yield draft
         finally:
             draft.put_in_order()
+
+
+def _found(draft: Draft) -> Path | None:
+    try:
+        return draft.put_in_order()
+    except OSError as error:
+        raise unwritten(f"{draft.target}: cannot write there", error) from None
 
 
 def _works_in(folder: Path) -> bool:
@@ -227,7 +247,7 @@ def _require_made(path: Path, target: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserMistake(f"{target}: cannot write there: {error.strerror}") from None
+        raise unwritten(f"{target}: cannot write there", error) from None
 
 
 @contextmanager
@@ -257,7 +277,7 @@ def _locked(hidden: Path, target: Path, *, wait: bool) -> IO[str]:
         except FileNotFoundError:
             continue
         except OSError as error:
-            raise UserMistake(f"{target}: cannot write there: {error.strerror}") from None
+            raise unwritten(f"{target}: cannot write there", error) from None
         if not _lock(handle, wait=wait):
             handle.seek(0)
             who = handle.read().strip() or "another process"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from oed.bounds import Certificate
 from oed.errors import FileFlaw, RecordError
 from oed.evaluation import Evaluation
 from oed.files import write_text
+from oed.folders import interrupted_runs
 from oed.solution import Solution, Start
 from oed.trajectory import Trajectory
 from oed.validation import Validation
@@ -27,9 +28,13 @@ NOMINAL = "nominal"
 
 @dataclass(frozen=True)
 class Record:
-    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none."""
+    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none.
+
+    `folder` is where it is saved, as far as that is known.
+    """
 
     data: Mapping[str, Any]
+    folder: Path | None = field(default=None, compare=False)
 
     @property
     def results(self) -> list[Mapping[str, Any]]:
@@ -81,13 +86,13 @@ def load_record(folder: str | Path) -> Record:
     Raises:
         RecordError: no record there, or not one of this format.
     """
-    path = Path(folder)
-    path = path / FILE if path.is_dir() else path
+    path = saved_file(folder, FILE)
     name = str(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise RecordError([FileFlaw(name, 0, 0, "", "no record there; make one with `oed run`")]) from None
+        text = f"no record there; make one with `oed run`{beside(folder)}"
+        raise RecordError([FileFlaw(name, 0, 0, "", text)]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise RecordError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
     except json.JSONDecodeError as error:
@@ -96,6 +101,23 @@ def load_record(folder: str | Path) -> Record:
         text = f"expected a record of format {FORMAT}; make it again with `oed run`"
         raise RecordError([FileFlaw(name, 0, 0, "", text)])
     return Record(data)
+
+
+def saved_file(folder: str | Path, name: str) -> Path:
+    """The file of that name in a folder, or the file itself where it is given.
+
+    A folder that a process was about to swap when it was killed is put in order first.
+    """
+    path = Path(folder)
+    if not path.exists():
+        interrupted_runs(path)
+    return path / name if path.is_dir() else path
+
+
+def beside(folder: str | Path) -> str:
+    """That runs that were cut short are kept beside a folder, in words; "" where there are none."""
+    kept = ", ".join(map(str, interrupted_runs(folder)))
+    return f"; a run that was cut short is kept in {kept}" if kept else ""
 
 
 def finite(value: float | None) -> float | None:

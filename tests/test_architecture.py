@@ -48,6 +48,7 @@ FLOORS: tuple[set[str], ...] = (
         "record",
         "path_file",
         "runner",
+        "saving",
         "robustness",
         "experiments",
         "calibration_record",

@@ -17,8 +17,9 @@ from oed.report.estimate.reckoned import reckoned
 from oed.report.estimate.summary import summary
 from oed.report.page import render
 from oed.report.section import Section
+from oed.saving import ESTIMATE
 
-NAME = "estimate"
+NAME = ESTIMATE
 """Of the page's files, without suffix."""
 SECTIONS: tuple[Callable[[Data], Section | None], ...] = (
     summary,
