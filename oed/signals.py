@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 ENDING = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
@@ -62,7 +63,7 @@ def noted() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def answered() -> dict[int, object]:
+def answered() -> dict[int, Any]:
     """The handlers, by signal, of those that this thread answers in Python."""
     if not _in_main_thread():
         return {}
@@ -88,6 +89,10 @@ def interrupts_blocked() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
+    from multiprocessing import resource_tracker
+
+    # It lets Ctrl-C through again when it is started, which is with the first process otherwise.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
