@@ -175,13 +175,13 @@ def search(
                 solution = solve(
                     study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
                 )
+                done[solution.name] = solution
+                if found is not None and solution.status is not Status.INTERRUPTED:
+                    found(list(done.values()))
         except KeyboardInterrupt:
             return list(done.values()), True
-        done[solution.name] = solution
         if solution.status is Status.INTERRUPTED:
             return list(done.values()), True
-        if found is not None:
-            found(list(done.values()))
     try:
         with interrupts_named():
             unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())

@@ -17,6 +17,7 @@ from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
 from oed.errors import Flaw, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
+from oed.files import length_flaw
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.logs import AnyLogForm, CsvForm, LogForm
@@ -332,6 +333,9 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
     known = set[str]()
     for key, name in entries:
         stem = file_stem(name)
+        length = length_flaw(stem)
+        if length and (not flaws or flaws[-1].key != key):
+            flaws.append(Flaw(key, length))
         if stem in known and (not flaws or flaws[-1].key != key):
             flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
         known.add(stem)

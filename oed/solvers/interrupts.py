@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
+import io
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stderr
 from types import FrameType
 from typing import Any
 
 from oed.signals import answered
-
-STDERR = 2
-"""File descriptor of standard error."""
 
 
 @contextmanager
@@ -26,7 +23,8 @@ def interrupts_kept() -> Iterator[None]:
         def note(number: int, frame: FrameType | None) -> None:
             nonlocal signalled
             signalled = True
-            quiet.enter_context(_silenced())
+            # CasADi says of the exception what it is called, and in which line of its own it met it.
+            quiet.enter_context(redirect_stderr(io.StringIO()))
             answer(number, frame)
 
         return note
@@ -41,24 +39,6 @@ def interrupts_kept() -> Iterator[None]:
                 signal.signal(number, answer)
     if signalled:
         raise KeyboardInterrupt
-
-
-@contextmanager
-def _silenced() -> Iterator[None]:
-    # CasADi writes of the exception to standard error, past Python's own.
-    try:
-        kept = os.dup(STDERR)
-    except OSError:
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, STDERR)
-    os.close(nowhere)
-    try:
-        yield
-    finally:
-        os.dup2(kept, STDERR)
-        os.close(kept)
 
 
 @contextmanager

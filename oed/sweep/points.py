@@ -19,7 +19,7 @@ from oed.trial import require_ready
 from oed.yaml_source import YamlSource, read_yaml
 
 LONG = 80
-"""Letters of a folder's name beyond which it is cut."""
+"""Bytes of a folder's name beyond which it is cut."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,9 @@ def _folder(label: str) -> str:
     # The values make the name, so that a sweep with more of them finds its earlier points again.
     name = re.sub(r"[^\w.+-]+", "_", label).strip("_.")
     digest = hashlib.sha256(label.encode()).hexdigest()[:8]
-    plain = re.fullmatch(r"[\w.+\- ,/]+", label) and len(name) <= LONG
-    return name if plain else f"{name[:LONG]}_{digest}"
+    short = name.encode()[:LONG].decode(errors="ignore")
+    plain = re.fullmatch(r"[\w.+\- ,/]+", label) and short == name
+    return name if plain else f"{short}_{digest}"
 
 
 def _flaws(error: FileError | ProblemError, source: YamlSource) -> Iterable[FileFlaw]:
