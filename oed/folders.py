@@ -165,6 +165,21 @@ def updated(folder: str | Path) -> Iterator[Draft]:
         yield draft
 
 
+def require_usable(folder: str | Path) -> None:
+    """Make sure that a folder can be written to, and things beside it be named after it, before work is done
+    that would be lost.
+
+    Raises:
+        UserMistake: it cannot.
+    """
+    target = Path(folder)
+    home = _home(target)
+    require_short(target, home.name)
+    if home.exists() and not home.is_dir():
+        raise UserMistake(f"{target}: cannot write there: it is a file")
+    require_writable(home, target)
+
+
 def kept_in(folder: Path) -> str:
     """Where a run that was cut short is, in words."""
     return f"what had been done by then is kept in {folder}: `oed report {folder}` makes its report"
@@ -192,7 +207,7 @@ def interrupted_runs(folder: str | Path) -> list[Path]:
 @contextmanager
 def _draft(target: Path, kind: str, *, in_place: bool, wait: bool) -> Iterator[Draft]:
     home = _home(target)
-    _require_usable(target, home)
+    require_usable(target)
     hidden = _hidden(home, kind)
     with _held(hidden, target, wait=wait):
         draft = Draft(target, home, hidden, in_place=in_place)
@@ -233,14 +248,6 @@ def _hidden(home: Path, kind: str) -> Path:
         if fixed
         else (home.with_name(f".{home.name}.{kind}"))
     )
-
-
-def _require_usable(target: Path, home: Path) -> None:
-    require_short(target, home.name)
-    if home.exists() and not home.is_dir():
-        raise UserMistake(f"{target}: cannot write there: it is a file")
-    if home.exists():
-        require_writable(home, target)
 
 
 def _require_made(path: Path, target: Path) -> None:

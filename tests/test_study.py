@@ -333,6 +333,13 @@ BROKEN = {
         "solvers.1.name",
         "../up",
     ),
+    "long name": (
+        "    starts: 1",
+        f"    starts: 1\n    name: {'ä' * 130}",
+        "name: ä",
+        "solvers.1.name",
+        "a name of 260 bytes, and files are named after it: expected at most 200",
+    ),
     "scale of no parameter": (
         "scaling: none",
         "scaling: {c21: 1, c22: 1, c99: 1}",

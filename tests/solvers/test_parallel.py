@@ -65,7 +65,7 @@ def sleeping(task: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_workers_end_with_their_parent_and_say_nothing(tmp_path: Path, number: int):
     program = (
         "import signal, sys, pathlib; from oed.signals import ending_alike\n"

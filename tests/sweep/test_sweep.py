@@ -146,10 +146,11 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
         return real_run(study, *arguments, **options)
 
     monkeypatch.setattr(running, "run", second_killed)
-    with monkeypatch.context() as patch, pytest.raises(Killed):
+    with monkeypatch.context() as patch:
         # Nothing is tidied up by a process that is killed.
         patch.setattr("oed.folders.Draft.put_in_order", lambda _: None)
-        sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+        with pytest.raises(Killed):
+            sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     monkeypatch.setattr(running, "run", real_run)
     whole = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     assert whole["kept"] == 1
