@@ -14,8 +14,8 @@ import numpy.typing as npt
 from oed.calibration import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
-from oed.record import Record, finite, finite_rows, saved_file
-from oed.saving import ESTIMATE, pages, save_files
+from oed.record import ESTIMATE, Record, finite, finite_rows, pages, saved_file
+from oed.saving import save_files
 
 Array = npt.NDArray[np.float64]
 

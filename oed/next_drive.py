@@ -16,9 +16,9 @@ from oed.calibration_record import EstimateRecord, estimate_files
 from oed.errors import UserMistake
 from oed.estimation import estimate
 from oed.quantities import parse_quantity
-from oed.record import FILE, Record
+from oed.record import ESTIMATE, FILE, Record, pages
 from oed.runner import run
-from oed.saving import ESTIMATE, RunFolder, outdated, pages, run_folder
+from oed.saving import RunFolder, outdated, run_folder
 from oed.solvers import Progress, Workers
 from oed.study import Study, parse_study, recorded_study
 

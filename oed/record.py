@@ -22,6 +22,8 @@ from oed.validation import Validation
 
 FORMAT = 1
 FILE = "record.json"
+REPORT, ESTIMATE = "report", "estimate"
+"""Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 NOMINAL = "nominal"
 """Name of the result of a robust study's search without any reserve."""
 
@@ -118,6 +120,16 @@ def beside(folder: str | Path) -> str:
     """That runs that were cut short are kept beside a folder, in words; "" where there are none."""
     kept = ", ".join(map(str, interrupted_runs(folder)))
     return f"; a run that was cut short is kept in {kept}" if kept else ""
+
+
+def pages(folder: Path, name: str = REPORT) -> set[str]:
+    """Names, relative to a folder, of the files of a report (or an estimate's page) that is there."""
+    figures = {
+        path.relative_to(folder).as_posix()
+        for path in folder.glob("figures/*.svg")
+        if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE)
+    }
+    return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
 def finite(value: float | None) -> float | None:

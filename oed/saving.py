@@ -15,10 +15,8 @@ from typing import Any
 from oed.errors import Failure, OedError, RecordError
 from oed.files import write_files
 from oed.folders import Draft, drafted, updated
-from oed.record import FILE, Record, load_record
+from oed.record import FILE, Record, load_record, pages
 
-REPORT, ESTIMATE = "report", "estimate"
-"""Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 Files = Mapping[str, str]
 """Texts by file name."""
 
@@ -133,16 +131,6 @@ def save_files(folder: Path, files: Files, found: Any, drop: Collection[str] = (
             draft.publish(drop)
     except OedError as error:
         raise NotSaved(_rescued(folder, error, files), found) from None
-
-
-def pages(folder: Path, name: str = REPORT) -> set[str]:
-    """Names, relative to a folder, of the files of a report (or an estimate's page) that is there."""
-    figures = {
-        path.relative_to(folder).as_posix()
-        for path in folder.glob("figures/*.svg")
-        if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE)
-    }
-    return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
 def outdated(folder: Path, record: Record | None) -> set[str]:

@@ -13,12 +13,11 @@ import jinja2
 from markupsafe import Markup
 
 from oed.folders import updated
-from oed.record import Record
+from oed.record import REPORT, Record, pages
 from oed.report.animation import with_film
 from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
-from oed.saving import REPORT, pages
 
 NAME = REPORT
 """Of a report's files, without suffix."""

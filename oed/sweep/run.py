@@ -13,9 +13,9 @@ from typing import Any
 from oed.errors import FileFlaw, OedError, RecordError
 from oed.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.record import FILE as RECORD
-from oed.record import Record, load_record, saved_file
+from oed.record import Record, load_record, pages, saved_file
 from oed.runner import package_version, run
-from oed.saving import NotSaved, pages
+from oed.saving import NotSaved
 from oed.solvers import Progress, Silent, Workers, default_workers
 from oed.solvers.interrupts import interrupts_named
 from oed.solvers.parallel import run_tasks
