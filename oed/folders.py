@@ -38,10 +38,13 @@ class Draft:
         path: the folder to write into until then.
     """
 
-    def __init__(self, target: Path, home: Path, hidden: Path, *, in_place: bool) -> None:
-        """A draft of `home`, the folder's own path, that is made in the folder `hidden`."""
+    def __init__(self, target: Path, home: Path, hidden: Path, *, in_place: bool, keep: bool) -> None:
+        """A draft of `home`, the folder's own path, that is made in the folder `hidden`.
+
+        It goes there file by file if `in_place`; is kept beside, where it is left early, if `keep`.
+        """
         self.target = target
-        self._home, self._hidden, self._in_place = home, hidden, in_place
+        self._home, self._hidden, self._in_place, self._kept = home, hidden, in_place, keep
         self.path = hidden / "draft" / home.name
         self._old, self._ready = hidden / "old", hidden / "ready"
 
@@ -95,7 +98,7 @@ class Draft:
         if self._old.exists() and not self._home.exists():
             os.replace(self.path if self.path.exists() else self._old, self._home)
         shutil.rmtree(self._old, ignore_errors=True)
-        kept = None if self._in_place else self.put_aside()
+        kept = self.put_aside() if self._kept else None
         shutil.rmtree(self.path.parent, ignore_errors=True)
         return kept
 
@@ -133,16 +136,16 @@ class Draft:
 
 
 @contextmanager
-def drafted(folder: str | Path) -> Iterator[Draft]:
+def drafted(folder: str | Path, *, keep: bool = True) -> Iterator[Draft]:
     """A draft of a folder to fill while the context lasts, and to publish: until then nothing is changed.
 
-    One that is left without having been published is kept beside, as FOLDER.interrupted; an error that
-    leaves the context has a note where.
+    One that is left without having been published is kept beside if `keep`, as FOLDER.interrupted; an error
+    that leaves the context has a note where.
 
     Raises:
         UserMistake: the folder cannot be written to, or another process is writing there.
     """
-    with _draft(Path(folder), "oed", in_place=False, wait=False) as draft:
+    with _draft(Path(folder), "oed", in_place=False, keep=keep) as draft:
         try:
             yield draft
         except BaseException as error:
@@ -161,7 +164,7 @@ def updated(folder: str | Path) -> Iterator[Draft]:
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    with _draft(Path(folder), "pages", in_place=True, wait=True) as draft:
+    with _draft(Path(folder), "pages", in_place=True, keep=False) as draft:
         yield draft
 
 
@@ -200,17 +203,17 @@ def interrupted_runs(folder: str | Path) -> list[Path]:
     named = re.compile(rf"{re.escape(home.name)}\.{INTERRUPTED}(?:-(\d+))?")
     found = {path: named.fullmatch(path.name) for path in _listed(hidden.parent)}
     numbers = {path: int(match[1] or 1) for path, match in found.items() if match is not None}
-    draft = Draft(target, home, hidden, in_place=False)
+    draft = Draft(target, home, hidden, in_place=False, keep=True)
     return [draft._shown(path) for path in sorted(numbers, key=lambda path: numbers[path])]
 
 
 @contextmanager
-def _draft(target: Path, kind: str, *, in_place: bool, wait: bool) -> Iterator[Draft]:
+def _draft(target: Path, kind: str, *, in_place: bool, keep: bool) -> Iterator[Draft]:
     home = _home(target)
     require_usable(target)
     hidden = _hidden(home, kind)
-    with _held(hidden, target, wait=wait):
-        draft = Draft(target, home, hidden, in_place=in_place)
+    with _held(hidden, target, wait=in_place):
+        draft = Draft(target, home, hidden, in_place=in_place, keep=keep)
         found = _found(draft)
         if found is not None:
             logging.getLogger(__name__).warning("a run into %s was killed; %s", target, kept_in(found))

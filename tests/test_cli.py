@@ -479,6 +479,18 @@ class TestValidate:
             for key in ("mean", "sampled_covariance", "promised_covariance"):
                 np.testing.assert_allclose(found[key], kept[key], rtol=1e-9)
 
+    def test_an_interrupt_leaves_everything_as_it_was(self, folder: Path, monkeypatch, capsys):
+        def strike(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.experiments.validate", strike)
+        (folder / "report.html").write_text("old")
+        before = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert main(["validate", str(folder), "--quiet"]) == 1
+        assert capsys.readouterr().err == "interrupted\n"
+        after = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert after == before
+
     def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2
         assert "replicates" in capsys.readouterr().err

@@ -105,6 +105,13 @@ class TestAgain:
         assert str(kept) in caught.value.__notes__[0]
         assert load_record(kept).best["name"] == "genetic"
 
+    @pytest.mark.slow
+    def test_what_is_kept_has_a_report(self, study: Study, finished: Path, capsys):
+        record = run(study, finished, workers=1, progress=Striking("score", KeyboardInterrupt()))
+        assert main(["report", str(record.folder)]) == 0
+        assert "The run was interrupted" in (record.folder / "report.md").read_text()
+        assert not (finished.parent / ".out.oed").exists()
+
     def test_only_one_at_a_time(self, study: Study, tmp_path: Path):
         class Second(Striking):
             def begin(self, description: str, total: int) -> None:
