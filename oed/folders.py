@@ -11,17 +11,14 @@ import logging
 import os
 import re
 import shutil
-import socket
-import sys
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from datetime import datetime
 from itertools import count
 from pathlib import Path
-from typing import IO
 
 from oed.errors import UserMistake
 from oed.files import require_short, require_writable, unwritten, write_files
+from oed.locks import held, made
 from oed.signals import undisturbed
 
 INSIDE = ".oed"
@@ -212,12 +209,12 @@ def _draft(target: Path, kind: str, *, in_place: bool, keep: bool) -> Iterator[D
     home = _home(target)
     require_usable(target)
     hidden = _hidden(home, kind)
-    with _held(hidden, target, wait=in_place):
+    with held(hidden, target, wait=in_place):
         draft = Draft(target, home, hidden, in_place=in_place, keep=keep)
         found = _found(draft)
         if found is not None:
             logging.getLogger(__name__).warning("a run into %s was killed; %s", target, kept_in(found))
-        _require_made(draft.path, target)
+        made(draft.path, target)
         try:
             yield draft
         finally:
@@ -251,75 +248,6 @@ def _hidden(home: Path, kind: str) -> Path:
         if fixed
         else (home.with_name(f".{home.name}.{kind}"))
     )
-
-
-def _require_made(path: Path, target: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritten(f"{target}: cannot write there", error) from None
-
-
-@contextmanager
-def _held(hidden: Path, target: Path, *, wait: bool) -> Iterator[None]:
-    made = [folder for folder in hidden.parents if not folder.exists()]
-    try:
-        with _locked(hidden, target, wait=wait):
-            try:
-                yield
-            finally:
-                with suppress(OSError):
-                    # The lock's file goes last, while it is ours: who comes next makes one of its own.
-                    (hidden / "holder").unlink()
-                    hidden.rmdir()
-    finally:
-        # Work that fails leaves nothing behind.
-        for folder in made:
-            with suppress(OSError):
-                folder.rmdir()
-
-
-def _locked(hidden: Path, target: Path, *, wait: bool) -> IO[str]:
-    while True:
-        _require_made(hidden, target)
-        try:
-            handle = (hidden / "holder").open("a+", encoding="utf-8")
-        except FileNotFoundError:
-            continue
-        except OSError as error:
-            raise unwritten(f"{target}: cannot write there", error) from None
-        if not _lock(handle, wait=wait):
-            handle.seek(0)
-            who = handle.read().strip() or "another process"
-            handle.close()
-            raise UserMistake(f"{target}: {who} is writing there; wait for it, or name another folder")
-        with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(handle.fileno()), os.stat(hidden / "holder")):
-                break
-        # Its holder has just removed it.
-        handle.close()
-    with suppress(OSError):
-        handle.truncate(0)
-        since = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
-        handle.write(f"process {os.getpid()} on {socket.gethostname()} (since {since})")
-        handle.flush()
-    return handle
-
-
-def _lock(handle: IO[str], *, wait: bool) -> bool:
-    """Whether the lock on an open file is ours; where there are no locks, it is."""
-    if sys.platform == "win32":
-        return True
-    import fcntl
-
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        # A file system without locks.
-        return True
-    return True
 
 
 def _names(folder: Path) -> Iterator[str]:

@@ -22,6 +22,7 @@ FLOORS: tuple[set[str], ...] = (
         "errors",
         "files",
         "folders",
+        "locks",
         "signals",
         "extras",
         "lazy",
