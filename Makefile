@@ -2,13 +2,17 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test bench bench-peers lint clean
+.PHONY: demo test campaign bench bench-peers lint clean
 
 demo: .venv/installed
 	$(BIN)/oed run problems/choi_skid_steer.yaml
 
 test: .venv/installed-dev
 	$(BIN)/python -m pytest
+
+# Thousands of random problems, damaged files and signals; CAMPAIGN='--problems 500' for fewer, with a --seed.
+campaign: .venv/installed-dev
+	$(BIN)/python -m tests.campaign $(CAMPAIGN)
 
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,8 @@ from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
 from oed.record import ESTIMATE, Record, finite, finite_rows, pages, saved_file
 from oed.saving import save_files
+from oed.stored.door import checked, read_object
+from oed.stored.estimate import StoredEstimate
 
 Array = npt.NDArray[np.float64]
 
@@ -39,9 +40,13 @@ NUMBERS = (
 
 @dataclass(frozen=True)
 class EstimateRecord:
-    """The outcome of a calibration. `data` is what estimate.json holds; SI, null where there is none."""
+    """The outcome of a calibration. `data` is what estimate.json holds; SI, null where there is none.
+
+    `file` is where it was read from, None of one that was made here.
+    """
 
     data: Mapping[str, Any]
+    file: Path | None = None
 
     @property
     def parameters(self) -> list[Mapping[str, Any]]:
@@ -87,18 +92,18 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
     Raises:
         RecordError: no estimate there, or not one of this format.
     """
+    # Imported late, as in `oed.record`.
+    from oed.recorded_study import checked_echo
+
     path = saved_file(folder, FILE)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        text = "no estimate there; make one with `oed estimate`"
-        raise RecordError([FileFlaw(str(path), 0, 0, "", text)]) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT or "parameters" not in data:
-        text = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
-        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
-    return EstimateRecord(data)
+    expected = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
+    data = read_object(path, "no estimate there; make one with `oed estimate`", expected)
+    if data.get("format") != FORMAT or "parameters" not in data:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    known = checked(StoredEstimate, data, path).plain()
+    if "study" in known:
+        known["study"] = checked_echo(known["study"], path)
+    return EstimateRecord(known, path)
 
 
 def calibration_data(found: Calibration) -> dict[str, Any]:

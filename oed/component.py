@@ -7,19 +7,58 @@ The class that a study file configures is the class that does the work: there is
 from __future__ import annotations
 
 import operator
-from functools import reduce
-from typing import Annotated, Any
+from functools import cache, partial, reduce
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+)
 from pydantic_core import CoreSchema, core_schema
 
 
 class Component(BaseModel):
-    """Base of every configurable part: immutable, unknown keys refused, numbers SI."""
+    """Base of every configurable part: immutable, unknown keys refused, numbers SI, and true is no number."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", arbitrary_types_allowed=True, ser_json_inf_nan="null", defer_build=True
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **keywords: Any) -> None:
+        """Have every field but the kind, by which classes are told apart, look out for true and false."""
+        for name, field in cls.model_fields.items():
+            if name != "kind":
+                field.metadata = [
+                    *field.metadata,
+                    BeforeValidator(partial(_no_truth_for_a_number, cls, name)),
+                ]
+
+
+def _no_truth_for_a_number(part: type[Component], field: str, value: Any) -> Any:
+    # To Python, and so to Pydantic, true is the number 1.
+    if _holds_truth(value) and not _takes_truth(part, field):
+        raise ValueError(f"true and false mean nothing here, got {value!r}")
+    return value
+
+
+def _holds_truth(value: Any) -> bool:
+    return isinstance(value, bool) or (isinstance(value, list | tuple) and any(map(_holds_truth, value)))
+
+
+@cache
+def _takes_truth(part: type[Component], field: str) -> bool:
+    # Whether true and false mean something to a field, alone or in a list.
+    return _mentions(part.model_fields[field].rebuild_annotation(), (bool, Any))
+
+
+def _mentions(annotation: Any, types: tuple[Any, ...]) -> bool:
+    inner = get_args(annotation)
+    return annotation in types or any(_mentions(one, types) for one in inner if not isinstance(one, bool))
 
 
 class OneOf:

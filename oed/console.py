@@ -13,6 +13,8 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 from rich.text import Text
 
+from oed.messages import tell
+from oed.shown import shown
 from oed.solvers import Progress, Silent
 
 if TYPE_CHECKING:
@@ -31,11 +33,11 @@ class _Bars:
 
     def begin(self, description: str, total: int) -> None:
         self._bars.start()
-        self._task = self._bars.add_task(description, total=total, note="")
+        self._task = self._bars.add_task(shown(description), total=total, note="")
 
     def advance(self, note: str = "") -> None:
         if self._task is not None:
-            self._bars.update(self._task, advance=1, note=note)
+            self._bars.update(self._task, advance=1, note=shown(note))
 
     def end(self) -> None:
         # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
@@ -50,11 +52,11 @@ def progress(quiet: bool) -> Iterator[Progress]:
         yield Silent()
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
     )
     bars = _Bars(RichProgress(*columns, console=Console(stderr=True)))
     try:
@@ -72,7 +74,7 @@ def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str,
         table.add_column(Text(heading), justify="left" if heading == "name" else "right")
     for entry in results:
         table.add_row(
-            entry["name"],
+            _cell(entry["name"]),
             number(entry["objective"]),
             number(entry["smallest_singular_value"]),
             number(entry["condition_number"]),
@@ -87,10 +89,19 @@ def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str,
         # A path that was scored and can be driven has said all there is in its row.
         if len(results) > 1 and entry["status"] == "scored" and entry["feasible"]:
             continue
-        console.print(f"{entry['name']}: {entry['message']}", highlight=False, markup=False)
+        _print_line(console, f"{entry['name']}: {entry['message']}")
         for limit, amount in entry["violations"].items():
             how = ", reserve for other robots included" if limit in reserved else ""
-            console.print(f"  exceeds {limit} by {amount:.4g} (SI){how}", highlight=False)
+            _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
+
+
+def _cell(text: str) -> Text:
+    # Names come from files: they neither steer the terminal nor are rich's markup.
+    return Text(shown(text))
+
+
+def _print_line(console: Console, line: str) -> None:
+    console.print(shown(line), highlight=False, markup=False)
 
 
 def print_worth(found: DrivenPaths) -> None:
@@ -102,7 +113,7 @@ def print_worth(found: DrivenPaths) -> None:
         if one.share_of_bound is not None:
             shares.append(f"at least {percent(one.share_of_bound)} of what any drive of the study can give")
         if shares:
-            print(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}")
+            tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
 
 
 def print_next(found: Mapping[str, Any]) -> None:
@@ -117,9 +128,9 @@ def print_next(found: Mapping[str, Any]) -> None:
         unit, factor = own_unit(entry["unit"])
         errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
         estimate = to_error(entry["value"], entry["now"], factor)
-        table.add_row(Text(words(entry["name"])), Text(unit), estimate, *errors)
+        table.add_row(_cell(words(entry["name"])), _cell(unit), estimate, *errors)
     Console(width=None if sys.stdout.isatty() else 120).print(table)
-    print(found["reason"])
+    tell(found["reason"])
 
 
 def print_certificate(certificate: Mapping[str, Any]) -> None:
@@ -127,15 +138,26 @@ def print_certificate(certificate: Mapping[str, Any]) -> None:
     console = Console(width=None if sys.stdout.isatty() else 120)
     lines = [f"no drive has an objective above {number(certificate['upper_bound'])}: {certificate['method']}"]
     lines += [f"  assumes {assumption}" for assumption in certificate["assumptions"]]
+    if not certificate["complete"]:
+        lines.append(f"  ended after {certificate['nodes']} nodes; more of them (--nodes) may lower it")
+    widened = certificate["widened"]
+    if widened is not None:
+        lines.append(
+            f"no drive that satisfies the limits within {percent(widened['tolerance'])} has one above "
+            f"{number(widened['upper_bound'])}"
+        )
     if certificate["gap"] is not None:
         loose = ", a loose bound" if certificate["loose"] else ""
+        exact = certificate["gap_to"] == certificate["upper_bound"]
+        satisfied = "exactly" if exact else f"within {percent(widened['tolerance'])}"
         lines.append(
-            f"best drive known here: {number(certificate['best'])}, gap {percent(certificate['gap'])}{loose}"
+            f"best drive known here: {number(certificate['best'])}, limits satisfied {satisfied}, "
+            f"gap {percent(certificate['gap'])} to the bound for such drives{loose}"
         )
     for cap in certificate["caps"][1:]:
         lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")
     for line in lines:
-        console.print(line, highlight=False, markup=False)
+        _print_line(console, line)
 
 
 def percent(share: float) -> str:
@@ -201,11 +223,11 @@ def print_estimate(data: Mapping[str, Any]) -> None:
         left = heading in ("parameter", "unit")
         table.add_column(Text(heading), justify="left" if left else "right", no_wrap=True)
     for row in estimate_rows(data):
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*map(_cell, row))
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
     for line in estimate_lines(data):
-        console.print(line, highlight=False, markup=False)
+        _print_line(console, line)
 
 
 def print_sweep(data: Mapping[str, Any]) -> None:
@@ -213,7 +235,7 @@ def print_sweep(data: Mapping[str, Any]) -> None:
     keys = [axis["key"] for axis in data["keys"]]
     table = Table(box=None, pad_edge=False)
     for heading in (
-        *(axis["name"] for axis in data["keys"]),
+        *(shown(axis["name"]) for axis in data["keys"]),
         "best result",
         "objective",
         "lambda_min",
@@ -225,20 +247,20 @@ def print_sweep(data: Mapping[str, Any]) -> None:
     for row in data["points"]:
         objective = number(row["objective"]) + (" *" if row["folder"] == data["best"] else "  ")
         table.add_row(
-            *(Text(row["values"][key]) for key in keys),
-            row["design"] or "-",
+            *(_cell(row["values"][key]) for key in keys),
+            _cell(row["design"] or "-"),
             objective,
             number(row["lambda_min"]),
             "-" if row["gap"] is None else percent(row["gap"]),
-            row["status"],
+            _cell(row["status"]),
             number(row["seconds"], 3),
         )
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
     if data["best"] is not None:
-        print("* the best of them")
+        tell("* the best of them")
     elif not data["comparable"]:
-        print("objectives of different criteria, parameters or measurements do not compare")
+        tell("objectives of different criteria, parameters or measurements do not compare")
     for row in data["points"]:
         if row["objective"] is None:
-            console.print(f"{row['label']}: {row['message']}", highlight=False, markup=False)
+            _print_line(console, f"{row['label']}: {'; '.join(row['message'].splitlines())}")

@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from oed.between import Periods, change_per_metre, exceeded, excess_of, largest, periods_of
+from oed.enclosures import NotEnclosed
 from oed.evaluation import TOLERANCE
 from oed.limits.limit import PathLimit
 from oed.problem import Problem
-from oed.rollout import FINE, Drive, roll_out
+from oed.rollout import Drive, roll_out
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +26,9 @@ BATCH = 500
 """Robots simulated in one call."""
 WORST = 4
 """Robots that leave farthest, kept."""
+DECIDED = 0.999
+"""Share of the tolerance that nobody needs to know the excess below of."""
+Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -128,14 +133,32 @@ def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
     spread = problem.spread
     assert spread is not None
     robots, starts = spread.robots(values), trajectory.starts + spread.shifts(values)
-    shape = (problem, trajectory.samples, trajectory.runs)
-    coarse = _simulated(_exceeded(*shape, 1), trajectory, robots, starts)
-    excess, further = coarse[:, 0::2].copy(), coarse[:, 1::2]
-    decides = np.asarray(((excess <= TOLERANCE) & (further > TOLERANCE)).any(axis=1))
-    decides[np.argsort(-excess.max(axis=1), kind="stable")[:WORST]] = True
-    fine = _simulated(_exceeded(*shape, FINE), trajectory, robots[decides], starts[decides])
-    excess[decides] = fine[:, 0::2]
+    function = _exceeded(problem, trajectory.samples, trajectory.runs)
+    simulated = _simulated(function, trajectory, robots, starts)
+    excess, further = simulated[:, 0::2].copy(), simulated[:, 1::2]
+    undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
+    worst = np.argsort(-excess.max(axis=1), kind="stable")[:WORST]
+    for place, limit in enumerate(path_limits(problem)):
+        wanted = np.union1d(np.flatnonzero(undecided[:, place]), worst)
+        for some in np.array_split(wanted, -(-len(wanted) // BATCH)):
+            periods = periods_of(
+                spread.robot, problem.design.integration, trajectory, robots[some], starts[some]
+            )
+            excess[some, place] = _between(problem, limit, periods, excess[some, place], np.isin(some, worst))
     return excess
+
+
+def _between(problem: Problem, limit: PathLimit, periods: Periods, found: Array, exactly: Bools) -> Array:
+    # The same of some draws at all times: of most only whether they exceed the limit.
+    assert problem.spread is not None
+    try:
+        excess = excess_of(limit, problem.spread.robot, problem.design.integration)
+    except NotEnclosed:
+        return found
+    floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
+    enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
+    most, _ = largest(excess, periods, floor, enough=enough)
+    return np.where(most > floor, most / excess.size, found)
 
 
 def _simulated(function: ca.Function, trajectory: Trajectory, robots: Array, starts: Array) -> Array:
@@ -160,7 +183,7 @@ def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
     ]
 
 
-def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int) -> Drive:
+def _drive(problem: Problem, symbols: list[ca.MX], runs: int) -> Drive:
     inputs, period, parameters, start = symbols
     assert problem.spread is not None
     return roll_out(
@@ -170,28 +193,23 @@ def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int) -> Dr
         start=start,
         parameters=parameters,
         period=period,
-        refine=refine,
         runs=runs,
     )
 
 
 @lru_cache(maxsize=8)
-def _exceeded(problem: Problem, samples: int, runs: int, refine: int) -> ca.Function:
-    # Of every limit the excess, and what it may be between the points looked at: half a step further on.
+def _exceeded(problem: Problem, samples: int, runs: int) -> ca.Function:
+    # Of every limit the excess at the samples, and what it may be between: half a step further on.
     symbols = _symbols(problem, samples, runs)
-    drive = _drive(problem, symbols, runs, refine)
+    drive = _drive(problem, symbols, runs)
     speed = ca.sqrt(drive.twist[:, 0] ** 2 + drive.twist[:, 1] ** 2)
-    step = ca.mmax(speed) * drive.period / refine
+    step = ca.mmax(speed) * drive.period
     worst = []
     for limit in path_limits(problem):
         rows = limit.rows(drive)
-        above, below = np.flatnonzero(np.isfinite(rows.upper)), np.flatnonzero(np.isfinite(rows.lower))
-        sides = [
-            rows.expression[above.tolist()] - rows.upper[above],
-            rows.lower[below] - rows.expression[below.tolist()],
-        ]
-        excess = ca.mmax(ca.vertcat(*sides))
-        further = excess + limit.per_metre * step / 2 if np.isfinite(limit.per_metre) else np.inf
+        excess = ca.mmax(exceeded(rows))
+        change = change_per_metre(limit, drive.model, drive.integration)
+        further = excess + change * step / 2 if np.isfinite(change) else np.inf
         worst += [excess / rows.size, further / rows.size]
     return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
 
@@ -199,7 +217,7 @@ def _exceeded(problem: Problem, samples: int, runs: int, refine: int) -> ca.Func
 @lru_cache(maxsize=8)
 def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
     symbols = _symbols(problem, samples, runs)
-    return ca.Function("poses", symbols, [_drive(problem, symbols, runs, 1).poses])
+    return ca.Function("poses", symbols, [_drive(problem, symbols, runs).poses])
 
 
 def _interval(count: int, draws: int) -> tuple[float, float]:

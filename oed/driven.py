@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds import bound
+from oed.bounds import bound, bound_on
 from oed.errors import FileFlaw, LogError
+from oed.evaluation import Evaluation
+from oed.folders import in_order
 from oed.logs import Log, read_logs
 from oed.logs.form import is_bag
 from oed.models import Model
@@ -57,7 +59,7 @@ class DrivenPaths:
     Attributes:
         paths: part by part, in order.
         best: name and objective of the best design known, or None.
-        bound: what no drive's objective exceeds, or None.
+        bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
         robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
             nothing in reserve.
     """
@@ -107,10 +109,10 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     trajectory, record = read_trajectory(file, study.problem), _record_of(study, designs)
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
-    best, limit = _known(record) if alike else (None, None)
+    best, proved = _known(record) if alike else (None, None)
     (solution,) = tried(study, [scored(study.problem, trajectory, Path(file).stem)], study.seed, Silent())
-    worth = _worth(study, solution, trajectory.duration, best, limit, str(file))
-    return DrivenPaths((worth,), best, limit, robustness(study, [solution], study.seed))
+    worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
+    return DrivenPaths((worth,), best, _exact(proved), robustness(study, [solution], study.seed))
 
 
 def is_log(study: Study, file: str | Path) -> bool:
@@ -145,33 +147,53 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     # What was driven needs nothing in reserve; and its objective is that of one robot.
     record = record if robust is None or robust.objective == "nominal" else None
     study = replace(study, problem=replace(study.problem, robust=None))
-    known, limit = _known(record)
-    limit = _bound(study) if limit is None else limit
+    known, proved = _known(record)
+    proved = _bounds(study) if proved is None else proved
     parts = [part for log in logs for part in driven_parts(study, log)]
     worth = tuple(
-        _worth(study, scored(study.problem, trajectory, name), seconds, known, limit)
+        _worth(study, scored(study.problem, trajectory, name), seconds, known, proved)
         for name, trajectory, seconds in parts
     )
-    return DrivenPaths(worth, known, limit)
+    return DrivenPaths(worth, known, _exact(proved))
 
 
-def _known(record: Record | None) -> tuple[tuple[str, float] | None, float | None]:
-    # The best design of a record, and the bound it certifies.
+@dataclass(frozen=True)
+class _Bounds:
+    # What is proved of drives that satisfy the limits exactly, and within the tolerance.
+    exact: float
+    widened: float | None
+
+    def on(self, evaluation: Evaluation | None) -> float | None:
+        return None if evaluation is None else bound_on(evaluation, self.exact, self.widened)
+
+
+def _exact(proved: _Bounds | None) -> float | None:
+    return None if proved is None else proved.exact
+
+
+def _known(record: Record | None) -> tuple[tuple[str, float] | None, _Bounds | None]:
+    # The best design of a record, and the bounds it certifies.
     if record is None:
         return None, None
     best, certificate = record.best, record.data["certificate"]
-    limit = float(certificate["upper_bound"]) if certificate else None
-    return None if best is None else (str(best["name"]), float(best["objective"])), limit
+    proved = None
+    if certificate:
+        widened = certificate.get("widened")
+        exact = float(certificate["upper_bound"])
+        proved = _Bounds(exact, float(widened["upper_bound"]) if widened else None)
+    return None if best is None else (str(best["name"]), float(best["objective"])), proved
 
 
-def _bound(study: Study) -> float | None:
-    value = bound(study.problem).upper_bound
-    return float(value) if np.isfinite(value) else None
+def _bounds(study: Study) -> _Bounds | None:
+    found = bound(study.problem)
+    if not np.isfinite(found.upper_bound):
+        return None
+    return _Bounds(found.upper_bound, None if found.widened is None else found.widened.upper_bound)
 
 
 def _record_of(study: Study, designs: str | Path | None) -> Record | None:
     # A record of another problem says nothing of this one.
-    if designs is None or not (Path(designs) / FILE).is_file():
+    if designs is None or not (in_order(designs) / FILE).is_file():
         return None
     record, own = load_record(designs), study.echo()
     theirs = record.data["study"]
@@ -183,7 +205,7 @@ def _worth(
     solution: Solution,
     seconds: float,
     best: tuple[str, float] | None,
-    limit: float | None,
+    proved: _Bounds | None,
     file: str | None = None,
 ) -> DrivenPath:
     entry = result_data(solution, file)
@@ -194,7 +216,9 @@ def _worth(
             return None
         return study.problem.criterion.efficiency(value, of, _judged(study))
 
-    return DrivenPath(solution.name, seconds, entry, share(None if best is None else best[1]), share(limit))
+    of_best = share(None if best is None else best[1])
+    of_bound = share(None if proved is None else proved.on(solution.evaluation))
+    return DrivenPath(solution.name, seconds, entry, of_best, of_bound)
 
 
 def _judged(study: Study) -> int:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from oed.shown import shown
+
 
 class OedError(Exception):
     """Base of every error that `oed` raises on purpose."""
@@ -32,7 +34,7 @@ class Flaw:
     def __str__(self) -> str:
         """`key.path: message`."""
         path = ".".join(str(part) for part in self.key)
-        return f"{path}: {self.message}" if path else self.message
+        return shown(f"{path}: {self.message}" if path else self.message)
 
 
 class ProblemError(UserMistake):
@@ -57,7 +59,7 @@ class FileFlaw:
     def __str__(self) -> str:
         """`file:line: key: message`."""
         place = f"{self.file}:{self.line}" if self.line else self.file
-        return f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}"
+        return shown(f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}")
 
 
 class FileError(UserMistake):

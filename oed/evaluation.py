@@ -15,21 +15,17 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.limits.limit import Rows
+from oed.between import most_exceeded, near
+from oed.limits.limit import Limit, PathLimit, Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
+from oed.square_root import SquareRoot
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
-
-ROUNDING = 1e-11
-"""Share of what is told of parameters alone, below which what is told of a combination is rounding."""
-
-SINGULAR = 1e-9
-"""Share of lambda_max below which lambda_min counts as 0."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +37,14 @@ class Margin:
         margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
         size: the limit's size in `unit`.
         unit: SI unit.
+        certain: whether that is so at all times; else only at the points that were checked.
     """
 
     name: str
     margin: float
     size: float
     unit: str
+    certain: bool = True
 
     @property
     def active(self) -> bool:
@@ -76,15 +74,15 @@ class Evaluation:
         norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
             the noise.
         path_length: of the robot's origin [m].
-        margins: of every limit, on a grid ten times finer than the samples; of a robust problem less what
-            is kept in reserve.
+        margins: of every limit, at all times; of a robust problem less what is kept in reserve.
         design_matrices: W of each block by name.
-        information: F of each block by name, on the parameters the criterion judges, in its scaling.
-        covariances: predicted, of each block's estimated parameters, SI; infinite variances where nothing
-            is told; {} without noise.
-        full_information: F of each block's estimated parameters, SI.
-        alone: what F would tell of each, were all else known, (p,), SI.
-        parameters: their names by block.
+        square_roots: information of each block by name, on the parameters the criterion judges, in its
+            scaling; of the nominal robot.
+        full_square_roots: the same of each block's estimated parameters, SI.
+        identifiable: whether all is that the criterion asks about.
+        covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
+            not identifiable; {} without noise.
+        parameters: the estimated parameters' names by block.
         poses: at the samples, (N + runs, states), run by run.
         path: on the fine grid, (10 N + runs, states).
     """
@@ -97,13 +95,23 @@ class Evaluation:
     path_length: float
     margins: tuple[Margin, ...]
     design_matrices: Mapping[str, Array]
-    information: Mapping[str, Array]
+    square_roots: Mapping[str, SquareRoot]
+    full_square_roots: Mapping[str, SquareRoot]
+    identifiable: bool
     covariances: Mapping[str, Array]
-    full_information: Mapping[str, Array]
-    alone: Mapping[str, Array]
     parameters: Mapping[str, tuple[str, ...]]
     poses: Array
     path: Array
+
+    @cached_property
+    def information(self) -> Mapping[str, Array]:
+        """F of each block by name, on the parameters the criterion judges, in its scaling."""
+        return {name: root.matrix for name, root in self.square_roots.items()}
+
+    @cached_property
+    def full_information(self) -> Mapping[str, Array]:
+        """F of each block's estimated parameters, SI."""
+        return {name: root.matrix for name, root in self.full_square_roots.items()}
 
     @property
     def smallest_singular_value(self) -> float:
@@ -119,8 +127,7 @@ class Evaluation:
     @property
     def log_determinant(self) -> float:
         """Log det of the information, all blocks together; minus infinity for a singular design."""
-        signs, logs = zip(*(np.linalg.slogdet(matrix) for matrix in self.information.values()), strict=True)
-        return float(np.sum(logs)) if min(signs) > 0 else -np.inf
+        return float(sum(root.log_determinant for root in self.square_roots.values()))
 
     @property
     def standard_deviations(self) -> dict[str, float]:
@@ -133,13 +140,18 @@ class Evaluation:
 
     @property
     def singular(self) -> bool:
-        """Whether some combination of parameters is left undetermined, to rounding."""
-        return self.lambda_min <= SINGULAR * self.lambda_max
+        """Whether some combination of the parameters that the criterion judges is not identifiable."""
+        return not all(root.complete for root in self.square_roots.values())
 
     @property
     def feasible(self) -> bool:
         """Whether every limit is kept."""
         return all(margin.kept for margin in self.margins)
+
+    @property
+    def checked_at_points(self) -> tuple[str, ...]:
+        """Limits that were checked at some points only: between them nothing is known."""
+        return tuple(margin.name for margin in self.margins if not margin.certain)
 
     @property
     def violations(self) -> dict[str, float]:
@@ -165,13 +177,9 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         raise ValueError(
             f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
         )
-    # Every run by itself, both its ends included.
-    fine = [(one, np.linspace(0.0, one.duration, FINE * one.samples + 1)) for one in trajectory.each]
-    values = np.concatenate([one.inputs_at(times) for one, times in fine])
-    rates = np.concatenate([one.rates_at(times) for one, times in fine])
-    jerks = np.concatenate([one.jerks_at(times) for one, times in fine])
-    scorer = _scorer(problem, trajectory.samples, trajectory.runs, len(rates), len(jerks))
-    return scorer.evaluation(trajectory, values, rates, jerks)
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    scorer = _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes))
+    return scorer.evaluation(trajectory, extremes)
 
 
 def parameter_table(problem: Problem) -> list[dict[str, Any]]:
@@ -199,6 +207,12 @@ def input_table(problem: Problem) -> list[dict[str, Any]]:
     ]
 
 
+def state_table(problem: Problem) -> list[dict[str, Any]]:
+    """The robot's states: name, SI unit."""
+    model = problem.model
+    return [{"name": name, "unit": unit} for name, unit in zip(model.states, model.state_units, strict=True)]
+
+
 def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
     """What is estimated along: name, SI unit, the block, and the deviation known beforehand (or None)."""
     return [
@@ -211,14 +225,16 @@ def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
-    def __init__(self, problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> None:
+    def __init__(
+        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int
+    ) -> None:
         model = problem.robot
         symbols: list[Any] = [
             ca.MX.sym("inputs", samples, len(model.inputs)),
             ca.MX.sym("start", runs, len(model.states)),
             ca.MX.sym("parameters", len(model.parameters)),
             ca.MX.sym("period"),
-            ca.MX.sym("values", FINE * samples + runs, len(model.inputs)),
+            ca.MX.sym("values", values, len(model.inputs)),
             ca.MX.sym("rates", rates, len(model.inputs)),
             ca.MX.sym("jerks", jerks, len(model.inputs)),
         ]
@@ -229,19 +245,17 @@ class _Scorer:
             problem.design.integration,
             refine=FINE,
             runs=runs,
-            motion_inputs=arguments["input_values"],
             **arguments,
         )
         self.problem = problem
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
-            [drive.path_length(), drive.poses, drive.path],
-            [one.block.design_matrix for one in self.estimations],
+            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
+            # Of sensors the jacobian's first columns: they are not asked for twice.
+            [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
-            [one.matrix for one in self.estimations],
-            [one.full for one in self.estimations],
-            [one.alone for one in self.estimations],
+            [one.block.jacobian for one in self.estimations],
             [rows.expression for rows in self.rows],
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
@@ -250,57 +264,73 @@ class _Scorer:
         self._symbols = symbols[:4]
 
     @cached_property
-    def _judged(self) -> ca.Function:
+    def _jacobians(self) -> ca.Function:
         # Of any robot; only where others than the nominal one count.
-        return ca.Function("judged", self._symbols, [one.matrix for one in self.estimations])
+        return ca.Function("jacobians", self._symbols, [one.block.jacobian for one in self.estimations])
 
-    def objective(self, trajectory: Trajectory, matrices: Sequence[Array]) -> float:
-        """The criterion of the nominal robot's information, or of all robots that count."""
-        problem, values = self.problem, []
+    def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
+        """What the criterion sees of every robot that is judged."""
+        problem, found = self.problem, list[Sequence[SquareRoot]]()
         if problem.robust is None or problem.robust.objective == "nominal":
-            return float(problem.objective.value(matrices))
+            return [roots]
         for parameters, shift in problem.judged_robots:
-            found = self._judged.call(
+            jacobians = self._jacobians.call(
                 [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
             )
-            values.append(problem.objective.value([np.array(matrix) for matrix in found]))
-        return float(problem.together(values))
+            found.append(self._square_roots([np.array(each) for each in jacobians])[0])
+        return found
 
-    def evaluation(self, trajectory: Trajectory, values: Array, rates: Array, jerks: Array) -> Evaluation:
-        problem, drive = self.problem, trajectory
-        results = self.function(
-            drive.inputs, drive.starts, problem.robot.nominal, drive.period, values, rates, jerks
+    def _square_roots(self, jacobians: Sequence[Array]) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
+        # What the criterion sees of each block, and of all its estimated parameters.
+        seen, full = zip(
+            *(one.square_roots(each) for one, each in zip(self.estimations, jacobians, strict=True)),
+            strict=True,
         )
+        return seen, full
+
+    def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
+        own = iter(regressors)
+        return [
+            next(own) if one.block.raw else jacobian[:, : len(one.block.parameters)]
+            for one, jacobian in zip(self.estimations, jacobians, strict=True)
+        ]
+
+    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
+        problem, drive = self.problem, trajectory
+        results = self.function(drive.inputs, drive.starts, problem.robot.nominal, drive.period, *extremes)
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path), designs, responses, matrices, full, alone, limits = groups
-        eigenvalues = [np.maximum(np.linalg.eigvalsh(matrix), 0.0) for matrix in matrices]
+        (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
+        designs = self._designs(regressors, jacobians)
+        roots, full = self._square_roots(jacobians)
+        robots, criterion = self._robots(trajectory, roots), problem.objective
+        # Of the paper's regressors W is what it is, of sensors what is left of it.
         singular = [
-            np.linalg.svd(design, compute_uv=False) if one.block.raw else np.sqrt(values)
-            for one, design, values in zip(self.estimations, designs, eigenvalues, strict=True)
+            (SquareRoot.of_rows(design) if one.block.raw else root).singular_values
+            for one, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
         margins = [
-            _margin(limit.name, rows, row_values.ravel())
+            _margin(problem, limit, trajectory, rows, row_values.ravel(), speeds.ravel())
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
-            objective=self.objective(trajectory, matrices),
-            lambda_min=float(np.min(np.concatenate(eigenvalues))),
-            lambda_max=float(np.max(np.concatenate(eigenvalues))),
+            objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
+            lambda_min=float(min(root.smallest for root in roots)),
+            lambda_max=float(max(root.largest for root in roots)),
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
             margins=(*margins, *_conditions(problem, trajectory)),
             design_matrices=dict(zip(names, designs, strict=True)),
-            information=dict(zip(names, matrices, strict=True)),
+            square_roots=dict(zip(names, roots, strict=True)),
+            full_square_roots=dict(zip(names, full, strict=True)),
+            identifiable=all(bool(criterion.identifiable(own)) for own in robots),
             covariances={
-                one.block.name: _covariance(matrix, single.ravel())
-                for one, matrix, single in zip(self.estimations, full, alone, strict=True)
+                one.block.name: root.covariance
+                for one, root in zip(self.estimations, full, strict=True)
                 if one.noisy
             },
-            full_information=dict(zip(names, full, strict=True)),
-            alone={name: single.ravel() for name, single in zip(names, alone, strict=True)},
             parameters={one.block.name: one.parameters for one in self.estimations},
             poses=poses,
             path=path,
@@ -308,39 +338,23 @@ class _Scorer:
 
 
 @lru_cache(maxsize=64)
-def _scorer(problem: Problem, samples: int, runs: int, rates: int, jerks: int) -> _Scorer:
-    return _Scorer(problem, samples, runs, rates, jerks)
+def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int) -> _Scorer:
+    return _Scorer(problem, samples, runs, values, rates, jerks)
 
 
-def _covariance(matrix: Array, alone: Array) -> Array:
-    # F^-1, with infinite variances for parameters that a direction without information touches.
-    told, eigenvalues, vectors, scale = told_directions(matrix, alone)
-    inverse = np.where(told, 1.0 / np.where(told, eigenvalues, 1.0), 0.0)
-    covariance = (vectors * inverse) @ vectors.T / np.outer(scale, scale)
-    untold = (np.abs(vectors[:, ~told]) > np.sqrt(ROUNDING)).any(axis=1)
-    covariance[untold, :] = covariance[:, untold] = np.nan
-    covariance[untold, untold] = np.inf
-    return np.asarray(covariance)
-
-
-def told_directions(matrix: Array, alone: Array) -> tuple[npt.NDArray[np.bool_], Array, Array, Array]:
-    """Which combinations of parameters an information matrix tells, to rounding.
-
-    Args:
-        matrix: F (p, p).
-        alone: what it would tell of each parameter, were all else known, (p,): the measure of rounding.
-
-    Returns:
-        Whether each is told, its eigenvalue, the combinations (columns) in units of the last: (p,).
-    """
-    scale = np.sqrt(np.where(alone > 0, alone, 1.0))
-    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return eigenvalues > ROUNDING, eigenvalues, vectors, scale
-
-
-def _margin(name: str, rows: Rows, values: Array) -> Margin:
-    distance = min(np.min(rows.upper - values), np.min(values - rows.lower))
-    return Margin(name, float(distance), rows.size, rows.unit)
+def _margin(
+    problem: Problem, limit: Limit, trajectory: Trajectory, rows: Rows, values: Array, speeds: Array
+) -> Margin:
+    # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
+    spare = problem.excess * rows.size
+    excess = np.maximum(values - rows.upper, rows.lower - values) + spare
+    stretches = None
+    if problem.robust is None and isinstance(limit, PathLimit):
+        # One thing after the other, asked of all points of the path.
+        points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
+        stretches = near(problem, limit, rows.size, trajectory, points, speeds)
+    most, certain = most_exceeded(problem, limit, trajectory, float(excess.max()), stretches)
+    return Margin(limit.name, spare - most, rows.size, rows.unit, certain)
 
 
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
@@ -350,9 +364,10 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     margins = [Margin("duration", spare, space.whole_duration, "s")]
     if problem.fixed_starts is not None:
         offset = np.abs(trajectory.starts - problem.fixed_starts).max()
-        margins.append(Margin("start", -float(offset), 1.0, "m or rad"))
+        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, "m or rad"))
     if space.rest_to_rest:
         ends = np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in trajectory.each])
         size = float(np.abs(problem.input_bounds).max())
-        margins.append(Margin("rest_to_rest", -float(np.abs(ends).max()), size, model.inputs[0].unit))
+        spare = problem.rest_spare - float(np.abs(ends).max())
+        margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))
     return margins

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
 
 from oed.errors import ProblemError, UserMistake
 from oed.record import Record, drive_of, validation_data
+from oed.recorded_study import recorded_study
 from oed.solution import Solution, scored
 from oed.solvers import Ipopt, Progress, Silent, Workers, default_workers
-from oed.study import Study, ValidationOptions, recorded_study
+from oed.study import Study, ValidationOptions
 from oed.trial import run_trial
 from oed.validation import validate
 
@@ -53,6 +55,7 @@ def validated(
     seed: int | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    trust: bool = False,
 ) -> Record:
     """A saved record with its drives simulated anew.
 
@@ -62,16 +65,18 @@ def validated(
         seed: of the noise; None for the record's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
+        trust: whether Python code that the record names may be run.
 
     Raises:
         ProblemError: the measurement gives no noise to simulate with.
+        RecordError: the robot is code that is not trusted.
     """
-    study = recorded_study(saved)
+    study = recorded_study(saved, trust=trust)
     drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
     solutions = [scored(study.problem, drive, name) for name, drive in drives if drive is not None]
     chosen = saved.data["seed"] if seed is None else seed
     outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return Record({**saved.data, "validation": outcome})
+    return replace(saved, data={**saved.data, "validation": outcome})
 
 
 def _simulated(

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and nowhere but in the folder that is meant."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from oed.errors import Failure, UserMistake
+from oed.names import TAKEN, name_flaw
 
-LONGEST = 255
-"""Bytes of a file's name, at most, on every common file system."""
 ENDINGS = 55
-"""Of these, bytes that are left for what is added to a name: `.interrupted-2`, `_commands.json`."""
+"""Bytes that are left for what is added to a folder's name: `.interrupted-2`, `_0.db3`."""
+LEADS_OUT = "a link that leads out of the folder"
+"""What is wrong with a link."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What is wrong with a place that was a good one when the work began."""
 
@@ -86,21 +87,43 @@ def require_writable(folder: Path, named: Path | None = None) -> None:
 
 
 def require_short(place: Path, name: str) -> None:
-    """Refuse a name that leaves no room for what is added to it.
+    """Refuse a folder's name that leaves no room for what is added to it.
 
     Raises:
         UserMistake: it is too long.
     """
-    flaw = length_flaw(name)
+    size, most = len(os.fsencode(name)), TAKEN - ENDINGS
+    if size > most:
+        text = f"a name of {size} bytes, and files are named after it: expected at most {most}"
+        raise UserMistake(f"{place}: cannot write there: {text}")
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file or folder of that name in `folder`, which no link takes elsewhere.
+
+    Raises:
+        UserMistake: no file may have that name, or a link leads out of the folder.
+    """
+    path = folder / name
+    flaw = name_flaw(name, TAKEN)
+    if flaw or path.resolve().parent != folder.resolve():
+        raise UserMistake(f"{path}: {flaw or LEADS_OUT}")
+    return path
+
+
+def within(folder: Path, name: str) -> Path:
+    """The file of that name, such as `figures/a.svg`, in `folder`, to which no link leads elsewhere.
+
+    Where it is a link itself, it is that which a file takes the place of.
+
+    Raises:
+        UserMistake: no file may have that name, or a link on the way leads out of the folder.
+    """
+    *folders, last = Path(name).parts
+    place = folder
+    for part in folders:
+        place = inside(place, part)
+    flaw = name_flaw(last, TAKEN)
     if flaw:
-        raise UserMistake(f"{place}: cannot write there: {flaw}")
-
-
-def length_flaw(name: str) -> str:
-    """What is wrong with the length of a name that files are named after; "" where nothing is."""
-    size, most = len(os.fsencode(name)), LONGEST - ENDINGS
-    return (
-        f"a name of {size} bytes, and files are named after it: expected at most {most}"
-        if size > most
-        else ""
-    )
+        raise UserMistake(f"{place / last}: {flaw}")
+    return place / last

@@ -17,8 +17,9 @@ from itertools import count
 from pathlib import Path
 
 from oed.errors import UserMistake
-from oed.files import require_short, require_writable, unwritten, write_files
+from oed.files import LEADS_OUT, require_short, require_writable, unwritten, within, write_files
 from oed.locks import held, made
+from oed.shown import shown
 from oed.signals import undisturbed
 
 INSIDE = ".oed"
@@ -46,7 +47,14 @@ class Draft:
         self._old, self._ready = hidden / "old", hidden / "ready"
 
     def write(self, files: Mapping[str, str]) -> None:
-        """Write texts by file name."""
+        """Write texts by file name.
+
+        Raises:
+            UserMistake: no file may have that name, or it would go where a link in the folder leads.
+            Failure: there is no room left for them.
+        """
+        for name in files:
+            within(self.target, name)
         write_files(self.path, files)
 
     def adopt(self, folder: Path) -> None:
@@ -89,7 +97,11 @@ class Draft:
 
         The same for one that was left early and for that of a process that was killed: whatever moment that
         was, there is either the old folder, or the new one is complete.
+
+        Raises:
+            UserMistake: links where a draft has none: somebody else has put them there.
         """
+        self._require_own()
         if self._ready.exists():
             _move_in(self._ready, self._home, ())
         if self._old.exists() and not self._home.exists():
@@ -98,6 +110,12 @@ class Draft:
         kept = self.put_aside() if self._kept else None
         shutil.rmtree(self.path.parent, ignore_errors=True)
         return kept
+
+    def _require_own(self) -> None:
+        # Folders that come from elsewhere may come with what looks like a draft.
+        for path in (self.path.parent, self._old, self._ready):
+            if path.is_symlink():
+                raise UserMistake(f"{path}: a link where none is expected; remove it")
 
     @property
     def _stays(self) -> bool:
@@ -121,15 +139,15 @@ class Draft:
         os.replace(self.path, self._ready)
         try:
             _move_in(self._ready, self._home, drop)
-        except OSError:
+        except (OSError, UserMistake):
             # A folder where a file should go: what could not be moved is a draft again.
             os.replace(self._ready, self.path)
             raise
 
     def _shown(self, place: Path) -> Path:
         # As the user would name it.
-        shown = self.target.with_name(place.name) if self.target.name == self._home.name else place
-        return shown if shown.exists() else place
+        named = self.target.with_name(place.name) if self.target.name == self._home.name else place
+        return named if named.exists() else place
 
 
 @contextmanager
@@ -185,6 +203,14 @@ def kept_in(folder: Path) -> str:
     return f"what had been done by then is kept in {folder}: `oed report {folder}` makes its report"
 
 
+def in_order(folder: str | Path) -> Path:
+    """A folder to be read: one that a process was swapping when it was killed is there again."""
+    path = Path(folder)
+    if not path.exists():
+        interrupted_runs(path)
+    return path
+
+
 def interrupted_runs(folder: str | Path) -> list[Path]:
     """The folders beside one that hold runs that were cut short, the newest last.
 
@@ -213,7 +239,8 @@ def _draft(target: Path, kind: str, *, in_place: bool, keep: bool) -> Iterator[D
         draft = Draft(target, home, hidden, in_place=in_place, keep=keep)
         found = _found(draft)
         if found is not None:
-            logging.getLogger(__name__).warning("a run into %s was killed; %s", target, kept_in(found))
+            text = shown(f"a run into {target} was killed; {kept_in(found)}")
+            logging.getLogger(__name__).warning("%s", text)
         made(draft.path, target)
         try:
             yield draft
@@ -300,12 +327,20 @@ def _make_like(folder: Path, other: Path) -> None:
 
 
 def _move_in(source: Path, target: Path, drop: Collection[str]) -> None:
-    """Move all that a folder holds into another that stays."""
+    """Move all that a folder holds into another that stays.
+
+    Raises:
+        UserMistake: a link in it leads elsewhere; then nothing is moved.
+    """
+    names = list(_names(source))
+    for name in names:
+        if _leads_out(target, name):
+            raise UserMistake(f"{target / Path(name).parts[0]}: {LEADS_OUT}")
     for name in drop:
-        if not (source / name).exists():
+        if not (source / name).exists() and not _leads_out(target, name):
             with suppress(FileNotFoundError, IsADirectoryError):
                 (target / name).unlink()
-    for name in list(_names(source)):
+    for name in names:
         old, new = source / name, target / name
         if _is_folder(old):
             new.mkdir(parents=True, exist_ok=True)
@@ -313,6 +348,11 @@ def _move_in(source: Path, target: Path, drop: Collection[str]) -> None:
         new.parent.mkdir(parents=True, exist_ok=True)
         os.replace(old, new)
     shutil.rmtree(source, ignore_errors=True)
+
+
+def _leads_out(folder: Path, name: str) -> bool:
+    # Whether a link on the way to what has that name leads out of the folder.
+    return not (folder / name).parent.resolve().is_relative_to(folder.resolve())
 
 
 def _holds(folder: Path) -> bool:

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import Flaw, ProblemError
-from oed.evaluation import evaluate, told_directions
+from oed.evaluation import evaluate
 from oed.problem import Estimation, Problem
+from oed.square_root import SquareRoot
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -71,27 +72,28 @@ def require_identifiable(problem: Problem) -> None:
 
 
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
-    """Every combination of parameters that no drive of the design space tells, and the criterion judges."""
+    """Every combination of parameters that no drive of the design space tells, of those that the criterion
+    judges; () if all is told that it asks about.
+    """
     rng = np.random.default_rng(0)
     found = [evaluate(problem, _random_drive(problem, rng)) for _ in range(drives)]
-    return tuple(
-        ambiguity
+    pairs = [
+        (one, SquareRoot.together([each.full_square_roots[one.block.name] for each in found]))
         for one in problem.any_estimations
-        for ambiguity in _null_combinations(
-            one,
-            sum((each.full_information[one.block.name] for each in found), np.zeros(())),
-            sum((each.alone[one.block.name] for each in found), np.zeros(())),
-        )
-    )
+    ]
+    asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
+    if problem.objective.identifiable(asked):
+        return ()
+    return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 
-def _null_combinations(one: Estimation, matrix: Array, alone: Array) -> list[Ambiguity]:
-    told, _, vectors, scale = told_directions(matrix, alone)
+def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:
     sizes = np.where(one.nominal != 0, np.abs(one.nominal), 1.0)
-    rows = _reduced((vectors[:, ~told] / scale[:, None] / sizes[:, None]).T)
+    rows = _reduced((root.hidden / sizes[:, None]).T)
     judged = np.isin(one.parameters, one.judged)
     # What only hides parameters that nobody asks for does no harm.
     touched = [row for row in rows if np.abs(row[judged]).max() > NEGLIGIBLE * np.abs(row).max()]
+    touched.sort(key=lambda row: int(np.argmax(np.abs(row) > NEGLIGIBLE * np.abs(row).max())))
     return [_ambiguity(one, row * sizes) for row in touched]
 
 

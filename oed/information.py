@@ -14,6 +14,7 @@ from oed.errors import Flaw
 from oed.expression import Expression
 from oed.matrices import eliminate
 from oed.measurements.measurement import Block
+from oed.square_root import SquareRoot, project_out, rounding_of
 
 Array = npt.NDArray[np.float64]
 Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -27,7 +28,6 @@ def information(
     parameters: Sequence[str] | None = None,
     unwanted: Sequence[str] = (),
     prior: Array | None = None,
-    known_nuisances: bool = False,
 ) -> Expression:
     """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
 
@@ -42,23 +42,67 @@ def information(
         parameters: those of interest; all of the block's by default. Others are taken as known.
         unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
         prior: information on (parameters, unwanted) had beforehand, SI.
-        known_nuisances: whether the nuisances are known instead of eliminated.
     """
     chosen = tuple(block.parameters if parameters is None else parameters)
-    unknown = [block.parameters.index(name) for name in (*chosen, *unwanted)]
-    own = 0 if known_nuisances else len(block.nuisances)
-    nuisances = range(len(block.parameters), len(block.parameters) + own)
-    matrix = block.information([*unknown, *nuisances]) * _precision(block, scaling)
+    nuisances = len(block.nuisances)
+    matrix = block.information(_columns(block, (*chosen, *unwanted))) * _precision(block, scaling) ** 2
     if prior is not None:
-        matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(len(nuisances), len(nuisances)))
+        matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(nuisances, nuisances))
     scales = ca.diag(ca.DM(scale_factors(block, scaling, chosen)))
     return scales @ eliminate(matrix, len(chosen)) @ scales
+
+
+def square_root(
+    block: Block,
+    jacobian: Array,
+    parameters: Sequence[str],
+    unwanted: Sequence[str] = (),
+    prior: Array | None = None,
+) -> SquareRoot:
+    """F of a drive in numbers, SI, in units of the block's noise: by its square root, nothing is squared.
+
+    Args:
+        block: the readings.
+        jacobian: the drive's values of `block.jacobian`.
+        parameters: those of interest.
+        unwanted: further parameters that are unknown but not of interest.
+        prior: information on (parameters, unwanted) had beforehand, SI.
+    """
+    width = len(parameters)
+    rows = block.rows(jacobian[:, _columns(block, (*parameters, *unwanted))])
+    rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
+    sizes = np.linalg.norm(rows[:, :width], axis=0)
+    left, rounding = project_out(rows, width, rounding_of(jacobian))
+    return SquareRoot.of_rows(left, sizes, rounding)
+
+
+def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:
+    """What parameters' columns of that square root are multiplied by, (p,), to be in a scaling."""
+    return _precision(block, scaling) * scale_factors(block, scaling, parameters)
+
+
+def _columns(block: Block, names: Sequence[str]) -> list[int]:
+    # Of these parameters, then of all nuisances.
+    first = len(block.parameters)
+    own = [block.parameters.index(name) for name in names]
+    return [*own, *range(first, first + len(block.nuisances))]
+
+
+def _known(block: Block, width: int, prior: Array | None) -> Array:
+    # What is known beforehand as further rows: of the parameters, and of nuisances with a deviation.
+    first = width - len(block.nuisances)
+    deviations = [(first + index, each.deviation) for index, each in enumerate(block.nuisances)]
+    own = [np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None]
+    nuisances = np.reshape(own, (-1, width))
+    if prior is None:
+        return nuisances
+    return np.vstack([np.pad(SquareRoot.of_matrix(prior).rows, ((0, 0), (0, width - first))), nuisances])
 
 
 def _precision(block: Block, scaling: Scaling) -> float:
     # A block without noise is refused when the problem is made; see `scaling_flaws`.
     divided = block.noise is not None and not (block.raw and scaling == "none")
-    return float(block.noise or 1.0) ** -2 if divided else 1.0
+    return 1.0 / float(block.noise or 1.0) if divided else 1.0
 
 
 def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | None = None) -> Array:

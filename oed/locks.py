@@ -48,7 +48,7 @@ def _locked(hidden: Path, target: Path, *, wait: bool) -> IO[str]:
     while True:
         made(hidden, target)
         try:
-            handle = (hidden / "holder").open("a+", encoding="utf-8")
+            handle = _opened(hidden / "holder")
         except FileNotFoundError:
             continue
         except OSError as error:
@@ -69,6 +69,14 @@ def _locked(hidden: Path, target: Path, *, wait: bool) -> IO[str]:
         handle.write(f"process {os.getpid()} on {socket.gethostname()} (since {since})")
         handle.flush()
     return handle
+
+
+def _opened(holder: Path) -> IO[str]:
+    # Through no link, which would be somebody else's: what it leads to would be overwritten.
+    for path in (holder.parent, holder):
+        if path.is_symlink():
+            raise UserMistake(f"{path}: a link where none is expected; remove it")
+    return holder.open("a+", encoding="utf-8")
 
 
 def _lock(handle: IO[str], *, wait: bool) -> bool:

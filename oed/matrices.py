@@ -8,12 +8,14 @@ import casadi as ca
 
 from oed.expression import Expression
 
-RIDGE = 1e-13
-"""Share of a diagonal entry added to it before it is divided by, far below any information of use.
+PIVOT = 1e-14
+"""Share of a diagonal entry below which what is left of it is rounding, and fades out as a pivot.
 
-What nothing tells (a lever arm on a straight) is then eliminated as if it were known in no way, rather
-than by a division of zero by zero.
+What nothing tells (a lever arm on a straight), alone or beside the others, is then eliminated as if it were
+known in no way, smoothly, rather than by a division of rounding by rounding.
 """
+NOTHING = 1e-60
+"""A pivot's square below which there is nothing at all, of a size that may be cubed."""
 
 
 def eliminate(matrix: Expression, kept: int) -> Expression:
@@ -27,12 +29,6 @@ def harmonic(matrix: Expression, spread: Expression) -> Expression:
     return _harmonic(matrix.shape[0])(matrix, spread)
 
 
-def cholesky(matrix: Expression) -> Expression:
-    """Upper R with R'R = `matrix` (SX), its diagonal raised by a ridge too small to matter."""
-    diagonal = ca.diag(matrix)
-    return ca.chol(matrix + ca.diag(RIDGE * diagonal + 1e-20))
-
-
 def solve_lower(upper: Expression, right: Expression) -> Expression:
     """R'^-1 B of an upper triangular R (SX), by forward substitution, row by row."""
     rows: list[Expression] = []
@@ -44,17 +40,29 @@ def solve_lower(upper: Expression, right: Expression) -> Expression:
     return ca.vertcat(*rows)
 
 
-# A Cholesky factor exists for SX only; as a function it serves every type.
+def quotient(matrix: Expression, right: Expression) -> Expression:
+    """B' M^-1 B of a symmetric positive semidefinite M (SX), pivot by pivot, but for those of rounding."""
+    total: Expression = ca.SX(right.shape[1], right.shape[1])
+    diagonal = ca.diag(matrix)
+    for index in range(matrix.shape[0]):
+        pivot = matrix[0, 0]
+        inverse = pivot / (pivot**2 + (PIVOT * diagonal[index]) ** 2 + NOTHING)
+        row, wanted = matrix[0, 1:], right[0, :]
+        total += inverse * wanted.T @ wanted
+        right = right[1:, :] - inverse * row.T @ wanted
+        matrix = matrix[1:, 1:] - inverse * row.T @ row
+    return total
+
+
+# Entry by entry, as SX; as functions they serve every type.
 @lru_cache(maxsize=64)
 def _elimination(size: int, kept: int) -> ca.Function:
     matrix = ca.SX.sym("F", size, size)
-    shared, rest = matrix[kept:, :kept], matrix[kept:, kept:]
-    solved = solve_lower(cholesky(rest), shared)
-    return ca.Function("eliminate", [matrix], [matrix[:kept, :kept] - solved.T @ solved])
+    taken = quotient(matrix[kept:, kept:], matrix[kept:, :kept])
+    return ca.Function("eliminate", [matrix], [ca.densify(matrix[:kept, :kept] - taken)])
 
 
 @lru_cache(maxsize=16)
 def _harmonic(size: int) -> ca.Function:
     matrix, spread = ca.SX.sym("S", size, size), ca.SX.sym("M", size, size)
-    solved = solve_lower(cholesky(spread), matrix)
-    return ca.Function("harmonic", [matrix, spread], [solved.T @ solved])
+    return ca.Function("harmonic", [matrix, spread], [ca.densify(quotient(spread, matrix))])

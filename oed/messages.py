@@ -7,12 +7,19 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
+from oed.shown import shown_lines
+
 
 def print_json(data: Mapping[str, Any]) -> None:
     """One JSON object on standard output."""
     sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
+def tell(text: str) -> None:
+    """A line on standard output."""
+    sys.stdout.write(f"{shown_lines(text)}\n")
+
+
 def say(text: str) -> None:
     """A line on standard error."""
-    sys.stderr.write(f"{text}\n")
+    sys.stderr.write(f"{shown_lines(text)}\n")

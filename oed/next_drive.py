@@ -17,10 +17,11 @@ from oed.errors import UserMistake
 from oed.estimation import estimate
 from oed.quantities import parse_quantity
 from oed.record import ESTIMATE, FILE, Record, pages
+from oed.recorded_study import recorded_study
 from oed.runner import run
 from oed.saving import RunFolder, outdated, run_folder
 from oed.solvers import Progress, Workers
-from oed.study import Study, parse_study, recorded_study
+from oed.study import Study, parse_study
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +79,7 @@ def next_drive(
     seed: int | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    trust: bool = False,
 ) -> NextDrive:
     """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
 
@@ -93,14 +95,16 @@ def next_drive(
         seed: of every random draw, instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
+        trust: whether Python code that the record names may be run.
 
     Raises:
+        RecordError: the robot is code that is not trusted.
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
         StudyError: a duration that no drive of the study can have.
         LogError: logs that cannot be read, or do not fit the robot.
         NotSaved: `out` could not be written to in the end; the error has what was found.
     """
-    study = recorded_study(saved)
+    study = recorded_study(saved, trust=trust)
     _require_own_parameters(study)
     with run_folder(out) as folder:
         aims = _aims(study, targets or {})

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from oed.errors import FileFlaw, PathFileError
 from oed.files import write_text
 from oed.problem import Problem
+from oed.quantities import LARGEST, too_large
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -115,63 +116,102 @@ def _by_run(table: _Table, expected: int) -> list[_Table]:
         text = f"expected {expected} run(s), as the study has, told apart by a column `run`; got {len(names)}"
         raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
     chosen = [[index for index, number in enumerate(numbers) if number == name] for name in names]
-    return [
-        _Table(table.name, table.header, [table.lines[i] for i in rows], [table.rows[i] for i in rows])
-        for rows in chosen
-    ]
+    return [table.some(rows) for rows in chosen]
 
 
 def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     model = problem.model
     if len(table.rows) < 2:
         return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
-    first = _Table(table.name, table.header, table.lines[:1], table.rows[:1])
     states = [state for state in model.states if state in table.header]
     given = states if len(states) == len(model.states) else []
     times, flaws = _columns(table, ("t",), last_may_be_empty=False)
     inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
-    start, still_more = _columns(first, given, last_may_be_empty=False)
-    if flaws or more or still_more:
-        return [*flaws, *more, *still_more]
+    start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
+    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states)
+    if flaws:
+        return flaws
     # The last row holds the final pose only, with empty inputs.
     rows = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
     if np.isnan(rows).any() or len(rows) < 2:
         text = f"expected numbers for {', '.join(model.input_names)} in at least two rows"
-        line = table.lines[-1] if np.isnan(rows).any() else table.lines[0]
-        return [FileFlaw(table.name, line, 0, "", text)]
+        return [table.flaw(-1 if np.isnan(rows).any() else 0, "", text)]
     return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
+
+
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str]) -> list[FileFlaw]:
+    # Rows of other lengths than the header, and a file that does not end as a whole one does.
+    width = len(table.header)
+    uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
+    if uneven:
+        text = "expected {} cells, as in the header, got {}; is the file cut short?"
+        return [table.flaw(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
+    if np.isnan(inputs[-1]).any() or (table.ended and not states):
+        return []
+    held = "the final pose" if states else "the time of the end"
+    text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
+    return [table.flaw(-1, "", text)]
 
 
 @dataclass(frozen=True)
 class _Table:
-    """A CSV's header, and its rows with the lines they stand in."""
+    """A CSV's header, and its rows with the lines they stand in; whether its last line is ended."""
 
     name: str
     header: list[str]
     lines: list[int]
     rows: list[list[str]]
+    ended: bool
+
+    def some(self, chosen: Sequence[int]) -> _Table:
+        """Some of its rows."""
+        lines, rows = [self.lines[index] for index in chosen], [self.rows[index] for index in chosen]
+        return replace(self, lines=lines, rows=rows)
+
+    def flaw(self, row: int, key: str, message: str) -> FileFlaw:
+        """A flaw in a row."""
+        return FileFlaw(self.name, self.lines[row], 0, key, message)
 
 
 def _read(file: str | Path, needed: Sequence[str]) -> _Table:
-    name = str(file)
-    try:
-        # Spreadsheets begin a file with a byte-order mark.
-        with open(file, encoding="utf-8-sig", newline="") as handle:
-            reader = csv.reader(handle)
-            numbered = [(reader.line_num, row) for row in reader if row]
-    except FileNotFoundError:
-        raise PathFileError([FileFlaw(name, 0, 0, "", "no such file")]) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise PathFileError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
+    name, text = str(file), _text(file)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
+    numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
         raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
     header = [cell.strip() for cell in numbered[0][1]]
+    reason = _reason_against(header, needed)
+    if reason:
+        raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
+    places, rows = zip(*numbered[1:], strict=True)
+    return _Table(name, header, list(places), list(rows), text.endswith("\n"))
+
+
+def _text(file: str | Path) -> str:
+    try:
+        # Spreadsheets begin a file with a byte-order mark.
+        return Path(file).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        reason = "no such file"
+    except (OSError, UnicodeDecodeError) as error:
+        reason = f"cannot be read: {error}"
+    raise PathFileError([FileFlaw(str(file), 0, 0, "", reason)])
+
+
+def _cells(name: str, number: int, line: str) -> list[str]:
+    # Line by line: a quote that is not closed would swallow the lines after it.
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
+
+
+def _reason_against(header: Sequence[str], needed: Sequence[str]) -> str:
+    twice = sorted({column for column in header if column and header.count(column) > 1})
+    if twice:
+        return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
-    if missing:
-        text = f"the header lacks {', '.join(missing)}; it has {', '.join(header)}"
-        raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", text)])
-    lines, rows = zip(*numbered[1:], strict=True)
-    return _Table(name, header, list(lines), list(rows))
+    return f"the header lacks {', '.join(missing)}; it has {', '.join(header)}" if missing else ""
 
 
 def _columns(
@@ -188,6 +228,8 @@ def _columns(
             value = _number(cell)
             if value is None:
                 flaws.append(FileFlaw(table.name, line, 0, column, f"expected a finite number, got {cell!r}"))
+            elif abs(value) > LARGEST:
+                flaws.append(FileFlaw(table.name, line, 0, column, too_large(value)))
             else:
                 values[number, place] = value
     return values, flaws
@@ -205,9 +247,12 @@ def _period(table: _Table, times: Array) -> float:
     # The median step is the period even where a row is missing or doubled, and tells which.
     steps = np.diff(times)
     period = float(np.median(steps))
-    uneven = np.flatnonzero((np.abs(steps - period) > EVEN * abs(period)) | (steps <= 0))
+    if period <= 0:
+        text = f"expected t to rise, got {times[1]:.6g} s after {times[0]:.6g} s"
+        raise PathFileError([table.flaw(1, "t", text)])
+    uneven = np.flatnonzero((np.abs(steps - period) > EVEN * period) | (steps <= 0))
     if uneven.size:
         step = int(uneven[0])
         text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample the path"
-        raise PathFileError([FileFlaw(table.name, table.lines[step + 1], 0, "t", text)])
+        raise PathFileError([table.flaw(step + 1, "t", text)])
     return float(times[-1] - times[0]) / len(steps)

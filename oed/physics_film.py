@@ -10,11 +10,12 @@ from pathlib import Path
 
 from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.record import FILE, drive_of, load_record
+from oed.recorded_study import recorded_study
 from oed.report.animation import MadeFilm
 from oed.report.film import require_format, write_frames
 from oed.report.film.frame import Frame
 from oed.solvers import Progress
-from oed.study import Study, recorded_study
+from oed.study import Study
 from oed.validation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
 
 SIZE = (300, 400)
@@ -31,6 +32,7 @@ def film_physics(
     speed: float = 1.0,
     fps: float | None = None,
     progress: Progress | None = None,
+    trust: bool = False,
 ) -> MadeFilm:
     """Write a film of a physics robot on a record's drive.
 
@@ -41,9 +43,11 @@ def film_physics(
         speed: how much faster than the robot.
         fps: frames a second; 10 by default.
         progress: listener.
+        trust: whether Python code that the record names may be run.
 
     Raises:
-        RecordError: no record there, no such result, a result without a drive.
+        RecordError: no record there, no such result, a result without a drive, a robot that is code which is
+            not trusted.
         UserMistake: a robot without wheel radii and track, several runs, the engine is not installed.
         Failure: nothing to draw with.
     """
@@ -61,7 +65,7 @@ def film_physics(
         raise RecordError([FileFlaw(str(Path(folder) / FILE), 0, 0, "results", text)])
     if trajectory.runs > 1:
         raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
-    robot = _robot(recorded_study(saved))
+    robot = _robot(recorded_study(saved, trust=trust))
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
     )

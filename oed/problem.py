@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,14 +14,23 @@ import numpy.typing as npt
 from oed.criteria import Criterion, Subject
 from oed.errors import Flaw, ProblemError
 from oed.expression import Expression
-from oed.information import information, scale_factors, scaling_flaws
+from oed.information import (
+    Scaling,
+    information,
+    scale_factors,
+    scaling_flaws,
+    square_root,
+    weights_of,
+)
+from oed.limits.implied import implied_bounds
 from oed.limits.limit import Limit, Rows
 from oed.measurements.measurement import Block, Measurement
 from oed.models.coefficient_robot import CoefficientRobot
-from oed.models.model import Model
+from oed.models.model import Input, Model, twist_flaws
 from oed.prior import Prior
 from oed.robust import Robust, robust_rows
 from oed.rollout import Drive, roll_out
+from oed.square_root import SquareRoot
 from oed.trajectory import DesignSpace
 from oed.uncertainty import Spread, Uncertainty, spread_of
 
@@ -36,32 +45,40 @@ class Estimation:
         block: the readings.
         parameters: those estimated, those of the criterion's interest first.
         judged: the latter alone.
-        scales: of the judged parameters, SI.
-        matrix: information on the judged parameters, scaled, all else eliminated: what the criterion sees.
+        scaling: of the criterion.
         prior: information on all estimated parameters had beforehand, SI, or None.
     """
 
     block: Block
     parameters: tuple[str, ...]
     judged: tuple[str, ...]
-    scales: Array
-    matrix: Expression
+    scaling: Scaling
     prior: Array | None
 
-    @cached_property
-    def full(self) -> Expression:
-        """Information on all estimated parameters, SI (per unit of noise where that is not known)."""
-        ones = dict.fromkeys(self.parameters, 1.0)
-        return information(self.block, ones, parameters=self.parameters, prior=self.prior)
+    @property
+    def scales(self) -> Array:
+        """Of the judged parameters, SI."""
+        return scale_factors(self.block, self.scaling, self.judged)
 
     @cached_property
-    def alone(self) -> Expression:
-        """Information on each of them (p,), were all else known."""
-        ones = dict.fromkeys(self.parameters, 1.0)
-        known = information(
-            self.block, ones, parameters=self.parameters, prior=self.prior, known_nuisances=True
+    def matrix(self) -> Expression:
+        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
+        return information(
+            self.block,
+            self.scaling,
+            parameters=self.judged,
+            unwanted=self.parameters[len(self.judged) :],
+            prior=self.prior,
         )
-        return ca.diag(known)
+
+    def square_roots(self, jacobian: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Information of a drive with these values of the block's jacobian: what `matrix` is of it, and F on
+        all estimated parameters, SI (per unit of noise where that is not known).
+        """
+        block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
+        full = square_root(block, jacobian, self.parameters, prior=self.prior)
+        seen = square_root(block, jacobian, judged, others, self.prior) if others else full
+        return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property
     def noisy(self) -> bool:
@@ -95,6 +112,8 @@ class Problem:
         prior: what is known of them beforehand.
         uncertainty: how far the robot may be from its nominal parameters; that of the prior if None.
         robust: how limits are kept all the same; by the nominal robot alone if None.
+        excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
+            `widened`.
 
     Raises:
         ProblemError: the parts do not fit together; every reason is listed.
@@ -110,6 +129,7 @@ class Problem:
     prior: Prior | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
+    excess: float = 0.0
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
@@ -138,13 +158,44 @@ class Problem:
 
     @cached_property
     def input_bounds(self) -> Array:
-        """Bounds (inputs, 2) that the limits set on each input."""
+        """Bounds (inputs, 2) that the limits set on each input, itself or by the motion that it makes."""
+        own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        return implied_bounds(self.model, self.limits, own, self.excess)
+
+    @cached_property
+    def rate_bounds(self) -> Array:
+        """Bounds (inputs, 2) that they set on each input's rate."""
+        return self._tightest([limit.rate_bounds(self.model) for limit in self.limits])
+
+    def _tightest(self, found: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
         bounds = np.tile([-np.inf, np.inf], (len(self.model.inputs), 1))
-        for limit in self.limits:
-            for name, (low, high) in limit.input_bounds(self.model).items():
+        for limit, own in zip(self.limits, found, strict=True):
+            if self.excess and own:
+                own = limit.widened_bounds(own, self.excess, limit.rows(self._any_drive).size)
+            for name, (low, high) in own.items():
                 row = bounds[self.model.input_names.index(name)]
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
+
+    def widened(self, share: float) -> Problem:
+        """The problem with every limit exceeded by at most `share` of its size, as a tolerance allows: for
+        evaluations and bounds, not for searches.
+
+        A drive keeps the limits within that tolerance if and only if it keeps these exactly. The same holds
+        for the duration, and for rest and starts.
+        """
+        longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
+        return replace(self, design=longer, excess=share)
+
+    @property
+    def rest_spare(self) -> float:
+        """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""
+        return self.excess * float(np.abs(self.input_bounds).max()) if self.excess else 0.0
+
+    @property
+    def start_spare(self) -> float:
+        """How far from its place a fixed start may be [m or rad]: a share of 1."""
+        return self.excess
 
     @cached_property
     def fixed_starts(self) -> Array | None:
@@ -167,9 +218,11 @@ class Problem:
     def limit_rows(self, drive: Drive) -> list[Rows]:
         """Every limit on a drive; of a robust problem with what is kept in reserve."""
         if self.robust is None:
-            return [limit.rows(drive) for limit in self.limits]
-        assert self.spread is not None
-        return robust_rows(self.limits, drive, self.spread, self.robust)
+            rows = [limit.rows(drive) for limit in self.limits]
+        else:
+            assert self.spread is not None
+            rows = robust_rows(self.limits, drive, self.spread, self.robust)
+        return [one.widened(self.excess) for one in rows] if self.excess else rows
 
     @cached_property
     def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
@@ -226,8 +279,7 @@ class Problem:
             block=block,
             parameters=names,
             judged=judged,
-            scales=scale_factors(block, scaling, judged),
-            matrix=information(block, scaling, parameters=judged, unwanted=others, prior=prior),
+            scaling=scaling,
             prior=prior,
         )
 
@@ -259,7 +311,10 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
 
 def _flaws(problem: Problem) -> list[Flaw]:
     model, space = problem.model, problem.design
-    flaws = []
+    flaws = twist_flaws(model)
+    if flaws:
+        # Of such a robot nothing else can be said.
+        return flaws
     needed = space.spline.degree + (3 if space.rest_to_rest else 1)
     if space.spline.coefficients < needed:
         text = (
@@ -272,17 +327,35 @@ def _flaws(problem: Problem) -> list[Flaw]:
     names = [limit.name for limit in problem.limits]
     for name in sorted({name for name in names if names.count(name) > 1}):
         flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
-    bounded = {name for limit in problem.limits for name in limit.input_bounds(model)}
-    for entry in model.inputs:
-        if entry.name not in bounded:
-            text = f"nothing bounds {entry.name}; add {entry.quantity}, without which no design is best"
-            flaws.append(Flaw(("limits",), text))
+    flaws += _unbounded(problem)
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
     if problem.uncertainty is not None and not flaws:
         flaws += problem.uncertainty.flaws(problem.model, problem.robot)
     # Blocks exist only for a measurement that fits the robot.
     return flaws or _estimation_flaws(problem) or _robust_flaws(problem)
+
+
+def _unbounded(problem: Problem) -> list[Flaw]:
+    # Inputs that no limit bounds, with the limits that would.
+    found = zip(problem.model.inputs, problem.input_bounds, strict=True)
+    return [
+        Flaw(
+            ("limits",),
+            f"nothing bounds {one.name}; {_advice(problem, one)}, without which no design is best",
+        )
+        for one, pair in found
+        if not np.isfinite(pair).all()
+    ]
+
+
+def _advice(problem: Problem, unbounded: Input) -> str:
+    motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
+    if unbounded.quantity in ("wheel_speed", "steering_angle") or motion is None:
+        return f"add {unbounded.quantity}"
+    if motion not in [limit.name for limit in problem.limits]:
+        return f"add {motion}"
+    return f"{motion} does not, for the motion does not follow linearly: make it a wheel_speed and add that"
 
 
 def _name_flaws(problem: Problem) -> list[Flaw]:

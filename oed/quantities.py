@@ -17,6 +17,8 @@ import numpy as np
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
+from oed.shown import written
+
 if TYPE_CHECKING:
     import pint
 
@@ -58,6 +60,9 @@ _COMMON = {
 _QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
 """One of those, or a quotient such as "deg/s" and "m/s^2"; others are read by pint, which is slow to load."""
 
+SMALLEST, LARGEST = 1e-12, 1e12
+"""What a robot's quantities lie between, SI: what is larger is refused, what is smaller counts as 0."""
+
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _MEANINGS = {
@@ -86,20 +91,37 @@ def _registry() -> pint.UnitRegistry[float]:
 def parse_quantity(value: object, unit: str) -> float:
     """The SI value of a quantity such as "4.9 cm" or 0.049, expected in the dimension of `unit`.
 
+    Magnitudes below `SMALLEST` are rounding's, and count as 0: what must be positive is refused for it.
+
     Args:
         value: a number (taken as SI) or a string with a unit.
         unit: the SI unit expected, e.g. "rad/s"; "" for a plain number.
 
     Raises:
-        ValueError: not a finite number, an unknown unit, or a unit of another dimension.
+        ValueError: not a finite number, one beyond `LARGEST`, an unknown unit, or a unit of another
+            dimension.
     """
     expected = f"expected {_meaning(unit)}"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"{expected}, got {value!r}")
-    number = _parse_string(value, unit, expected) if isinstance(value, str) else float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"{expected} that is finite, got {value!r}")
-    return number
+        raise ValueError(f"{expected}, got {written(value)}")
+    number = _parse_string(value, unit, expected) if isinstance(value, str) else value
+    if isinstance(number, float) and not math.isfinite(number):
+        raise ValueError(f"{expected} that is finite, got {written(value)}")
+    if abs(number) > LARGEST:
+        raise ValueError(f"{expected} of at most {LARGEST:g} in SI units, got {written(value)}")
+    return float(number) if abs(number) >= SMALLEST else 0.0
+
+
+def too_large(value: float) -> str:
+    """Why a number beyond `LARGEST` is refused."""
+    return f"expected a number of at most {LARGEST:g} in SI units, got {value:.3g}"
+
+
+def counts_as_zero(value: object) -> str:
+    """Why a number above 0 is refused as if it were 0; "" where that is not so."""
+    match = _NUMBER.match(str(value)) if isinstance(value, int | float | str) else None
+    above = match is not None and float(match.group()) > 0
+    return f"; less than {SMALLEST:g} in SI units counts as 0" if above else ""
 
 
 def _parse_string(text: str, unit: str, expected: str) -> float:

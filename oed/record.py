@@ -11,16 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from oed.bounds import Certificate
+from oed.bounds import LOOSE, Certificate, gap
 from oed.errors import FileFlaw, RecordError
-from oed.evaluation import Evaluation
+from oed.evaluation import TOLERANCE, Evaluation
 from oed.files import write_text
-from oed.folders import interrupted_runs
+from oed.folders import in_order, interrupted_runs
 from oed.solution import Solution, Start
+from oed.stored.consistency import require_one_study
+from oed.stored.door import checked, read_object
+from oed.stored.study_record import FORMAT as FORMAT
+from oed.stored.study_record import StudyRecord
 from oed.trajectory import Trajectory
 from oed.validation import Validation
 
-FORMAT = 1
 FILE = "record.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
@@ -32,10 +35,13 @@ NOMINAL = "nominal"
 class Record:
     """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none.
 
-    `folder` is where it is saved, as far as that is known.
+    `file` is where it was read from, None of a record that was made here: what a file names is data, and
+    code that it names is run only for those who trust it. `folder` is where it was saved, None where it was
+    not.
     """
 
     data: Mapping[str, Any]
+    file: Path | None = None
     folder: Path | None = field(default=None, compare=False)
 
     @property
@@ -83,26 +89,24 @@ def save_record(record: Record, folder: str | Path) -> Path:
 
 
 def load_record(folder: str | Path) -> Record:
-    """Read the record in `folder` (or the record file itself).
+    """Read the record in `folder` (or the record file itself); no code that it names is run.
 
     Raises:
-        RecordError: no record there, or not one of this format.
+        RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
+    # Imported late: studies take priors from records.
+    from oed.recorded_study import checked_echo
+
     path = saved_file(folder, FILE)
-    name = str(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        text = f"no record there; make one with `oed run`{beside(folder)}"
-        raise RecordError([FileFlaw(name, 0, 0, "", text)]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
-    except json.JSONDecodeError as error:
-        raise RecordError([FileFlaw(name, error.lineno, error.colno, "", f"not JSON: {error.msg}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT or "results" not in data:
-        text = f"expected a record of format {FORMAT}; make it again with `oed run`"
-        raise RecordError([FileFlaw(name, 0, 0, "", text)])
-    return Record(data)
+    expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
+    kept = "" if path.exists() else beside(folder)
+    data = read_object(path, f"no record there; make one with `oed run`{kept}", expected)
+    if data.get("format") != FORMAT or "results" not in data:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    known = checked(StudyRecord, data, path).plain()
+    known["study"] = checked_echo(known["study"], path)
+    require_one_study(known, path)
+    return Record(known, path)
 
 
 def saved_file(folder: str | Path, name: str) -> Path:
@@ -110,9 +114,7 @@ def saved_file(folder: str | Path, name: str) -> Path:
 
     A folder that a process was about to swap when it was killed is put in order first.
     """
-    path = Path(folder)
-    if not path.exists():
-        interrupted_runs(path)
+    path = in_order(folder)
     return path / name if path.is_dir() else path
 
 
@@ -182,6 +184,8 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
         )
         return {
             "feasible": False,
+            "identifiable": False,
+            "singular": True,
             "violations": {},
             **dict.fromkeys(numbers),
             "singular_values": [],
@@ -191,6 +195,8 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
         }
     return {
         "feasible": evaluation.feasible,
+        "identifiable": evaluation.identifiable,
+        "singular": evaluation.singular,
         "violations": evaluation.violations,
         "objective": finite(evaluation.objective),
         "lambda_min": finite(evaluation.lambda_min),
@@ -244,28 +250,33 @@ def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any
 
 
 def certificate_data(
-    certificate: Certificate, best: float | None, drive: str | None, spline: float | None
+    certificate: Certificate, best: Evaluation | None, drive: str | None, spline: float | None
 ) -> dict[str, Any] | None:
     """A record's `certificate`; None where nothing is proved.
 
     Args:
         certificate: the bound.
-        best: largest objective of a feasible result.
+        best: the feasible result of largest objective. Its gap is to the exact bound where it satisfies the
+            limits exactly, else to that of the widened limits.
         drive: name of the result that the search for the bound came upon.
         spline: largest objective of a feasible result of a search over splines.
     """
     if not math.isfinite(certificate.upper_bound):
         return None
-    gap = None if best is None or best <= 0 else certificate.gap(best)
+    against = None if best is None else certificate.bound_on(best)
+    share = None if best is None or against is None or best.objective <= 0 else gap(against, best.objective)
     return {
         "upper_bound": certificate.upper_bound,
-        "gap": finite(gap),
+        "gap": finite(share),
         "method": certificate.method,
         "assumptions": list(certificate.assumptions),
         "multiplier": None if certificate.multiplier is None else np.asarray(certificate.multiplier).tolist(),
-        "loose": None if best is None else certificate.loose(best),
+        "widened": _widened_data(certificate.widened),
+        "gap_to": None if against is None else finite(against),
+        "loose": None if share is None else share > LOOSE,
         "complete": certificate.complete,
-        "best": best,
+        "nodes": certificate.nodes,
+        "best": None if best is None else best.objective,
         "drive": drive,
         "spline_objective": spline,
         "caps": [
@@ -273,6 +284,17 @@ def certificate_data(
             for cap in certificate.caps
         ],
         "wall_seconds": round(certificate.wall_seconds, 6),
+    }
+
+
+def _widened_data(widened: Certificate | None) -> dict[str, Any] | None:
+    if widened is None or not math.isfinite(widened.upper_bound):
+        return None
+    return {
+        "tolerance": TOLERANCE,
+        "upper_bound": widened.upper_bound,
+        "method": widened.method,
+        "assumptions": list(widened.assumptions),
     }
 
 

@@ -110,26 +110,30 @@ def robust_rows(limits: Sequence[Limit], drive: Drive, spread: Spread, robust: R
         # Seen through its coefficients, a robot would not tell by itself how its other parameters move it.
         own = drive.again(ca.DM(spread.robot.nominal), begin, spread.robot)
     return [
-        _joined([_reserved(limit, own, spread, robust), *(limit.rows(other) for other in others)])
+        _joined([reserved(limit, own, spread, robust), *(limit.rows(other) for other in others)])
         if isinstance(limit, PathLimit)
         else limit.rows(drive)
         for limit in limits
     ]
 
 
-def _reserved(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust) -> Rows:
+def reserved(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust) -> Rows:
+    """A limit on the path with its reserve, on a drive of the spread's robot."""
     rows = limit.rows(drive)
     if robust.kind == "scenarios":
         return rows
     reserve = _reserve(limit, drive, spread, robust, rows.size)
     below, above = np.isfinite(rows.lower), np.isfinite(rows.upper)
-    low, high = np.flatnonzero(below).tolist(), np.flatnonzero(above).tolist()
-    upper_side = (rows.expression + reserve)[high]
-    lower_side = (rows.expression - reserve)[low]
+    sides = [
+        ca.vec(rows.expression + sign * reserve)[np.flatnonzero(one).tolist()]
+        for sign, one in ((1, above), (-1, below))
+        if one.any()
+    ]
+    high, low = int(above.sum()), int(below.sum())
     return Rows(
-        ca.vertcat(upper_side, lower_side),
-        np.concatenate([np.full(len(high), -np.inf), rows.lower[below]]),
-        np.concatenate([rows.upper[above], np.full(len(low), np.inf)]),
+        ca.vertcat(*sides),
+        np.concatenate([np.full(high, -np.inf), rows.lower[below]]),
+        np.concatenate([rows.upper[above], np.full(low, np.inf)]),
         rows.size,
         rows.unit,
     )
@@ -141,7 +145,7 @@ def _reserve(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, siz
     width = len(model.parameters) + len(model.states)
     parts = []
     for run in range(drive.runs):
-        moved = _moved(limit, model, spread, robust, size, run).map(points)
+        moved = _moved(limit, model, spread, robust, size, drive.first_run + run).map(points)
         path = drive.path[run * points : (run + 1) * points, :].T
         slopes = drive.path_sensitivities[:, run * points * width : (run + 1) * points * width]
         parts.append(moved(path, slopes))

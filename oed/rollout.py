@@ -5,7 +5,7 @@ The same code serves CasADi's SX (unrolled, for the optimiser) and MX (compact, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -35,13 +35,14 @@ class Drive:
         direction: heading of each period's displacement [rad], (N, 1).
         poses: at the samples, (N + runs, states): each run has a pose more than periods.
         path: poses where position limits apply, (G, states).
-        motion: twists where limits on the motion apply, (K, 3): those that the inputs ask for, also of a
-            robot that follows them with a lag. It never turns faster than it was asked to before.
+        motion: twists where limits on the motion apply, (K, 3): those that the inputs ask for; of a robot
+            that follows them with a lag those that it has where each period begins, then where each ends.
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
         runs: how many runs of equal length the N periods are shared out to.
         refine: points of `path` per sample.
+        first_run: place of the first of these runs, where the drive is a part of one of several.
     """
 
     model: Model
@@ -61,6 +62,7 @@ class Drive:
     input_jerks: Expression
     runs: int = 1
     refine: int = 1
+    first_run: int = 0
 
     @property
     def samples(self) -> int:
@@ -205,7 +207,8 @@ def roll_out(
         input_values: what bounds the inputs at all times checked; the inputs themselves by default.
         input_rates: what bounds their derivatives.
         input_jerks: what bounds their second derivatives.
-        motion_inputs: inputs whose twists limits on the motion apply to; by default those held.
+        motion_inputs: inputs whose twists limits on the motion apply to; by default those held. A robot that
+            follows them with a lag moves by those held, whatever is asked for between.
         refine: path points per sample.
         runs: how many runs of equal length the periods are shared out to.
     """
@@ -224,7 +227,10 @@ def roll_out(
     poses = [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
     begun = ca.horzcat(*(part[:, :each] for part in poses))
     twist, effective, gain, direction = _sample(model, integration).map(count)(begun, held, repeated, periods)
-    asked = inputs if motion_inputs is None and follows_state(model) else motion_inputs
+    if follows_state(model):
+        motion = _actual_motion(model, poses, held, parameters)
+    else:
+        motion = twist.T if motion_inputs is None else _motion(model, motion_inputs, parameters)
     path = [
         _refined_path(advance, part, held[:, own], parameters, period, refine)
         for part, own in zip(poses, slices, strict=True)
@@ -241,7 +247,7 @@ def roll_out(
         direction=direction.T,
         poses=ca.horzcat(*poses).T,
         path=ca.horzcat(*path).T,
-        motion=twist.T if asked is None else _motion(model, asked, parameters),
+        motion=motion,
         input_values=inputs if input_values is None else input_values,
         input_rates=inputs if input_rates is None else input_rates,
         input_jerks=inputs if input_jerks is None else input_jerks,
@@ -253,6 +259,85 @@ def roll_out(
 def _motion(model: Model, inputs: Expression, parameters: Expression) -> Expression:
     count = inputs.shape[0]
     return _twist(model).map(count)(inputs.T, ca.repmat(parameters, 1, count)).T
+
+
+def _actual_motion(
+    model: Model, poses: list[Expression], held: Expression, parameters: Expression
+) -> Expression:
+    # The twists where periods begin, then those where they end, (2 N, 3): the inputs jump in between.
+    count = held.shape[1]
+    begins = ca.horzcat(*(part[:, :-1] for part in poses))
+    ends = ca.horzcat(*(part[:, 1:] for part in poses))
+    states, twice = ca.horzcat(begins, ends), ca.horzcat(held, held)
+    return _instant(model).map(2 * count)(states, twice, ca.repmat(parameters, 1, 2 * count)).T
+
+
+@lru_cache(maxsize=32)
+def _instant(model: Model) -> ca.Function:
+    # The twist that a robot has in a state with inputs.
+    state = ca.SX.sym("state", len(model.states))
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    twist = model.mean_twist(state, model.twist(inputs, parameters), parameters, ca.SX(0))
+    return ca.Function("instant", [state, inputs, parameters], [twist])
+
+
+@dataclass(frozen=True)
+class Moment(Drive):
+    """One instant of a drive, some way through a period: `path` and `motion` are a single row.
+
+    Attributes:
+        begin_sensitivities: those of the state at the period's begin, (states, p + states); None where
+            nobody asks for them.
+    """
+
+    begin_sensitivities: Expression | None = None
+
+    @cached_property
+    def path_sensitivities(self) -> Expression:
+        """Derivatives of the point by the parameters and the start state of its run: (states, p + states)."""
+        carry = carrier(self.model, self.integration)
+        state, inputs = self.poses[0, :].T, self.inputs.T
+        return carry(self.begin_sensitivities, state, inputs, self.parameters, self.period)
+
+
+def moment(
+    model: Model,
+    integration: Integration,
+    *,
+    state: Expression,
+    inputs: Expression,
+    asked: Expression,
+    parameters: Expression,
+    elapsed: Expression,
+    begin_sensitivities: Expression | None = None,
+    run: int = 0,
+) -> Moment:
+    """The instant `elapsed` [s] after a period began in `state` (states,), of a drive's run.
+
+    Args:
+        model: the robot.
+        integration: rule by which its poses follow from its twist.
+        state: at the period's begin.
+        inputs: held in the period, (inputs,).
+        asked: values of the splines at the instant, (inputs,).
+        parameters: (p,).
+        elapsed: [s], at most a period.
+        begin_sensitivities: of the state, (states, p + states).
+        run: which one.
+    """
+    drive = roll_out(
+        model,
+        integration,
+        inputs=inputs.T,
+        start=state,
+        parameters=parameters,
+        period=elapsed,
+        input_values=asked.T,
+        motion_inputs=asked.T,
+    )
+    parts = {entry.name: getattr(drive, entry.name) for entry in fields(drive)}
+    parts |= {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
+    return Moment(**parts, begin_sensitivities=begin_sensitivities)
 
 
 def _refined_path(

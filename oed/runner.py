@@ -14,9 +14,10 @@ from typing import Any
 from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
-from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table
+from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table, state_table
 from oed.experiments import driven_in_physics, simulated
 from oed.folders import Draft
+from oed.names import file_stem
 from oed.path_file import trajectory_csv
 from oed.record import (
     FILE,
@@ -31,7 +32,7 @@ from oed.saving import RunFolder, run_folder
 from oed.solution import Solution, Status, scored
 from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
 from oed.solvers.interrupts import interrupts_named
-from oed.study import PathFile, Study, file_stem
+from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
 from oed.trial import require_ready
 
@@ -239,6 +240,7 @@ def record(
             "study_text": study.text,
             "seed": seed,
             "inputs": input_table(study.problem),
+            "states": state_table(study.problem),
             "parameters": parameter_table(study.problem),
             "nuisances": nuisance_table(study.problem),
             "results": results,
@@ -288,9 +290,9 @@ def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -
     for name, criterion in judges.items():
         own = study.problem.criterion
         same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
-        # The same matrices serve every criterion that sees the parameters alike.
+        # The same information serves every criterion that sees the parameters alike.
         value = (
-            float(problem.told(criterion).value(list(evaluation.information.values())))
+            float(problem.told(criterion).judge(list(evaluation.square_roots.values())))
             if same
             else evaluate(replace(problem, criterion=criterion), trajectory).objective
         )
@@ -304,19 +306,19 @@ def _file(solution: Solution) -> str:
 
 def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
     """A certificate with its gap to the best feasible of these solutions."""
-    samples = study.problem.design.samples
+    samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [
-        (one.evaluation.objective, one.kind)
+        (one.evaluation, one.kind)
         for one in solutions
         if one.evaluation is not None and one.evaluation.feasible
         if one.trajectory is not None and one.trajectory.samples == samples
     ]
     searched = {solver.model_fields["kind"].default for solver in SOLVERS}
-    splines = [objective for objective, kind in found if kind in searched]
+    splines = [evaluation.objective for evaluation, kind in found if kind in searched]
     return certificate_data(
         certificate,
-        max((objective for objective, _ in found), default=None),
+        max((evaluation for evaluation, _ in found), key=lambda one: one.objective, default=None),
         LATTICE if any(one.kind == LATTICE for one in solutions) else None,
         max(splines, default=None),
     )

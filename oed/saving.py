@@ -138,9 +138,9 @@ def outdated(folder: Path, record: Record | None) -> set[str]:
     one's drives and report.
     """
     drives: set[str] = set()
-    with suppress(RecordError, KeyError, TypeError, AttributeError):
+    # What a damaged record may name is left.
+    with suppress(RecordError):
         drives = {str(entry["trajectory"]) for entry in load_record(folder).results}
-    # Whatever a damaged record may name, no other files.
     drives = {name for name in drives if name.endswith(".csv") and Path(name).name == name}
     kept = set() if record is None else {entry["trajectory"] for entry in record.results}
     return pages(folder) | (drives - kept)

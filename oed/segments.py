@@ -55,8 +55,8 @@ class SegmentReadings:
             parameters: (p,), SI.
             place: of the sensor: ahead, to the left [m], turned [rad], (3,).
         """
-        found = self._plain(starts.T, _side_by_side(inputs), times.reshape(1, -1), parameters, place)
-        return self._by_segment(np.array(found), len(self.quantities))
+        (found,) = _evaluated(self._plain, starts, inputs, times, parameters, place)
+        return self._by_segment(found)
 
     def derivatives(
         self, starts: Array, inputs: Array, times: Array, parameters: Array, place: Array
@@ -65,15 +65,12 @@ class SegmentReadings:
 
         The columns are the parameters, the segment's own start, the sensor's place.
         """
-        found, slopes = self._both(starts.T, _side_by_side(inputs), times.reshape(1, -1), parameters, place)
+        found, slopes = _evaluated(self._both, starts, inputs, times, parameters, place)
         width = len(self.model.parameters) + len(self.model.states) + len(PLACE)
-        quantities = len(self.quantities)
-        rows = self._by_segment(np.array(slopes), quantities * width)
-        shape = (self.count, self.periods + 1, quantities, width)
-        return self._by_segment(np.array(found), quantities), rows.reshape(shape)
+        return self._by_segment(found), self._by_segment(slopes, width)
 
-    def _by_segment(self, columns: Array, rows: int) -> Array:
-        return columns.T.reshape(self.count, self.periods + 1, rows)
+    def _by_segment(self, found: Array, *width: int) -> Array:
+        return found.reshape(self.count, self.periods + 1, len(self.quantities), *width)
 
     @cached_property
     def _plain(self) -> ca.Function:
@@ -86,8 +83,20 @@ class SegmentReadings:
         return _mapped(function, self.count)
 
 
-def _side_by_side(inputs: Array) -> Array:
-    return inputs.reshape(-1, inputs.shape[-1]).T
+def _evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
+    # CasADi's numbers stand column by column: here columns are rows. Read and written where they are, for
+    # handing them over one by one takes longer than the function itself.
+    buffer, call = function.buffer()
+    given = [np.ascontiguousarray(one, dtype=float).ravel() for one in arguments]
+    found = [np.empty(function.nnz_out(index)) for index in range(function.n_out())]
+    for index, one in enumerate(given):
+        assert len(one) == function.nnz_in(index)
+        buffer.set_arg(index, one.data)
+    for index, one in enumerate(found):
+        assert len(one) == function.numel_out(index)
+        buffer.set_res(index, one.data)
+    call()
+    return found
 
 
 def _mapped(function: ca.Function, count: int) -> ca.Function:
@@ -109,7 +118,7 @@ def _segment(
     poses = ca.horzcat(start, following)
     everywhere = ca.repmat(place, 1, periods + 1)
     if not slopes:
-        read = _reading(model, quantities).map(periods + 1)(poses, everywhere)
+        read = ca.densify(_reading(model, quantities).map(periods + 1)(poses, everywhere))
         return ca.Function("readings", arguments, [read])
     begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
     carry = carrier(model, integration).mapaccum(periods)

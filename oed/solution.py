@@ -22,6 +22,7 @@ class Status(Enum):
     TIME_LIMIT = "time_limit"
     INTERRUPTED = "interrupted"
     SEARCHED = "searched"
+    UNIMPROVED = "unimproved"
     SCORED = "scored"
     INFEASIBLE = "infeasible"
     SINGULAR = "singular"
@@ -47,9 +48,11 @@ _SENTENCES = {
     Status.INTERRUPTED: "Interrupted before the search was done.",
     Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit on the fine grid, "
     "but nothing says that it is an optimum.",
+    Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
+    "is returned; nothing says that it is an optimum: try more starts or another seed.",
     Status.SCORED: "Scored as given; nothing was optimised.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
-    Status.SINGULAR: "No drive found tells all parameters apart; "
+    Status.SINGULAR: "No drive found tells all parameters apart that the criterion asks about; "
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
 }

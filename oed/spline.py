@@ -7,7 +7,9 @@ acceleration limits become linear constraints.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 import numpy.typing as npt
@@ -99,3 +101,93 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     span = knots[degree + 1 : count + degree] - knots[1:count]
     scale = np.where(span > 0, degree / np.where(span > 0, span, 1.0), 0.0)
     return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
+
+
+def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
+    """Times [s] among which the derivative of an order (0 to degree) of every curve has its extremes.
+
+    Where each piece begins, its other end included unless the derivative jumps there, and where the next
+    derivative vanishes. Always as many for the same knots and degree: some may be there twice.
+
+    Args:
+        knots: of the curves.
+        degree: of the curves.
+        coefficients: (n, curves).
+        order: of the derivative.
+    """
+    inner = np.unique(knots)
+    ends = inner[:-1] if order == degree else inner
+    if degree - order < 2:
+        return ends
+    middles, halves = (inner[1:] + inner[:-1]) / 2, np.diff(inner) / 2
+    series = _series(knots, degree, coefficients, middles)[order + 1 :]
+    # In units of half a piece, for numbers of one size.
+    scaled = [(part.T * halves**power).T / factorial(power) for power, part in enumerate(series)]
+    roots = np.clip(_real_roots(scaled), -1.0, 1.0)
+    return np.concatenate([ends, (middles[:, None, None] + halves[:, None, None] * roots).ravel()])
+
+
+def _series(knots: Array, degree: int, coefficients: Array, times: Array) -> list[Array]:
+    # All derivatives (len(times), curves) at times inside the pieces, from the curves themselves on.
+    found = [basis(knots, degree, times) @ coefficients]
+    for lower in range(degree - 1, -1, -1):
+        steps, knots = derivative(knots, lower + 1)
+        coefficients = steps @ coefficients
+        found.append(basis(knots, lower, times) @ coefficients)
+    return found
+
+
+def _real_roots(powers: Sequence[Array]) -> Array:
+    # Roots (..., degree) of polynomials with coefficients (...,) from the constant one up; what is no real
+    # root is a number all the same.
+    if len(powers) == 2:
+        constant, slope = powers
+        return np.asarray(_quotient(-constant, slope)[..., None])
+    if len(powers) == 3:
+        constant, slope, bend = powers
+        root = np.sqrt(np.maximum(slope**2 - 4 * bend * constant, 0.0))
+        larger = -(slope + np.copysign(root, slope)) / 2
+        return np.stack([_quotient(larger, bend), _quotient(constant, larger)], axis=-1)
+    table = np.stack(powers[::-1], axis=-1)
+    found = np.zeros((*table.shape[:-1], len(powers) - 1))
+    for place in np.ndindex(table.shape[:-1]):
+        roots = np.roots(table[place]).real
+        found[place][: len(roots)] = roots
+    return found
+
+
+def _quotient(top: Array, bottom: Array) -> Array:
+    return np.divide(top, bottom, out=np.zeros_like(top), where=bottom != 0)
+
+
+def enclosure(
+    knots: Array, degree: int, coefficients: Array, begin: Array, end: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Least and largest values of curves, and of their derivatives, over stretches without a knot inside.
+
+    Args:
+        knots: of the curves.
+        degree: of the curves.
+        coefficients: (n, curves).
+        begin: of the stretches [s], (K,).
+        end: of the stretches [s], (K,).
+
+    Returns:
+        Bounds of the values and of the derivatives (K, curves), the latter from the second derivative's
+        coefficients: a convex hull.
+    """
+    middle, half = (begin + end) / 2, (end - begin)[:, None] / 2
+    value = basis(knots, degree, middle) @ coefficients
+    if degree == 0:
+        return value, value, np.zeros_like(value), np.zeros_like(value)
+    steps, inner = derivative(knots, degree)
+    slopes = steps @ coefficients
+    slope, bend = basis(inner, degree - 1, middle) @ slopes, np.zeros_like(value)
+    if degree > 1:
+        steps, inner = derivative(inner, degree - 1)
+        acting = basis(inner, degree - 2, middle)
+        places = acting.first[:, None] + np.arange(degree - 1)
+        bend = np.abs((steps @ slopes)[places]).max(axis=1)
+    slope_low, slope_high = slope - bend * half, slope + bend * half
+    reach = np.maximum(np.abs(slope_low), np.abs(slope_high)) * half
+    return value - reach, value + reach, slope_low, slope_high

@@ -120,14 +120,21 @@ def starter(choice: Choice) -> str:
         model = parse_study(_text(choice, known, baselines="[straight, random]")).problem.model
     doubt = _doubt_lines(choice, model)
     study = parse_study(_text(choice, known, "[straight, random]", doubt), "the new study")
-    return _text(choice, known, f"[{', '.join(suited(study.problem))}]", doubt)
+    suitable = f"[{', '.join(suited(study.problem))}]"
+    return _text(choice, known, suitable, doubt, _log_lines(choice, model))
 
 
 def _kinds() -> dict[str, type[Model]]:
     return {str(model.model_fields["kind"].default): model for model in MODELS if model is not PythonRobot}
 
 
-def _text(choice: Choice, known: Mapping[str, str], baselines: str, doubt: Sequence[str] = ()) -> str:
+def _text(
+    choice: Choice,
+    known: Mapping[str, str],
+    baselines: str,
+    doubt: Sequence[str] = (),
+    log: Sequence[str] = (),
+) -> str:
     robot = choice.robot.replace("_", " ")
     where = choice.room.strip()
     lines = [
@@ -164,12 +171,7 @@ def _text(choice: Choice, known: Mapping[str, str], baselines: str, doubt: Seque
         "  - {kind: ipopt, starts: 6, perturbations: 4}",
         "# Paths people drive every day, made as large as the limits allow, to compare with.",
         f"baselines: {baselines}",
-        "# Once the drive is driven and logged, `oed estimate` needs to know what stands where in the log:",
-        "# log:",
-        "#   time: t",
-        "#   inputs:",
-        *(f"#     {name}: {{column: {name}, form: speed}}" for name in _driving(choice)),
-        "#   poses: {x: x, y: y, heading: {column: heading, unit: rad}}",
+        *log,
         "seed: 0",
     ]
     return "\n".join(lines) + "\n"
@@ -215,11 +217,22 @@ def _model(robot: str) -> type[Model]:
     return _kinds()[_kind(robot)]
 
 
-def _driving(choice: Choice) -> tuple[str, ...]:
-    kind = _model(choice.robot)
-    return (
-        tuple(entry.name for entry in kind.inputs if entry.drives) if isinstance(kind.inputs, tuple) else ()
-    )
+def _log_lines(choice: Choice, model: Model) -> list[str]:
+    # As the exported commands and the package's own paths have their columns.
+    inputs = [
+        f"#     {entry.name}: {{column: {entry.name}, form: {'speed' if entry.drives else 'value'}}}"
+        for entry in model.inputs
+    ]
+    heading = "none" if choice.sensor == "positions" else "{column: heading, unit: rad}"
+    further = "".join(f", {name}: {name}" for name in model.states[3:] if name == "trailer_angle")
+    return [
+        "# Once the drive is driven and logged, `oed estimate` needs to know what stands where in the log:",
+        "# log:",
+        "#   time: t",
+        "#   inputs:",
+        *inputs,
+        f"#   poses: {{x: x, y: y, heading: {heading}{further}}}",
+    ]
 
 
 def _robot_lines(choice: Choice, known: Mapping[str, str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,17 +16,17 @@ from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
 from oed.errors import Flaw, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
-from oed.files import length_flaw
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.measurements import MEASUREMENTS, Measurement
 from oed.models import MODELS, Model
+from oed.names import file_stem, name_flaw
 from oed.path_file import read_trajectory
 from oed.presets import preset_names, with_preset
 from oed.prior import Prior
 from oed.problem import Problem
-from oed.record import NOMINAL, Record, load_record
+from oed.record import NOMINAL, load_record
 from oed.robust import Robust
 from oed.solvers import SOLVERS, Ipopt, Solver
 from oed.study_errors import explain
@@ -220,15 +219,6 @@ def parse_study(text: str, source: str = "study") -> Study:
     return _study(parse_yaml(text, source))
 
 
-def recorded_study(record: Record) -> Study:
-    """The study that a record was made of.
-
-    Raises:
-        StudyError: one that this version does not understand.
-    """
-    return parse_study(json.dumps(record.data["study"]), "the record's study")
-
-
 def _study(source: YamlSource) -> Study:
     if not isinstance(source.data, dict):
         raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
@@ -281,7 +271,7 @@ def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
     try:
         saved = load_record(folder / file.prior.record)
     except RecordError as error:
-        raise ProblemError([Flaw(("prior", "record"), str(error))]) from None
+        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
     entry = saved.result(file.prior.result)
     if entry is None:
         names = ", ".join(str(one["name"]) for one in saved.results) or "none"
@@ -332,19 +322,15 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
     flaws: list[Flaw] = []
     known = set[str]()
     for key, name in entries:
+        flaw = name_flaw(name)
+        if flaw:
+            flaws.append(Flaw(key, flaw))
+            continue
         stem = file_stem(name)
-        length = length_flaw(stem)
-        if length and (not flaws or flaws[-1].key != key):
-            flaws.append(Flaw(key, length))
         if stem in known and (not flaws or flaws[-1].key != key):
             flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
         known.add(stem)
     return flaws
-
-
-def file_stem(name: str) -> str:
-    """The stem of the files of a result."""
-    return name.replace(" ", "_")
 
 
 def _start_flaws(file: StudyFile) -> list[Flaw]:

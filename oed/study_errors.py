@@ -12,6 +12,8 @@ from pydantic_core import ErrorDetails
 
 from oed.component import Component, OneOf
 from oed.errors import FileFlaw
+from oed.quantities import counts_as_zero
+from oed.shown import written
 from oed.yaml_source import YamlSource
 
 
@@ -26,7 +28,7 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
         missing = detail["type"] == "missing"
         place = source.flaw(path[:-1] if missing else path, "", missing=str(path[-1]) if missing else "")
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = _sentence(detail, root)
+        text = sentence(detail, root)
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
@@ -38,9 +40,10 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
     ]
 
 
-def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
+def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
+    """What is wrong with one value; `root` knows the keys that there are."""
     context = detail.get("ctx", {})
-    got = f"got {_short(detail['input'])}"
+    got = f"got {written(detail['input'])}"
     bounds = {
         "greater_than": ("gt", "more than"),
         "greater_than_equal": ("ge", "at least"),
@@ -56,7 +59,8 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         return str(context["error"])
     if kind in bounds:
         key, words = bounds[kind]
-        return f"expected {words} {context[key]}, {got}"
+        why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
+        return f"expected {words} {context[key]}, {got}{why}"
     if kind in ("literal_error", "union_tag_invalid"):
         expected = context.get("expected") or context.get("expected_tags")
         came = f"got {context['tag']!r}" if "tag" in context else got
@@ -79,6 +83,7 @@ def _sentence(detail: ErrorDetails, root: type[Component]) -> str:
         "tuple_type": "a list",
         "list_type": "a list",
         "dict_type": "keys and values",
+        "finite_number": "a finite number",
     }
     return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
 
@@ -87,11 +92,6 @@ def _unknown_key(key: str, known: Sequence[str]) -> str:
     close = difflib.get_close_matches(key, known, n=1)
     hint = f"did you mean {close[0]}? " if close else ""
     return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -20,6 +21,20 @@ Array = npt.NDArray[np.float64]
 def middles(duration: float, samples: int) -> Array:
     """Times (N,) [s] of the middles of N equal periods."""
     return np.asarray((np.arange(samples, dtype=np.float64) + 0.5) * (duration / samples))
+
+
+def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
+    """How fast inputs (N + 1, inputs) change that are held in N equal periods: from the spline's first value
+    to the middle of the first period, from middle to middle, and on to the last value.
+
+    With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these rates. It is
+    what search, scorer and bounds limit of splines that have no derivative, and what the polygon through the
+    middles has as slopes.
+    """
+    duration = float(knots[-1])
+    times = np.concatenate([[0.0], middles(duration, samples), [duration]])
+    held = spline.basis(knots, degree, times) @ coefficients
+    return np.asarray(np.diff(held, axis=0) / np.diff(times)[:, None])
 
 
 @dataclass(frozen=True)
@@ -49,7 +64,8 @@ class Trajectory:
         """Copy the arrays, check their shapes and make them read-only.
 
         Raises:
-            ValueError: knots and coefficients that do not match, or numbers that are not finite.
+            ValueError: knots and coefficients that do not match, or numbers that are not finite, or knots
+                that are no times from 0 to a duration.
         """
         for name in ("knots", "coefficients", "start"):
             array = np.array(getattr(self, name), dtype=float)
@@ -59,6 +75,8 @@ class Trajectory:
                 raise ValueError(f"{name} must be finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        if not len(self.knots) or self.knots[0] != 0 or self.duration <= 0 or np.any(np.diff(self.knots) < 0):
+            raise ValueError(f"expected knots that rise from 0 to a positive duration, got {self.knots}")
         expected = len(self.knots) - self.degree - 1
         if self.coefficients.ndim != 2 or len(self.coefficients) != expected:
             raise ValueError(
@@ -90,8 +108,15 @@ class Trajectory:
             start: start state, (runs, states) of several runs.
             rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
             runs: how many runs of equal length the periods are shared out to.
+
+        Raises:
+            ValueError: a duration that is not positive and finite, or no table of finite inputs.
         """
+        if not 0 < duration < math.inf:
+            raise ValueError(f"expected a positive, finite duration, got {duration}")
         rows, each = np.asarray(inputs, dtype=float), duration / runs
+        if rows.ndim != 2 or not len(rows):
+            raise ValueError(f"expected inputs of shape (N, inputs), got {rows.shape}")
         parts = []
         for run in np.split(rows, runs):
             ends = np.zeros((2, rows.shape[1])) if rest_to_rest else run[[0, -1]]
@@ -151,10 +176,12 @@ class Trajectory:
 
     def rates_at(self, times: Array) -> Array:
         """Time derivatives of the inputs, (rows, inputs): at `times` [s], or, for a piecewise constant
-        drive, the change from each period to the next over one period.
+        drive, those of `held_rates`.
         """
         if self.degree == 0:
-            return np.concatenate([np.diff(one.inputs, axis=0) for one in self.each]) / self.period
+            return np.concatenate(
+                [held_rates(one.knots, 0, one.coefficients, one.samples) for one in self.each]
+            )
         matrix, knots = spline.derivative(self.knots, self.degree)
         return spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients)
 
@@ -168,6 +195,18 @@ class Trajectory:
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
         return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
+
+    def extremes(self, order: int) -> Array:
+        """Values (K, inputs) among which every input's least and largest are, of all times; of an order of 1
+        or 2 those of its rates or jerks. K depends on knots and degree alone.
+        """
+        at = (Trajectory.inputs_at, Trajectory.rates_at, Trajectory.jerks_at)[order]
+        if order > self.degree:
+            return at(self, np.zeros(0))
+        runs = [
+            at(one, spline.extreme_times(one.knots, one.degree, one.coefficients, order)) for one in self.each
+        ]
+        return np.concatenate(runs)
 
 
 class Spline(Component):
@@ -243,11 +282,13 @@ class DesignSpace(Component):
     @property
     def rate_matrix(self) -> Array:
         """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
-        of the rate at all times; for degree 0, the jumps over one sample period.
+        of the rate at all times; for degree 0, the rates from period to period.
         """
         if self.spline.degree == 0:
-            own = np.diff(np.eye(self.spline.coefficients), axis=0) / self.period
-            return np.asarray(np.kron(np.eye(self.runs), own))
+            count = self.spline.coefficients
+            own = spline.clamped_knots(self.duration, count, 0)
+            rates = held_rates(own, 0, np.eye(count), self.samples)
+            return np.asarray(np.kron(np.eye(self.runs), rates))
         return spline.derivative(self.knots, self.spline.degree)[0].toarray()
 
     @property

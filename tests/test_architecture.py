@@ -26,14 +26,17 @@ FLOORS: tuple[set[str], ...] = (
         "signals",
         "extras",
         "lazy",
+        "names",
+        "shown",
     },
     {"models"},
     {"logs"},
-    {"trajectory", "rollout", "matrices"},
+    {"trajectory", "rollout", "matrices", "square_root", "enclosures"},
     {"measurements"},
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},
     {"problem"},
+    {"between"},
     {"evaluation"},
     {"departures", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},
@@ -53,6 +56,8 @@ FLOORS: tuple[set[str], ...] = (
         "robustness",
         "experiments",
         "calibration_record",
+        "stored",
+        "recorded_study",
         "estimation",
         "driven",
         "next_drive",
@@ -180,6 +185,13 @@ def test_no_module_imports_itself_in_a_circle():
 def test_casadi_is_imported_from_models_to_solvers_only(module: str):
     allowed = FLOOR.get(part_of(module)) in CASADI_FLOORS
     assert allowed or "casadi" not in libraries(module, lazy=True)
+
+
+@every_module
+def test_only_messages_and_tables_write_to_the_terminal(module: str):
+    calls = (node.func for node in ast.walk(MODULES[module]) if isinstance(node, ast.Call))
+    names = {func.id for func in calls if isinstance(func, ast.Name)}
+    assert module in ("oed.cli", "oed.console") or "print" not in names, "use oed.messages.tell or say"
 
 
 @every_module

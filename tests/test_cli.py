@@ -325,7 +325,7 @@ class TestRefusedAtTheStart:
         for command in ("check", "run"):
             code, _, err = call(capsys, command, "long.yaml")
             assert code == 2
-            assert "solvers.0.name: a name of 260 bytes" in err
+            assert "solvers.0.name: expected a name of at most 180 bytes, got 260" in err
 
 
 class TestEvaluate:
@@ -386,7 +386,7 @@ MISTAKES = {
         "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,fast,1\n",
         "wrong.yaml:3: wheel_speed_right: expected a finite number, got 'fast'",
     ),
-    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: not JSON"),
+    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: cannot be read: not JSON"),
 }
 
 

@@ -235,3 +235,15 @@ class TestPaths:
         values = problem.spread.draws(3, 9)
         expected = [evaluate(*other(problem, drive, row)).poses for row in values]
         np.testing.assert_allclose(paths(problem, drive, values), expected, atol=1e-12)
+
+
+def test_a_post_between_the_samples_counts():
+    # Straight through a post of 1 cm that no robot has a point of its grid in, whatever its radii.
+    post = Obstacles.model_validate([{"kind": "circle", "x": 0.76, "y": 0, "radius": 0.01}])
+    space = DesignSpace(duration=6, samples=6, rest_to_rest=False)
+    problem = problem_of(post, design=space, within={RIGHT: "0.01 %", LEFT: "0.01 %"})
+    drive = Trajectory.from_samples(np.full((6, 2), 0.5 / RADIUS), 6.0, (0, 0, 0), rest_to_rest=False)
+    found = leaving(problem, drive, draws=200, seed=3)
+    assert found.probability == 1
+    assert found.by_limit == {"obstacles": 1.0}
+    assert left(problem, drive, np.array([[RADIUS, RADIUS]])).all()

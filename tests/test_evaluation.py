@@ -24,13 +24,17 @@ def margins(evaluation: Evaluation) -> dict[str, float]:
     return {margin.name: margin.margin for margin in evaluation.margins}
 
 
+DENSE = 200
+"""Times per period at which the oracle looks."""
+
+
 def oracle_margins(problem: Problem, drive: Trajectory) -> dict[str, float]:
     """Distance to the speed limit, the acceleration limit and the box."""
-    times = np.linspace(0, drive.duration, 10 * drive.samples + 1)
+    times = np.union1d(np.linspace(0, drive.duration, DENSE * drive.samples + 1), drive.knots)
     held = oracle.spline_values(drive, (np.arange(drive.samples) + 0.5) * drive.duration / drive.samples)
     twists = np.array([oracle.differential_twist(row, RADIUS, RADIUS, TRACK) for row in held])
     period = drive.duration / drive.samples
-    path = oracle.fine_path(twists, drive.start, period, problem.design.integration, 10)
+    path = oracle.fine_path(twists, drive.start, period, problem.design.integration, DENSE)
     return {
         "wheel_speed": 10 - np.abs(oracle.spline_values(drive, times)).max(),
         "wheel_acceleration": 20 - np.abs(oracle.spline_values(drive, times, order=1)).max(),
@@ -47,7 +51,9 @@ def test_margins_are_the_oracles(rule: str, degree: int, amplitude: float):
     drive = random_drive(problem, degree, amplitude)
     found, expected = margins(evaluate(problem, drive)), oracle_margins(problem, drive)
     for name, value in expected.items():
-        assert found[name] == pytest.approx(value, abs=1e-9)
+        # Exact where limits are exceeded; inside, to a share of the distance.
+        close = 1e-5 if value < 0 else 1e-5 + 1e-4 * value
+        assert found[name] == pytest.approx(value, abs=close)
 
 
 def test_margins_of_a_piecewise_constant_drive():
@@ -58,6 +64,8 @@ def test_margins_of_a_piecewise_constant_drive():
     found = margins(evaluate(problem, drive))
     assert found["wheel_speed"] == pytest.approx(10 - np.abs(drive.coefficients).max())
     jumps = np.abs(np.diff(drive.coefficients, axis=0)).max() / 0.25
+    # Rest is half a period away from the middle of the first and the last one.
+    jumps = max(jumps, np.abs(drive.inputs[[0, -1]]).max() / 0.125)
     assert found["wheel_acceleration"] == pytest.approx(20 - jumps)
 
 

@@ -9,11 +9,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from oed.errors import UserMistake
-from oed.folders import drafted, interrupted_runs, updated
+from oed.folders import drafted, in_order, interrupted_runs, updated
 
 OLD = {"record.json": "old", "gone.csv": "old", "figures/a.svg": "old", "mine/notes.txt": "mine"}
 NEW = {"record.json": "new", "figures/b.svg": "new"}
@@ -223,6 +224,65 @@ def test_killed_at_any_moment_of_the_swap_there_is_the_old_or_the_new(
             break
     assert survived
     assert found == {"old", "new"}
+
+
+class TestLinks:
+    """Folders come from elsewhere too, with links that lead to what is the user's own."""
+
+    @pytest.fixture
+    def elsewhere(self, tmp_path: Path) -> Path:
+        return fill(tmp_path / "elsewhere", {"a.svg": "own", "old/own.txt": "own", "x": "own"})
+
+    @pytest.mark.parametrize("making", [drafted, updated])
+    def test_nothing_is_written_through_them(self, old: Path, elsewhere: Path, making: Callable[..., Any]):
+        shutil.rmtree(old / "figures")
+        (old / "figures").symlink_to(elsewhere)
+        with (
+            making(old) as draft,
+            pytest.raises(UserMistake, match=r"out/figures: a link that leads out of the folder"),
+        ):
+            draft.write(NEW)
+        with making(old) as draft:
+            draft.write({"record.json": "new"})
+            draft.publish(DROP)
+        assert (old / "figures").is_symlink()
+        assert contents(elsewhere) == {"a.svg": "own", "old/own.txt": "own", "x": "own"}
+
+    def test_one_that_is_a_file_is_replaced_itself(self, old: Path, elsewhere: Path):
+        (old / "record.json").unlink()
+        (old / "record.json").symlink_to(elsewhere / "x")
+        for making in (updated, drafted):
+            with making(old) as draft:
+                draft.write(NEW)
+                draft.publish(DROP)
+        assert contents(old) == AFTER
+        assert (elsewhere / "x").read_text() == "own"
+
+    @pytest.mark.parametrize("name", ["../x", "/x", "a/../../x", ".x", "a\nb"])
+    def test_no_name_leads_out(self, old: Path, name: str):
+        with drafted(old) as draft, pytest.raises(UserMistake):
+            draft.write({name: "new"})
+
+    @pytest.mark.parametrize("kind", ["oed", "pages"])
+    @pytest.mark.parametrize("link", ["", "holder", "draft", "old", "ready"])
+    def test_no_draft_is_put_in_order_through_them(self, old: Path, elsewhere: Path, kind: str, link: str):
+        planted = old.with_name(f".out.{kind}") / link
+        planted.parent.mkdir(exist_ok=True)
+        planted.symlink_to(elsewhere / ("x" if link == "holder" else ""))
+        making = drafted if kind == "oed" else updated
+        with pytest.raises(UserMistake, match="a link where"), making(old):
+            pass
+        assert in_order(old.with_name("none")) == old.with_name("none")
+        assert contents(elsewhere) == {"a.svg": "own", "old/own.txt": "own", "x": "own"}
+        assert contents(old) == OLD
+
+    def test_what_was_about_to_be_moved_is_not_moved_through_them(self, old: Path, elsewhere: Path):
+        fill(old.with_name(".out.pages") / "ready", NEW)
+        shutil.rmtree(old / "figures")
+        (old / "figures").symlink_to(elsewhere)
+        with pytest.raises(UserMistake, match="figures: a link that leads out of the folder"), updated(old):
+            pass
+        assert contents(elsewhere) == {"a.svg": "own", "old/own.txt": "own", "x": "own"}
 
 
 class TestLock:

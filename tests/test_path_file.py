@@ -152,6 +152,40 @@ class TestReading:
         assert [end.tolist() for end in ends] == [[[0, 0]], [[1, 2]]]
 
 
+class TestCutShort:
+    """A file that ends too early is refused, wherever it breaks off."""
+
+    WHOLE = trajectory_csv(
+        PROBLEM, random_drive(PROBLEM, 0), evaluate(PROBLEM, random_drive(PROBLEM, 0)).poses
+    )
+
+    @pytest.mark.parametrize("share", np.linspace(0.1, 0.99, 40))
+    def test_anywhere(self, tmp_path: Path, share: float):
+        file = tmp_path / "path.csv"
+        file.write_text(self.WHOLE[: int(share * len(self.WHOLE))])
+        with pytest.raises(PathFileError) as caught:
+            read_trajectory(file, PROBLEM)
+        assert caught.value.flaws[0].line == len(file.read_text().splitlines())
+
+    def test_between_two_rows(self, tmp_path: Path):
+        rows = self.WHOLE.splitlines()
+        (flaw,) = flaws_of(tmp_path, *rows[:20])
+        assert flaw.line == 20
+        assert "the last row, with the final pose and no inputs, is missing" in flaw.message
+        (flaw,) = flaws_of(tmp_path, *rows[:-1])
+        assert flaw.line == len(rows) - 1
+
+    def test_of_a_path_without_poses_within_a_number(self, tmp_path: Path):
+        (tmp_path / "path.csv").write_text(f"{HEADER}\n0,1.5,1.5\n1,1.5,1.5\n2,1.5,1.")
+        with pytest.raises(PathFileError, match="is the file cut short"):
+            read_trajectory(tmp_path / "path.csv", PROBLEM)
+
+    def test_a_row_of_other_length(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, POSES, "0,1,2,0,0,0", "1,3,4,0", "2,,,0,0,0")
+        assert flaw.line == 3
+        assert "expected 6 cells, as in the header, got 4" in flaw.message
+
+
 class TestMistakes:
     @pytest.mark.parametrize(
         ("header", "missing"),
@@ -232,6 +266,26 @@ class TestMistakes:
     def test_times_that_do_not_rise(self, tmp_path: Path, times):
         (flaw,) = flaws_of(tmp_path, HEADER, *(f"{time},1,1" for time in times))
         assert (flaw.line, flaw.key) == (3, "t")
+
+    def test_times_that_fall_are_said_to(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0.3,1,1", "0.2,1,1", "0.1,,")
+        assert flaw.message == "expected t to rise, got 0.2 s after 0.3 s"
+
+    @pytest.mark.parametrize("cell", ["1e13", "-1e29"])
+    def test_numbers_beyond_all_robots(self, tmp_path: Path, cell: str):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", f"1,{cell},1", "2,1,1")
+        assert (flaw.line, flaw.key) == (3, "wheel_speed_right")
+        assert "at most 1e+12" in flaw.message
+
+    @pytest.mark.parametrize("column", ["t", "wheel_speed_left", "x", "note"])
+    def test_a_column_twice(self, tmp_path: Path, column: str):
+        (flaw,) = flaws_of(tmp_path, f"{POSES},note,{column}", *["0,1,1,0,0,0,,1"] * 3)
+        assert flaw.line == 1
+        assert f"has {column} twice" in flaw.message
+
+    def test_a_stray_quote(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", '1,"1,1', "2,1,1", '3,"1,1', "4,1,1")
+        assert flaw.line == 3
 
     @pytest.mark.parametrize("rows", [[], ["0,1,1"]])
     def test_too_few_rows(self, tmp_path: Path, rows: list[str]):

@@ -12,6 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 from oed.component import Component
 from oed.quantities import (
     _COMMON,
+    LARGEST,
+    SMALLEST,
     Angle,
     AngularSpeed,
     Duration,
@@ -19,6 +21,7 @@ from oed.quantities import (
     Ratio,
     _common_factor,
     _factor,
+    counts_as_zero,
     parse_quantity,
 )
 
@@ -101,16 +104,39 @@ def test_values_that_are_not_finite_are_refused(value):
         parse_quantity(value, "m")
 
 
+TOO_LARGE = ["1.1e12 m", "1e300 m", "1e300 km", "-1e10 km", 1e13, -1e29, 10**13, 10**5000]
+
+
+@pytest.mark.parametrize("value", TOO_LARGE, ids=range(len(TOO_LARGE)))
+def test_what_no_robot_has_is_refused(value):
+    with pytest.raises(
+        ValueError, match=r"expected a length \[m\] of at most 1e\+12 in SI units, got"
+    ) as caught:
+        parse_quantity(value, "m")
+    assert len(str(caught.value)) < 150
+
+
+@pytest.mark.parametrize("value", ["1e-13 m", "1e-300 m", "-9e-10 mm", 6.1e-17, -5e-324])
+def test_what_rounding_leaves_is_nothing(value):
+    assert parse_quantity(value, "m") == 0
+
+
+def test_nothing_is_refused_where_a_size_is_needed_and_said_why():
+    assert counts_as_zero("1e-13 m") == "; less than 1e-12 in SI units counts as 0"
+    assert [counts_as_zero(value) for value in ("-1 m", 0, "x", None)] == [""] * 4
+
+
 SCALES = [("cm", "m", 1e-2), ("deg", "rad", math.pi / 180), ("ms", "s", 1e-3), ("rpm", "rad/s", math.pi / 30)]
 
 
 @given(number=st.floats(-1e9, 1e9), scale=st.sampled_from(SCALES))
 def test_a_unit_is_a_factor(number, scale):
     text, unit, factor = scale
-    assert parse_quantity(f"{number!r} {text}", unit) == pytest.approx(number * factor, rel=1e-12, abs=1e-300)
+    read = parse_quantity(f"{number!r} {text}", unit)
+    assert read == pytest.approx(number * factor, rel=1e-12, abs=SMALLEST)
 
 
-@given(number=st.floats(allow_nan=False, allow_infinity=False))
+@given(number=st.floats(SMALLEST, LARGEST) | st.floats(-LARGEST, -SMALLEST) | st.just(0.0))
 def test_bare_numbers_are_si(number):
     assert parse_quantity(number, "m") == number
     assert parse_quantity(repr(number), "m") == number

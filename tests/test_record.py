@@ -26,7 +26,7 @@ from oed.record import (
 )
 from oed.runner import record
 from oed.solution import HistoryPoint, Solution, Start, Status, scored
-from oed.study import parse_study
+from oed.study import ValidationOptions, parse_study
 from oed.trajectory import Trajectory
 from oed.validation import validate
 
@@ -63,7 +63,8 @@ def solutions() -> list[Solution]:
 @pytest.fixture(scope="module")
 def made() -> Record:
     result = validate(PROBLEM, random_drive(PROBLEM, 3, 1.0), replicates=200, seed=0)
-    validation = {"replicates": 200, "results": [validation_data("ipopt", result)]}
+    options = ValidationOptions(replicates=200).model_dump(mode="json")
+    validation = {**options, "seed": 0, "results": [validation_data("ipopt", result)]}
     return record(STUDY, solutions(), 3, validation=validation)
 
 

@@ -13,7 +13,8 @@ from oed.calibration_record import save_estimate
 from oed.cli import main
 from oed.estimation import estimate
 from oed.record import Record
-from oed.study import load_study, recorded_study
+from oed.recorded_study import recorded_study
+from oed.study import load_study
 
 
 def test_it_is_what_its_simulation_writes():

@@ -6,13 +6,17 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from oed.cli import main
 from oed.errors import StudyError, UserMistake
+from oed.logs import read_logs
+from oed.path_file import write_trajectory
 from oed.solvers import Ipopt, solve
 from oed.starter import SENSORS, Choice, robots, sizes_needed, starter
-from oed.study import load_study, parse_study
+from oed.study import Study, load_study, parse_study
+from oed.trajectory import Trajectory
 
 every_robot = pytest.mark.parametrize("robot", robots())
 LARGE = "8 m x 6 m"
@@ -46,6 +50,47 @@ def test_it_solves(robot: str):
 def test_every_sensor(robot: str, sensor: str):
     study = parse_study(starter(Choice(robot, room=LARGE, sensor=sensor)))
     study.require_identifiable()
+
+
+def with_its_log(text: str) -> str:
+    """The study with the lines about its log not commented out any more."""
+    lines = text.splitlines()
+    first = lines.index("# log:")
+    count = next(row for row, line in enumerate(lines[first + 1 :], start=1) if not line.startswith("#   "))
+    return "\n".join(
+        [*lines[:first], *(line[2:] for line in lines[first : first + count]), *lines[first + count :]]
+    )
+
+
+def logged(study: Study, folder: Path) -> Path:
+    """A log of a drive of the study's robot, with the columns of the package's own paths."""
+    problem, rows = study.problem, 100
+    inputs = np.sin(np.arange(rows)[:, None] / 9 + np.arange(len(problem.model.inputs)))
+    drive = Trajectory.from_samples(inputs, 20.0, problem.start_states(np.zeros(3)))
+    poses = np.cumsum(np.random.default_rng(0).uniform(0, 0.1, (rows + 1, len(problem.model.states))), axis=0)
+    write_trajectory(folder / "drive.csv", problem, drive, poses)
+    return folder / "drive.csv"
+
+
+@pytest.mark.parametrize(
+    ("robot", "sensor"), [*((robot, "poses") for robot in robots()), ("tricycle", "positions")]
+)
+def test_its_log_is_read_as_it_says(robot: str, sensor: str, tmp_path: Path):
+    study = parse_study(with_its_log(starter(Choice(robot, room=LARGE, sensor=sensor))))
+    assert study.file.log is not None
+    model = study.problem.model
+    file = logged(study, tmp_path)
+    (log,) = read_logs([file], study.log, model)
+    table = np.genfromtxt(file, delimiter=",", names=True)
+    held = np.column_stack([table[name][:-1] for name in model.input_names])
+    steering = [not entry.drives for entry in model.inputs]
+    means = np.diff(log.integrals, axis=0) / np.diff(log.input_times)[:, None]
+    # An angle runs in straight lines from row to row, a speed is held.
+    between = (held[1:] + held[:-1]) / 2
+    expected = np.where(steering, between, held[:-1])
+    np.testing.assert_allclose(means[: len(between)], expected, atol=1e-9)
+    assert ("heading" in log.quantities) == (sensor == "poses")
+    assert ("trailer_angle" in log.quantities) == ("trailer_angle" in model.states)
 
 
 def test_the_papers_regression_is_not_for_steered_robots():

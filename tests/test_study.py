@@ -338,7 +338,7 @@ BROKEN = {
         f"    starts: 1\n    name: {'ä' * 130}",
         "name: ä",
         "solvers.1.name",
-        "a name of 260 bytes, and files are named after it: expected at most 200",
+        "expected a name of at most 180 bytes, got 260",
     ),
     "scale of no parameter": (
         "scaling: none",

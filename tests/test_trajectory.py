@@ -54,6 +54,24 @@ def test_arrays_are_read_only_copies():
             getattr(drive, name)[0] = 1
 
 
+@pytest.mark.parametrize("duration", [-10, 0, float("nan"), float("inf")])
+def test_a_duration_that_is_none_is_refused(duration):
+    with pytest.raises(ValueError, match="expected a positive, finite duration"):
+        Trajectory.from_samples(np.ones((5, 2)), duration, START)
+
+
+@pytest.mark.parametrize("rows", [np.zeros((0, 2)), np.ones(5), np.ones((5, 2, 1))])
+def test_inputs_that_are_no_table_are_refused(rows):
+    with pytest.raises(ValueError, match="expected inputs of shape"):
+        Trajectory.from_samples(rows, 1.0, START)
+
+
+@pytest.mark.parametrize("knots", [[], [0, 0, 0, 0], [0, 0, -1, -1], [1, 1, 2, 2], [0, 0, 2, 1, 2, 2]])
+def test_knots_that_are_no_times_are_refused(knots):
+    with pytest.raises(ValueError, match="expected knots that rise from 0"):
+        Trajectory(np.array(knots), 1, np.zeros((max(len(knots) - 2, 0), 2)), START, 4)
+
+
 @pytest.mark.parametrize("shape", [(4, 2), (6, 2), (5,), (5, 2, 1)])
 def test_coefficients_of_another_shape_are_refused(shape):
     space = DesignSpace(duration=2, spline=Spline(coefficients=5))
@@ -104,11 +122,24 @@ def test_rates_of_a_piecewise_constant_drive_are_jumps_over_a_period():
     space = DesignSpace(duration=4, samples=8, spline=Spline(degree=0, coefficients=4))
     drive = space.trajectory([[0, 0], [2, -4], [2, 0], [0, 0]], START)
     jumps = drive.rates_at(np.array([0.0]))
-    assert jumps.shape == (7, 2)
-    assert jumps[:, 0] == pytest.approx([0, 4, 0, 0, 0, -4, 0])
-    assert jumps[:, 1] == pytest.approx([0, -8, 0, 8, 0, 0, 0])
-    rows = space.rate_matrix @ drive.coefficients
-    assert np.abs(rows).max(axis=0) == pytest.approx(np.abs(jumps).max(axis=0))
+    assert jumps.shape == (9, 2)
+    assert jumps[:, 0] == pytest.approx([0, 0, 4, 0, 0, 0, -4, 0, 0])
+    assert jumps[:, 1] == pytest.approx([0, 0, -8, 0, 8, 0, 0, 0, 0])
+    np.testing.assert_allclose(space.rate_matrix @ drive.coefficients, jumps, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [6, 12, 13, 18, 36])
+def test_rates_of_held_steps_are_those_of_the_polygon_through_the_middles(count: int):
+    # From rest and to rest as well, however many coefficients share a period.
+    space = DesignSpace(duration=4, samples=12, spline=Spline(degree=0, coefficients=count))
+    coefficients = np.random.default_rng(count).normal(size=(count, 2))
+    coefficients[[0, -1]] = 0
+    drive = space.trajectory(coefficients, START)
+    polygon = Trajectory.from_samples(drive.inputs, 4.0, START)
+    expected = polygon.rates_at(np.concatenate([[0.0], np.arange(12) * 4 / 12 + 4 / 24 + 1e-9]))
+    np.testing.assert_allclose(drive.rates_at(np.zeros(0)), expected, atol=1e-9)
+    np.testing.assert_allclose(space.rate_matrix @ coefficients, expected, atol=1e-9)
+    assert np.abs(drive.extremes(1)).max() == pytest.approx(np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("rest", "expected"), [(True, [1, 2, 3, 4]), (False, [0, 1, 2, 3, 4, 5])])

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from oed.bounds.caps import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_caps
-from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate
+from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate, bound_on, gap
 from oed.bounds.joint import joint_caps
 from oed.bounds.motion import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.criteria import E
-from oed.evaluation import evaluate
+from oed.evaluation import TOLERANCE, evaluate
 from oed.measurements.displacements import Displacements
 from oed.problem import Problem
 from oed.trajectory import Trajectory
 
-TIME_LIMIT = 5.0
-"""Seconds that the search for a bound may take."""
+Array = npt.NDArray[np.float64]
+
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
 EXACTLY = (
-    "limits kept exactly, without the 0.1 % that scoring tolerates",
+    f"limits kept exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
 )
-SECONDS_PER_STEP = 1e-8
-"""Measured time of one step of the dynamic programming, generously."""
+TOLERATED = (
+    f"limits, duration, start and rest kept within the {100 * TOLERANCE:g} % that scoring tolerates",
+    "as many samples as the study's",
+)
+MOST_STEPS = 5e8
+"""Comparisons of one pass of the dynamic programming above which a lattice is too fine for it."""
 LATTICE = "lattice"
 """Name and kind of the drive that the lattice's search comes upon."""
 NOTHING = "no bound is known for this robot, criterion and measurement"
@@ -36,26 +41,40 @@ NOTHING = "no bound is known for this robot, criterion and measurement"
 MEAN = "no bound is known for the mean over robots"
 
 
-def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP) -> Certificate:
-    """The smallest upper bound on a problem's objective that is proved here, with its assumptions.
+def bound(
+    problem: Problem, *, nodes: int | None = None, time_limit: float | None = None, gap: float = GAP
+) -> Certificate:
+    """The smallest upper bound on a problem's objective that is proved here, with its assumptions; beside it
+    the same for limits widened by what scoring tolerates.
 
     Args:
         problem: with criterion E.
-        time_limit: of the search by branch and bound [s].
+        nodes: of the search by branch and bound at most; by default as many as take some seconds.
+        time_limit: of that search [s]; none by default, for what it leaves depends on the machine.
         gap: at which that search ends.
     """
     began = time.perf_counter()
     if problem.robust is not None and problem.robust.objective == "mean":
         # A cap is of the nominal robot, which limits the worst of several, but not their mean.
-        return Certificate(np.inf, MEAN, (), None, (), None, True, time.perf_counter() - began)
-    caps, drive, complete = _caps_of_runs(problem), None, True
-    searched = _lattice(problem, time_limit, gap)
-    if searched is not None:
-        found, cap = searched
-        caps.append(cap)
-        drive, complete = _lattice_drive(problem, found), found.complete
+        return Certificate(np.inf, MEAN, (), wall_seconds=time.perf_counter() - began)
+    looser = problem.widened(TOLERANCE)
+    caps, widened = _caps_of_runs(problem), _caps_of_runs(looser)
+    found = _lattice(problem, nodes, time_limit, gap)
+    if found is not None:
+        caps.append(_lattice_cap(problem, found.upper, found))
+        if _program(looser) is not None:
+            widened.append(_lattice_cap(looser, found.of_others(*_speeds(looser)), found))
+    return replace(
+        _smallest(caps, EXACTLY, found),
+        drive=None if found is None else _lattice_drive(problem, found),
+        widened=_smallest(widened, TOLERATED, found),
+        wall_seconds=time.perf_counter() - began,
+    )
+
+
+def _smallest(caps: Sequence[Cap], assumptions: tuple[str, ...], found: LatticeBound | None) -> Certificate:
     inflated = [
-        Cap(one.value * (1 + INFLATION), one.method, (*one.assumptions, *EXACTLY), one.multiplier)
+        replace(one, value=one.value * (1 + INFLATION), assumptions=(*one.assumptions, *assumptions))
         for one in caps
     ]
     inflated.sort(key=lambda one: one.value)
@@ -66,9 +85,8 @@ def bound(problem: Problem, *, time_limit: float = TIME_LIMIT, gap: float = GAP)
         best.assumptions,
         best.multiplier,
         tuple(inflated),
-        drive,
-        complete,
-        time.perf_counter() - began,
+        complete=found is None or found.complete,
+        nodes=0 if found is None else found.nodes,
     )
 
 
@@ -105,7 +123,24 @@ def _caps(problem: Problem) -> Iterator[Cap]:
         yield from joint_caps(problem)
 
 
-def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBound, Cap] | None:
+def _lattice(
+    problem: Problem, nodes: int | None, time_limit: float | None, gap: float
+) -> LatticeBound | None:
+    if _program(problem) is None:
+        return None
+    return lattice_bound(*_speeds(problem), gap=gap, nodes=nodes, time_limit=time_limit)
+
+
+def _program(problem: Problem) -> LatticeProgram | None:
+    # None where a lattice proves nothing, or is so fine that not even one Z could be tried.
+    if not _sampled(problem):
+        return None
+    limits, weights, _ = _speeds(problem)
+    program = LatticeProgram(limits, weights)
+    return program if program.steps <= MOST_STEPS else None
+
+
+def _sampled(problem: Problem) -> bool:
     # Where every sample is measured for itself, and the inputs act on the ground as they are.
     measurement = problem.measurement
     if (
@@ -118,32 +153,27 @@ def _lattice(problem: Problem, time_limit: float, gap: float) -> tuple[LatticeBo
         or len(problem.model.coefficient_names) != 2
         or not unslipped(problem)
     ):
-        return None
+        return False
     one = problem.any_estimations[-1]
-    if one.judged != one.block.parameters:
-        # The lattice's inputs are in the order of W's columns.
-        return None
-    space = problem.design
-    step = space.period * float(largest_rates(problem).max())
-    limits = SpeedLimits(
-        space.samples, problem.input_bounds, step, step / 2 if space.rest_to_rest else np.inf
-    )
-    weights = space.period * one.scales / noise_of(problem, one)
-    if LatticeProgram(limits, weights).steps * SECONDS_PER_STEP > time_limit:
-        # So fine a lattice that not even one Z could be tried.
-        return None
-    found = lattice_bound(
-        limits,
-        weights,
-        prior_matrix(problem, one),
-        gap=gap,
-        time_limit=time_limit,
-    )
+    # The lattice's inputs are in the order of W's columns.
+    return one.judged == one.block.parameters
+
+
+def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
+    # Limits of the speeds, weights, and what is known beforehand.
+    space, one = problem.design, problem.any_estimations[-1]
+    rate = float(largest_rates(problem).max())
+    ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
+    limits = SpeedLimits(space.samples, problem.input_bounds, space.period * rate, ends)
+    return limits, space.period * one.scales / noise_of(problem, one), prior_matrix(problem, one)
+
+
+def _lattice_cap(problem: Problem, value: float, found: LatticeBound) -> Cap:
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
-    if space.integration == "arc":
+    if problem.design.integration == "arc":
         assumptions.append("arcs tell at most as much as chords of full length")
-    return found, Cap(found.upper, method, tuple(assumptions), found.multiplier)
+    return Cap(value, method, tuple(assumptions), found.multiplier)
 
 
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
@@ -164,4 +194,4 @@ def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]
 
 
-__all__ = ["GAP", "LATTICE", "LOOSE", "TIME_LIMIT", "Cap", "Certificate", "bound"]
+__all__ = ["GAP", "LATTICE", "LOOSE", "Cap", "Certificate", "bound", "bound_on", "gap"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from oed.evaluation import Evaluation
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -15,6 +16,8 @@ INFLATION = 1e-9
 """Share by which every bound is raised, far above what rounding can have taken from it."""
 LOOSE = 0.05
 """Gap above which a bound is called loose."""
+EXACT = 1e-9
+"""Share of a limit's size by which a drive that satisfies it exactly may exceed it, for rounding."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,14 @@ class Certificate:
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:
-        upper_bound: no drive that keeps the limits has a larger objective; infinite if nothing is proved.
+        upper_bound: no drive that satisfies the limits exactly has a larger objective; infinite if nothing
+            is proved.
         method, assumptions, multiplier: of that bound.
         caps: every bound found, the smallest first.
         drive: a drive that the search for the bound came upon, where it did.
-        complete: whether the search for it ended by itself, not by its time limit.
+        complete: whether the search for it ended by itself, not by the most nodes allowed.
+        nodes: of that search, 0 without one.
+        widened: the same of limits widened by what scoring tolerates: no feasible drive exceeds it.
         wall_seconds: of the computation.
     """
 
@@ -54,12 +60,36 @@ class Certificate:
     caps: tuple[Cap, ...] = ()
     drive: Trajectory | None = None
     complete: bool = True
+    nodes: int = 0
+    widened: Certificate | None = None
     wall_seconds: float = field(default=0.0, compare=False)
+
+    def bound_on(self, evaluation: Evaluation) -> float:
+        """The bound that a drive is to be held against; see `bound_on`."""
+        widened = None if self.widened is None else self.widened.upper_bound
+        return bound_on(evaluation, self.upper_bound, widened)
 
     def gap(self, objective: float) -> float:
         """By what share the bound exceeds an objective: upper_bound / objective - 1."""
-        return self.upper_bound / objective - 1 if objective > 0 else np.inf
+        return gap(self.upper_bound, objective)
 
     def loose(self, objective: float) -> bool:
         """Whether the bound leaves much open about a design of that objective."""
         return self.gap(objective) > LOOSE
+
+
+def gap(bound: float, objective: float) -> float:
+    """By what share a bound exceeds an objective."""
+    return bound / objective - 1 if objective > 0 else np.inf
+
+
+def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> float:
+    """The bound that a drive is to be held against, of two for exact and for widened limits.
+
+    The widened one for a drive that satisfies the limits within the tolerance only.
+    """
+    if widened is None or not evaluation.feasible:
+        return exact
+    kept = all(margin.violation <= EXACT * margin.size for margin in evaluation.margins)
+    # What is kept to rounding may exceed by rounding.
+    return exact if kept and evaluation.objective <= exact else widened

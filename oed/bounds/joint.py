@@ -135,7 +135,9 @@ def _spread(
     steps = problem.design.period * speeds
     starts = problem.fixed_starts
     first = (None, None) if starts is None else (float(starts[0, 0]), float(starts[0, 1]))
-    x_min, x_max, y_min, y_max = bounds
+    # Moved to where it should begin, a path that does not begin there needs so much more room.
+    more = problem.start_spare
+    x_min, x_max, y_min, y_max = (one + sign * more for one, sign in zip(bounds, (-1, 1, -1, 1), strict=True))
     return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
         y_min, y_max, first[1], steps, read
     )

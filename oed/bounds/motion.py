@@ -12,6 +12,7 @@ from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import follows_state, step
 from oed.models.skid_steer import SkidSteer
 from oed.problem import Problem
+from oed.trajectory import middles
 
 Array = npt.NDArray[np.float64]
 
@@ -24,20 +25,15 @@ def input_reach(problem: Problem) -> Array:
     largest = np.abs(problem.input_bounds).max(axis=1)
     reach = np.tile(largest, (space.samples, 1))
     if space.rest_to_rest:
-        times = (np.arange(space.samples) + 0.5) * space.period
-        spare = np.minimum(times, space.duration - times)
-        reach = np.minimum(reach, np.outer(spare, largest_rates(problem)))
+        times = middles(space.duration, space.samples)
+        spare = np.minimum(times, times[::-1])
+        reach = np.minimum(reach, problem.rest_spare + np.outer(spare, largest_rates(problem)))
     return np.asarray(reach)
 
 
 def largest_rates(problem: Problem) -> Array:
     """Largest magnitude of each input's rate, (inputs,); infinite where nothing limits it."""
-    rates = np.full(len(problem.model.inputs), np.inf)
-    for limit in problem.limits:
-        for name, bounds in limit.rate_bounds(problem.model).items():
-            index = problem.model.input_names.index(name)
-            rates[index] = min(rates[index], float(np.abs(bounds).max()))
-    return rates
+    return np.asarray(np.abs(problem.rate_bounds).max(axis=1))
 
 
 def grip(problem: Problem) -> float | None:
@@ -88,7 +84,9 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
     found = workspace_of(problem.limits)
     if found is None:
         return None
-    x_min, x_max, y_min, y_max = found.extent
+    x_min, x_max, y_min, y_max = found.widened_extent(problem.excess)
+    if not np.isfinite(x_min):
+        return None
     own = problem.model.body_radius
     return x_min + own, x_max - own, y_min + own, y_max - own
 
@@ -96,7 +94,7 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
 def path_budget(problem: Problem) -> float | None:
     """How far the robot's origin may go [m]; None where nothing limits it."""
     found = [limit for limit in problem.limits if isinstance(limit, PathLength)]
-    return found[0].bounds if found else None
+    return (1 + problem.excess) * found[0].bounds if found else None
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import heapq
 import itertools
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,10 @@ CUTS = 30
 """Cutting planes for one node at most."""
 ENOUGH = 1e-5
 """Share of the bound by which one more cutting plane has to lower it."""
+WORK = 3e9
+"""Comparisons that a search may take unless told otherwise: some 5 s."""
+PER_PERIOD, PER_PLANE = 4e4, 1.5e6
+"""What a period of one pass, and finding the next Z, cost besides, in comparisons' time."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,17 @@ class SpeedLimits:
     bounds: Array
     step: float
     ends: float
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether driving everything the other way round is allowed as well."""
+        return bool(np.allclose(self.bounds.sum(axis=1), 0.0))
+
+    @property
+    def both_ways(self) -> SpeedLimits:
+        """Limits that also allow everything the other way round."""
+        largest = np.abs(self.bounds).max(axis=1)
+        return replace(self, bounds=np.stack([-largest, largest], axis=1))
 
 
 def lattice(low: float, high: float, step: float, ends: float) -> Array:
@@ -89,7 +104,7 @@ class LatticeProgram:
         first, second = self.neighbours
         return int(self.limits.samples * len(first) * len(second) * (first.shape[1] + second.shape[1]))
 
-    def maximise(self, matrix: Array, conditions: dict[int, tuple[int, int]]) -> tuple[float, Array]:
+    def maximise(self, matrix: Array, conditions: Mapping[int, tuple[int, int]]) -> tuple[float, Array]:
         """The largest tr(Z F), and the speeds (N, 2) that reach it (scaled by S); -inf if there are none."""
         cost = np.einsum("aij,ab,bij->ij", self.scaled, matrix, self.scaled)
         count = self.limits.samples
@@ -102,7 +117,7 @@ class LatticeProgram:
         best = float(values.max())
         return best, self._trace(table) if np.isfinite(best) else np.zeros((count, 2))
 
-    def _kept(self, values: Array, index: int, conditions: dict[int, tuple[int, int]]) -> Array:
+    def _kept(self, values: Array, index: int, conditions: Mapping[int, tuple[int, int]]) -> Array:
         # Values of the speeds that are allowed in a period; -inf for the others.
         if index in (0, self.limits.samples - 1):
             values = np.where(self.ends, values, -np.inf)
@@ -150,6 +165,19 @@ class _Node:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A part of all speeds, and the Z (2, 2) that bounds it; the parts of a search hold all of them.
+
+    Attributes:
+        conditions: signs of both speeds by period, about the middle of their bounds.
+        multiplier: Z.
+    """
+
+    conditions: Mapping[int, tuple[int, int]]
+    multiplier: Array
+
+
+@dataclass(frozen=True)
 class LatticeBound:
     """What the search found.
 
@@ -160,7 +188,9 @@ class LatticeBound:
         speeds: those, (N, 2).
         multiplier: Z of the bound before any branching, (2, 2).
         nodes: branchings' nodes.
-        complete: whether the gap asked for was reached, rather than the time limit.
+        complete: whether the gap asked for was reached, rather than the most nodes or the time limit.
+        parts: into which the branchings took all speeds apart.
+        limits: those of the speeds.
     """
 
     upper: float
@@ -170,10 +200,28 @@ class LatticeBound:
     multiplier: Array
     nodes: int
     complete: bool
+    parts: tuple[Part, ...]
+    limits: SpeedLimits
+
+    def of_others(self, limits: SpeedLimits, weights: Array, constant: Array) -> float:
+        """A bound of slightly other limits and weights, by the same parts: any Z is valid for those too."""
+        # Parts that left out what is the same the other way round need limits of which that is true.
+        own = limits.both_ways if self.limits.symmetric else limits
+        program = LatticeProgram(own, weights)
+        return max(
+            program.maximise(part.multiplier, part.conditions)[0] + float(np.sum(part.multiplier * constant))
+            for part in self.parts
+        )
 
 
 def lattice_bound(
-    limits: SpeedLimits, weights: Array, constant: Array, *, gap: float = 2e-4, time_limit: float = 5.0
+    limits: SpeedLimits,
+    weights: Array,
+    constant: Array,
+    *,
+    gap: float = 2e-4,
+    nodes: int | None = None,
+    time_limit: float | None = None,
 ) -> LatticeBound:
     """Bound the smallest eigenvalue of S (sum w w') S + constant over all speeds within `limits`.
 
@@ -182,44 +230,71 @@ def lattice_bound(
         weights: S (2,).
         constant: (2, 2), e.g. a prior's information.
         gap: share of the best speeds found by which the bound may exceed it.
-        time_limit: after which the bound so far is taken [s].
+        nodes: after which the bound so far is taken; by default after so many cutting planes, `usual_planes`,
+            as take some seconds.
+        time_limit: the same by the clock [s]; what is found then depends on the machine.
     """
-    return _Search(LatticeProgram(limits, weights), constant, gap, time_limit).run()
+    program = LatticeProgram(limits, weights)
+    planes = usual_planes(program) if nodes is None else CUTS * nodes
+    deadline = np.inf if time_limit is None else time.perf_counter() + time_limit
+    return _Search(program, constant, gap, nodes or planes, planes, deadline).run()
+
+
+def usual_planes(program: LatticeProgram) -> int:
+    """Cutting planes that take about as long for every lattice: a matter of the study, not of the machine."""
+    return max(1, round(WORK / (program.steps + PER_PERIOD * program.limits.samples + PER_PLANE)))
 
 
 class _Search:
-    def __init__(self, program: LatticeProgram, constant: Array, gap: float, time_limit: float) -> None:
+    def __init__(
+        self,
+        program: LatticeProgram,
+        constant: Array,
+        gap: float,
+        most: int,
+        planes: int,
+        deadline: float,
+    ) -> None:
         self.program, self.weights, self.constant = program, program.weights, constant
-        self.gap, self.deadline = gap, time.perf_counter() + time_limit
+        self.gap, self.deadline = gap, deadline
+        self.nodes, self.most, self.planes = 0, most, planes
         self.lower, self.best = -np.inf, np.zeros((program.limits.samples, 2))
         self.serial = itertools.count()
+        self.closed: list[_Node] = []
+        self.empty: list[Part] = []
 
     def run(self) -> LatticeBound:
         root = self._node({}, np.zeros(2), np.inf)
         assert root is not None
-        queue, nodes, floor = [root], 1, self.lower
+        queue = [root]
         while queue and queue[0].bound > self.lower * (1 + self.gap):
-            if time.perf_counter() > self.deadline:
+            if self._spent or self.nodes >= self.most:
                 break
             node = heapq.heappop(queue)
             children = self._children(node)
             if not children:
-                floor = max(floor, node.bound)
+                self.closed.append(node)
             for conditions in children:
-                nodes += 1
                 child = self._node(conditions, node.point, node.bound)
                 if child is not None:
                     heapq.heappush(queue, child)
-        upper = max([self.lower, floor, *(node.bound for node in queue[:1])])
+        left = [*self.closed, *queue]
+        upper = max([self.lower, *(node.bound for node in left)])
         return LatticeBound(
             upper=upper,
             root=root.bound,
             lower=self.lower,
             speeds=self.best / self.weights,
             multiplier=_multiplier(root.point),
-            nodes=nodes,
+            nodes=self.nodes,
             complete=upper <= self.lower * (1 + self.gap),
+            parts=(*(Part(node.conditions, _multiplier(node.point)) for node in left), *self.empty),
+            limits=self.program.limits,
         )
+
+    @property
+    def _spent(self) -> bool:
+        return self.planes <= 0 or time.perf_counter() > self.deadline
 
     def _node(self, conditions: dict[int, tuple[int, int]], point: Array, above: float) -> _Node | None:
         # Cutting planes: every point tried gives a valid bound, and a plane under the true function.
@@ -227,9 +302,12 @@ class _Search:
         paths: list[Array] = []
         bound, chosen = above, point
         shares = np.ones(1)
+        self.nodes += 1
         for _ in range(CUTS):
+            self.planes -= 1
             value, path = self.program.maximise(_multiplier(point), conditions)
             if not np.isfinite(value):
+                self.empty.append(Part(conditions, _multiplier(point)))
                 return None
             matrix = path.T @ path + self.constant
             value += float(np.sum(_multiplier(point) * self.constant))
@@ -242,7 +320,7 @@ class _Search:
             self._note_joined(paths, shares)
             if bound - least <= ENOUGH * abs(bound) or bound <= self.lower * (1 + self.gap):
                 break
-            if time.perf_counter() > self.deadline:
+            if self._spent:
                 break
         return _Node(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
 
@@ -281,7 +359,7 @@ class _Search:
         moment = int(np.argmax(away * (0.1 + spread)))
         if away[moment] == 0:
             return []
-        symmetric = not node.conditions and bool(np.allclose(self.program.limits.bounds.sum(axis=1), 0.0))
+        symmetric = not node.conditions and self.program.limits.symmetric
         # Driving everything the other way round is as good: at first, one sign is enough.
         pairs = [(1, 1), (1, -1)] + ([] if symmetric else [(-1, 1), (-1, -1)])
         return [{**node.conditions, moment: pair} for pair in pairs]

@@ -28,6 +28,7 @@ from oed.calibration.options import CalibrationOptions
 from oed.calibration.ready import ReadyLogs, ready
 from oed.calibration.segmenting import Segmenting
 from oed.calibration.stated import stated_noise
+from oed.calibration.thinning import thinned, thinning_notes
 from oed.calibration.untold import untold
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.logs.log import Log
@@ -181,7 +182,8 @@ class _Work:
             raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
         self.told("fitting")
         fitted = self._fitting.fitted(found)
-        segmenting, fit, notes = fitted.segmenting, fitted.fit, list(fitted.notes)
+        segmenting, fit = fitted.segmenting, fitted.fit
+        notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         self.told("error bars")
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
@@ -197,7 +199,7 @@ class _Work:
             covariances=covariances,
             segmenting=segmenting,
             logs=logs,
-            diagnostics=diagnostics(fit, stated_noise(self.problem.measurement)),
+            diagnostics=diagnostics(fit, stated_noise(self.problem.measurement, logs[0].averaged)),
             untold=untold(fit, covariances[0].matrix),
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
@@ -220,7 +222,9 @@ class _Work:
         return self.problem.design.integration
 
     def _ready(self, logs: Sequence[Log]) -> ReadyLogs:
-        return ready(self.problem.robot, self._integration, logs, compare_clocks=self.options.clock_offset)
+        # What is too long for a fit is too long for all that goes before and comes after it.
+        compare = self.options.clock_offset
+        return ready(self.problem.robot, self._integration, thinned(logs), compare_clocks=compare)
 
     @cached_property
     def _fitting(self) -> Fitting:

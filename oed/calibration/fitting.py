@@ -20,6 +20,7 @@ from oed.calibration.stated import Mount, stated_mount, stated_noise
 from oed.calibration.unknowns import Unknowns
 from oed.calibration.window_fit import window_fit
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.logs.log import Log
 from oed.measurements.measurement import Measurement
 from oed.models.model import Integration, Model
 from oed.segments import PLACE
@@ -117,7 +118,7 @@ class Fitting:
             return found
 
         if self.options.method != "joint":
-            known, stated = self._known(unknowns), self._stated(logs[0].quantities)
+            known, stated = self._known(unknowns), self._stated(logs[0])
             found = window_fit(self.options, layout, unknowns, self.integration, offsets, known, stated)
             return None, found
         if self.options.segment == "auto":
@@ -135,15 +136,15 @@ class Fitting:
             self.options.loss,
             grows=self.options.noise == "estimated",
             known=self._known(unknowns),
-            stated=self._stated(layout.quantities),
+            stated=self._stated(layout.logs[0]),
         )
 
-    def _stated(self, quantities: Sequence[str]) -> dict[str, Noise] | None:
+    def _stated(self, log: Log) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        stated = stated_noise(self.measurement)
-        missing = [name for name in quantities if group_of(name) not in stated]
+        stated = stated_noise(self.measurement, log.averaged)
+        missing = [name for name in log.quantities if group_of(name) not in stated]
         if missing:
             text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
             raise ProblemError([Flaw(("calibration", "noise"), text)])

@@ -18,9 +18,9 @@ from oed.calibration.starts import first_starts, further_starts
 from oed.calibration.unknowns import Unknowns
 from oed.estimators import Loss
 from oed.estimators.nonlinear import robust_loss
-from oed.evaluation import told_directions
 from oed.models.model import Integration
 from oed.segments import SegmentReadings
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
@@ -138,9 +138,8 @@ class _State:
 
 def inverse_of_told(matrix: Array) -> Array:
     """The inverse of an information matrix on what it tells; 0 in directions that it does not."""
-    told, eigenvalues, vectors, scale = told_directions(matrix, np.diag(matrix))
-    inverse = np.where(told, 1 / np.where(told, eigenvalues, 1.0), 0.0)
-    return np.asarray((vectors * inverse) @ vectors.T / np.outer(scale, scale))
+    factor = SquareRoot.of_matrix(matrix).factor
+    return np.asarray(factor @ factor.T)
 
 
 def inverse_of_sum(information: Array, known: Array) -> Array:
@@ -267,11 +266,12 @@ class JointSearch:
             (residuals * root).reshape(len(residuals), -1),
         )
         projected, taken = _projected(rows, beside)
-        information = np.einsum("sia,sib->sab", projected, projected)
-        scores = np.einsum("sia,si->sa", projected, misfit)
+        across = projected.transpose(0, 2, 1)
+        information = across @ projected
+        scores = (across @ misfit[..., None])[..., 0]
         known = np.zeros((self.unknowns.size,) * 2) if self.known is None else self.known.information
         inverse = inverse_of_sum(information.sum(axis=0), known)
-        leverage = taken + np.einsum("sia,ab,sib->si", projected, inverse, projected)
+        leverage = taken + np.einsum("sia,sia->si", projected @ inverse, projected)
         return Fit(
             unknowns=self.unknowns,
             values=values,
@@ -369,7 +369,7 @@ class JointSearch:
         rest = (fit.residuals - state.slopes @ step)[..., None]
         beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]
         normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
-        return step, np.einsum("sab,sib,si->sa", normal, beside, misfit)
+        return step, (normal @ (beside.transpose(0, 2, 1) @ misfit[..., None]))[..., 0]
 
     def _misfit(self, state: Fit) -> float:
         value = float(robust_loss(self.loss, (state.white**2).ravel())[0].sum())

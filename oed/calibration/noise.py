@@ -42,6 +42,10 @@ class Noise:
         growth = (self.per_speed * speeds) ** 2 + (self.per_yaw_rate * yaw_rates) ** 2
         return np.asarray(np.sqrt(self.at_rest**2 + growth))
 
+    def divided(self, factor: float) -> Noise:
+        """All its parts smaller by a factor."""
+        return Noise(self.at_rest / factor, self.per_speed / factor, self.per_yaw_rate / factor)
+
 
 def group_of(quantity: str) -> str:
     """The name of the noise that a quantity has."""
@@ -167,10 +171,10 @@ def greatest(
 
     def surprise(logs: Array) -> tuple[float, Array]:
         sizes = np.exp(logs)
-        variance = np.einsum("c,cn->n", sizes, columns)
+        variance = sizes @ columns
         left = ratios / variance
         value = float((freedom * (np.log(variance) + left)).sum())
-        return value, sizes * np.einsum("cn,n->c", columns, freedom * (1 - left) / variance)
+        return value, sizes * (columns @ (freedom * (1 - left) / variance))
 
     count = len(columns)
     found = scipy.optimize.minimize(

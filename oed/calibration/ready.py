@@ -11,7 +11,7 @@ import numpy.typing as npt
 from oed.calibration.clocks import clock_offsets
 from oed.calibration.layout import stretches
 from oed.calibration.motion import Moves
-from oed.calibration.suspicion import explained_by_other_sizes, poorly_explained, suspicion
+from oed.calibration.suspicion import explained_by_other_sizes, poorly_explained, stands_still, suspicion
 from oed.errors import FileFlaw, LogError
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
@@ -22,6 +22,11 @@ HOPELESS = 0.9
 """Share of the motion left unexplained from which on an estimate would be nonsense."""
 TENFOLD = 10.0
 """Factor between measured distances and those of the wheels that no robot's sizes account for."""
+
+STILL = (
+    "the measured poses hardly move while the wheels drive: did the reference run, are its columns and "
+    "units right?"
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,9 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(files):
         own = moves.within(moves.layout.clock == index)
+        if stands_still(own, offsets):
+            flaws.append(FileFlaw(file, 0, 0, "", STILL))
+            continue
         wrong, left = suspicion(own, offsets), poorly_explained(own, offsets)
         if wrong is not None:
             flaws.append(FileFlaw(file, 0, 0, "", wrong))

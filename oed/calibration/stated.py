@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -43,8 +44,11 @@ def stated_mount(measurement: Measurement) -> Mount:
     )
 
 
-def stated_noise(measurement: Measurement) -> dict[str, Noise]:
-    """The noise of absolute poses that a measurement states, by kind of reading; of x and y the larger."""
+def stated_noise(measurement: Measurement, averaged: int = 1) -> dict[str, Noise]:
+    """The noise of absolute poses that a measurement states, by kind of reading; of x and y the larger.
+
+    Means of `averaged` poses, whose noise is independent, have that much less.
+    """
     found: dict[str, Noise] = {}
     for sensor in sensors_of(measurement):
         if not isinstance(sensor, Poses) or sensor.noise.covariance is not None:
@@ -54,4 +58,4 @@ def stated_noise(measurement: Measurement) -> dict[str, Noise]:
             if size is not None and (group not in found or found[group].at_rest < size):
                 growth = sensor.noise.per_speed(quantity), sensor.noise.per_yaw_rate(quantity)
                 found[group] = Noise(size, *growth)
-    return found
+    return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}

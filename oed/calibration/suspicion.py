@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations, product
 
 import numpy as np
@@ -22,6 +22,12 @@ SIZES = (0.75, 0.85, 1.0, 1.15, 1.35)
 """Factors of a wheel's size that are tried before anything else is suspected."""
 BARELY = {"turn": 0.02, "distance": 0.01}
 """Root mean square of moves [rad, m] below which they are taken for noise, or for what is not driven."""
+
+STIRRING, STANDING = 1e-3, 0.1
+"""Root mean square of moves [rad, m] from which wheels drive, and the share of it below which poses that are
+measured meanwhile stand still."""
+PLAINLY = 5.0
+"""How many times more than barely the wheels have to drive for poses that stand still in one way only."""
 
 
 def suspicion(moves: Moves, offsets: Array) -> str | None:
@@ -64,12 +70,28 @@ def explained_by_other_sizes(moves: Moves, offsets: Array) -> bool:
 def poorly_explained(moves: Moves, offsets: Array) -> float | None:
     """Share of the motion that the wheels do not explain, where it is too large to be believed."""
     measured = moves.measured()
-    if "forward" in measured:
-        measured = {**measured, "distance": np.hypot(measured["forward"], measured["left"])}
-    left = unexplained(moves.measured(), moves.predicted(offsets), any_side=True)
-    sizes = {name: float(np.sqrt(np.mean(measured[name] ** 2))) for name in left}
+    left, sizes = unexplained(measured, moves.predicted(offsets), any_side=True), _sizes(measured)
     worst = max((share for name, share in left.items() if sizes[name] > BARELY[name]), default=0.0)
     return worst if worst >= BAD else None
+
+
+def stands_still(moves: Moves, offsets: Array) -> bool:
+    """Whether the measured poses go nowhere, or never turn, while the wheels plainly do.
+
+    Of such a log any fit would make wheels of no size.
+    """
+    measured, driven = _sizes(moves.measured()), _sizes(moves.predicted(offsets))
+    still = {name: measured[name] < STANDING * size for name, size in driven.items() if size > STIRRING}
+    plainly = any(still.get(name, False) and driven[name] > PLAINLY * BARELY[name] for name in driven)
+    return plainly or (bool(still) and all(still.values()))
+
+
+def _sizes(moves: Mapping[str, Array]) -> dict[str, float]:
+    # Root mean square of distances [m] and turns [rad], as far as they are known.
+    found = {name: moves[name] for name in ("distance", "turn") if name in moves}
+    if "forward" in moves:
+        found["distance"] = np.hypot(moves["forward"], moves["left"])
+    return {name: float(np.sqrt(np.mean(values**2))) for name, values in found.items()}
 
 
 def _worst(

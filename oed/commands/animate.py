@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.commands.arguments import add_quiet
+from oed.commands.arguments import add_quiet, add_trust
 from oed.commands.command import DONE, Command
 
 
@@ -30,13 +30,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="FILE", help="what to write (default: drive.gif in DIR, of physics physics.gif)"
     )
+    add_trust(parser)
     add_quiet(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import progress
     from oed.errors import UserMistake
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.physics_film import film_physics
     from oed.record import load_record
     from oed.report import animate, write_report
@@ -51,7 +52,9 @@ def _run(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         more = {"speed": options.speed, "fps": options.fps, "progress": listener}
         if options.physics:
-            film = film_physics(options.folder, file, result=_one(options.result), **more)
+            film = film_physics(
+                options.folder, file, result=_one(options.result), trust=options.trust, **more
+            )
         else:
             film = animate(options.folder, file, results=options.result, **more)
     # A report that shows the film is made again with it.
@@ -69,9 +72,9 @@ def _run(options: argparse.Namespace) -> int:
             }
         )
     else:
-        print(f"film: {film.file} ({film.seconds:.3g} s, {film.file.stat().st_size / 1e6:.2g} MB)")
+        tell(f"film: {film.file} ({film.seconds:.3g} s, {film.file.stat().st_size / 1e6:.2g} MB)")
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     return DONE
 
 

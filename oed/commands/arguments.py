@@ -47,6 +47,13 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="show no progress")
 
 
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Whether code that a record names may be run."""
+    parser.add_argument(
+        "--trust", action="store_true", help="run the Python code of the robot that the record names"
+    )
+
+
 def whole(text: str) -> int:
     """A number from 0."""
     value = int(text)

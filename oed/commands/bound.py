@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import argparse
 
-from oed.commands.arguments import seconds
+from oed.commands.arguments import positive, seconds
 from oed.commands.command import DONE, Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", metavar="STUDY")
-    parser.add_argument("--time-limit", type=seconds, help="of the search for the bound [s] (default: 5)")
+    parser.add_argument(
+        "--nodes",
+        type=positive,
+        help="of the search for the bound at most (default: as many as take some seconds)",
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=seconds,
+        help="of that search [s] (default: none, for the same certificate on every machine)",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.bounds import LATTICE, TIME_LIMIT, bound
+    from oed.bounds import LATTICE, bound
     from oed.console import print_certificate
     from oed.errors import Failure
     from oed.messages import print_json
@@ -23,7 +32,7 @@ def _run(options: argparse.Namespace) -> int:
     from oed.study import load_study
 
     study = load_study(options.study)
-    certificate = bound(study.problem, time_limit=options.time_limit or TIME_LIMIT)
+    certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
     drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
     found = certified(study, certificate, drives)
     if found is None:

@@ -13,7 +13,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.errors import FileError
-    from oed.messages import print_json, say
+    from oed.messages import print_json, say, tell
+    from oed.shown import shown
     from oed.study import load_study
 
     entries, flawed = [], False
@@ -29,7 +30,7 @@ def _run(options: argparse.Namespace) -> int:
         else:
             entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
             if not options.json:
-                print(f"{file}: ok ({study.name})")
+                tell(shown(f"{file}: ok ({study.name})"))
     if options.json:
         print_json({"studies": entries})
     return MISTAKE if flawed else DONE

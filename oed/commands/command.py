@@ -86,10 +86,11 @@ def told(notes: Sequence[str], trouble: Exception | None) -> None:
     """Say on standard error what is to be known of a run."""
     from oed.messages import say
     from oed.runner import CUT_SHORT
+    from oed.shown import shown
 
     for note in notes:
         if note != CUT_SHORT:
-            say(f"note: {note}")
+            say(shown(f"note: {note}"))
     if trouble is not None:
         say(str(trouble))
 

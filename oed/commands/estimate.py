@@ -28,7 +28,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_estimate, progress
     from oed.estimation import estimate
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.report import write_estimate
     from oed.study import load_study
 
@@ -45,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print_estimate(record.data)
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     told((), trouble or unwritten)
     return FAILED if trouble or unwritten else DONE
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from oed.commands.arguments import add_trust
 from oed.commands.command import DONE, Command
 
 
@@ -15,11 +16,12 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="PATH", help="what to write (default: in DIR)")
     parser.add_argument("--storage", default="sqlite3", help="of a bag: sqlite3 (default) or mcap")
     parser.add_argument("--force", action="store_true", help="replace a bag that exists")
+    add_trust(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from oed.exporters import export
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
 
     path = export(
         options.folder,
@@ -29,11 +31,12 @@ def _run(options: argparse.Namespace) -> int:
         out=options.out,
         storage=options.storage,
         force=options.force,
+        trust=options.trust,
     )
     if options.json:
         print_json({"export": str(path)})
     else:
-        print(path)
+        tell(str(path))
     return DONE
 
 

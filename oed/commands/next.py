@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oed.commands.arguments import add_working, duration, pair, share, workers_of
+from oed.commands.arguments import add_trust, add_working, duration, pair, share, workers_of
 from oed.commands.command import (
     DONE,
     FAILED,
@@ -44,15 +44,18 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=duration, help="of the next drive, e.g. '20 s' (default: that of the last)"
     )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: DIR/next/)")
+    add_trust(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_next, progress
-    from oed.messages import print_json, say
+    from oed.files import inside
+    from oed.messages import print_json, say, tell
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
+    from oed.report.animation import folder_of
 
-    out = Path(options.out) if options.out else Path(options.folder) / "next"
+    out = Path(options.out) if options.out else inside(folder_of(options.folder), "next")
     workers = workers_of(options)
     more = {
         "targets": dict(options.target),
@@ -61,6 +64,7 @@ def _run(options: argparse.Namespace) -> int:
         "out": out,
         "seed": options.seed,
         "workers": workers,
+        "trust": options.trust,
     }
     with progress(options.quiet) as listener:
         before = load_record(options.folder)
@@ -74,7 +78,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print_next(found.data)
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     told((), trouble or unwritten)
     if interrupted and trouble is None:
         say(cut_short(found.folder, out))

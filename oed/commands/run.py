@@ -17,7 +17,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_certificate, print_results, progress
-    from oed.messages import print_json, say
+    from oed.messages import print_json, say, tell
     from oed.report import write_report
     from oed.runner import run
     from oed.study import load_study
@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> int:
         if record.data["certificate"] is not None:
             print_certificate(record.data["certificate"])
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     told(record.data["notes"], trouble or unwritten)
     if interrupted and trouble is None:
         say(cut_short(record.folder, out))

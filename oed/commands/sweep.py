@@ -31,7 +31,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_sweep, progress
-    from oed.messages import print_json, say
+    from oed.messages import print_json, say, tell
     from oed.sweep import parse_axis, swept
 
     out = Path(options.out) if options.out else Path("reports") / f"{Path(options.study).stem}-sweep"
@@ -52,7 +52,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print_sweep(data)
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     told((), trouble or unwritten)
     if data["interrupted"] and trouble is None:
         say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
@@ -62,13 +62,14 @@ def _run(options: argparse.Namespace) -> int:
 
 def _pages(data: Mapping[str, Any], out: Path, folders: Sequence[str], listener: Progress) -> Path:
     # That of the sweep last: it links to those of its points.
+    from oed.files import inside
     from oed.record import load_record
     from oed.report import write_report, write_sweep
 
     if folders:
         listener.begin("reports", len(folders))
-    for folder in folders:
-        write_report(load_record(out / folder), out / folder)
+    for folder in (inside(out, name) for name in folders):
+        write_report(load_record(folder), folder)
         listener.advance()
     return write_sweep(data, out)
 

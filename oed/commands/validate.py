@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from oed.commands.arguments import add_quiet, add_workers, positive, whole, workers_of
+from oed.commands.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
 from oed.commands.command import DONE, FAILED, Command, reported, saved, told
 
 
@@ -24,6 +24,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_workers(parser)
     parser.add_argument("--seed", type=whole, help="seed of the noise (default: the record's)")
+    add_trust(parser)
     add_quiet(parser)
 
 
@@ -31,11 +32,12 @@ def _run(options: argparse.Namespace) -> int:
     from oed.console import progress
     from oed.experiments import validated, validation_options
     from oed.folders import drafted
-    from oed.messages import print_json
+    from oed.messages import print_json, tell
     from oed.record import load_record
     from oed.report import write_report
     from oed.report.animation import folder_of
     from oed.saving import save_into
+    from oed.shown import shown
 
     workers = workers_of(options)
     with drafted(folder_of(options.folder)) as draft:
@@ -44,7 +46,9 @@ def _run(options: argparse.Namespace) -> int:
             before, replicates=options.replicates, estimators=options.estimator, heading=options.heading
         )
         with progress(options.quiet) as listener:
-            record = validated(before, chosen, seed=options.seed, workers=workers, progress=listener)
+            record = validated(
+                before, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
+            )
         record, trouble = saved(lambda: save_into(draft, record))
     page, unwritten = None, None
     if record.folder is not None:
@@ -53,9 +57,9 @@ def _run(options: argparse.Namespace) -> int:
         print_json(record.data["validation"])
     else:
         for entry in record.data["validation"]["results"]:
-            print(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}")
+            tell(shown(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}"))
         if page is not None:
-            print(f"report: {page}")
+            tell(f"report: {page}")
     told((), trouble or unwritten)
     return FAILED if trouble or unwritten else DONE
 

@@ -20,6 +20,7 @@ from oed.expression import Expression
 from oed.information import Scaling
 from oed.matrices import solve_lower
 from oed.models.model import Integration, Model
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
@@ -77,6 +78,14 @@ class Criterion(Component, ABC):
     def value(self, matrices: Sequence[Array]) -> Array:
         """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
 
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """The same of information by its square roots, which know what is identifiable."""
+        return self.value([root.matrix for root in information])
+
+    def identifiable(self, information: Sequence[SquareRoot]) -> Array:
+        """Whether all is that the criterion asks about, (...): by default every combination of parameters."""
+        return np.asarray(np.all([root.complete for root in information], axis=0))
+
     @abstractmethod
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """The criterion of symbolic matrices in a form an interior-point solver can maximise."""
@@ -99,6 +108,18 @@ class Criterion(Component, ABC):
         None where repeating a design does not change the criterion.
         """
         return value / best if best > 0 else None
+
+
+class RootCriterion(Criterion):
+    """A criterion that asks what is identifiable, and so looks at square roots of information."""
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
+        return self.judge([SquareRoot.of_matrix(np.asarray(matrix)) for matrix in matrices])
+
+    @abstractmethod
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """The criterion (...,) of information by its square roots, one per block."""
 
 
 class Factor:

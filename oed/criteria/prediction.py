@@ -12,14 +12,22 @@ import numpy.typing as npt
 from pydantic import Field, FiniteFloat
 
 from oed.component import Component
-from oed.criteria.criterion import Criterion, Epigraph, Factor, Subject, factored, lifted
+from oed.criteria.criterion import Criterion, Epigraph, Factor, RootCriterion, Subject, factored, lifted
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.models.model import step
 from oed.quantities import Duration
 from oed.rollout import carrier
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
+
+
+FAINT = 1e-8
+"""Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
+
+It leaves factors to matrices of drives that tell no more than what the predictions need.
+"""
 
 
 class Leg(Component):
@@ -29,7 +37,7 @@ class Leg(Component):
     duration: Annotated[Duration, Field(gt=0)]
 
 
-class Prediction(Criterion):
+class Prediction(RootCriterion):
     """Shared by G and I.
 
     Attributes:
@@ -72,18 +80,17 @@ class Prediction(Criterion):
             flaws.append(Flaw(("criterion", "kind"), text))
         return flaws
 
-    def variances(self, matrices: Sequence[Array]) -> Array:
-        """Variance of each leg's prediction, (..., legs); infinite for a singular F."""
-        total = np.zeros((*np.shape(matrices[0])[:-2], len(self.test_drive)))
-        for matrix, rows in zip(matrices, self.rows, strict=True):
-            # By eigenvalues: an inverse of a nearly singular matrix may not exist, nor be positive.
-            eigenvalues, vectors = np.linalg.eigh(matrix)
-            positive = eigenvalues[..., 0] > 0
-            safe = np.where(positive[..., None], eigenvalues, 1.0)
-            along = np.einsum("lci,...ij->...lcj", np.array(rows), vectors) ** 2
-            found = (along.sum(axis=-2) / safe[..., None, :]).sum(axis=-1)
-            total = total + np.where(positive[..., None], found, np.inf)
-        return np.asarray(total)
+    def variances(self, information: Sequence[SquareRoot]) -> Array:
+        """Variance of each leg's prediction, (..., legs); infinite of what is not identifiable."""
+        each = [
+            np.stack([root.variances(np.array(leg)).sum(axis=-1) for leg in rows], axis=-1)
+            for root, rows in zip(information, self.rows, strict=True)
+        ]
+        return np.asarray(np.sum(each, axis=0))
+
+    def identifiable(self, information: Sequence[SquareRoot]) -> Array:
+        """Whether the predictions are; other combinations of parameters need not be."""
+        return np.asarray(np.isfinite(self.variances(information)).all(axis=-1))
 
     def symbolic_variances(self, factors: Sequence[Factor]) -> list[Expression]:
         """The same of F_b = L_b L_b', as expressions."""
@@ -103,12 +110,13 @@ class G(Prediction):
 
     kind: Literal["G"] = "G"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the largest variance."""
-        return np.asarray(-self.variances(matrices).max(axis=-1))
+        return np.asarray(-self.variances(information).max(axis=-1))
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -v with every leg's variance + slack^2 = v."""
+        matrices = _raised(matrices)
         factors = [Factor("L", matrix.shape[0]) for matrix in matrices]
         worst, slack = ca.SX.sym("v"), ca.SX.sym("slack", len(self.test_drive))
         residuals = [factor.residuals(matrix) for factor, matrix in zip(factors, matrices, strict=True)]
@@ -116,7 +124,7 @@ class G(Prediction):
 
         def initial(numeric: Sequence[Array]) -> Array:
             entries = [factor.initial(each) for factor, each in zip(factors, numeric, strict=True)]
-            variances = self.variances([lifted(each) for each in numeric])
+            variances = self.variances([SquareRoot.of_matrix(lifted(each)) for each in numeric])
             start = 1.1 * float(variances.max())
             return np.concatenate([*entries, [start], np.sqrt(start - variances)])
 
@@ -129,14 +137,14 @@ class I(Prediction):  # noqa: E742
 
     kind: Literal["I"] = "I"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the mean variance."""
-        return np.asarray(-self.variances(matrices).mean(axis=-1))
+        return np.asarray(-self.variances(information).mean(axis=-1))
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise minus the mean variance of F_b = L_b L_b'."""
         return factored(
-            matrices, lambda factors: -sum(self.symbolic_variances(factors)) / len(self.test_drive)
+            _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.test_drive)
         )
 
 
@@ -152,6 +160,11 @@ def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:
         carried, pose = carry(carried, *arguments), advance(*arguments)
         found.append(np.array(carried)[:, :size])
     return np.array(found)
+
+
+def _raised(matrices: Sequence[Expression]) -> list[Expression]:
+    # A little more than F, which has a factor in any case.
+    return [matrix + FAINT * ca.SX.eye(matrix.shape[0]) for matrix in matrices]
 
 
 def _nested(values: Any) -> Any:

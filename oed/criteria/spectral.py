@@ -9,8 +9,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.criteria.criterion import Criterion, Epigraph, Factor
+from oed.criteria.criterion import Epigraph, Factor, RootCriterion
 from oed.expression import Expression
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +20,7 @@ FAINTEST = 1e-3
 """Least eigenvalue, in the matrices' units (an optimiser's are typical ones), that modified E searches."""
 
 
-class E(Criterion):
+class E(RootCriterion):
     """E-optimality: the smallest eigenvalue, over all blocks [Choi, eq. 18].
 
     Maximised as t with F - t I = L L', L lower triangular and free: this keeps its constraint
@@ -28,11 +29,9 @@ class E(Criterion):
 
     kind: Literal["E"] = "E"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
-        """lambda_min, the smallest over the blocks."""
-        # Information is positive semidefinite: what is below 0 is rounding.
-        smallest = [np.maximum(np.linalg.eigvalsh(matrix)[..., 0], 0.0) for matrix in matrices]
-        return np.asarray(np.min(smallest, axis=0))
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """lambda_min, the smallest over the blocks; 0 where some combination is not identifiable."""
+        return np.asarray(np.min([root.smallest for root in information], axis=0))
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise t with F_b - t I = L_b L_b' for every block b."""
@@ -56,7 +55,7 @@ class E(Criterion):
         return Epigraph(level, variables, ca.vertcat(*equalities), initial)
 
 
-class ModifiedE(Criterion):
+class ModifiedE(RootCriterion):
     """Modified E-optimality: minus the condition number of F, the worst over the blocks.
 
     It asks for equally good precision in all directions, however poor. Maximised as -k with
@@ -66,15 +65,11 @@ class ModifiedE(Criterion):
 
     kind: Literal["modified_E"] = "modified_E"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
-        """-lambda_max / lambda_min, minus infinity for a singular F."""
-        numbers = []
-        for matrix in matrices:
-            eigenvalues = np.linalg.eigvalsh(matrix)
-            positive = eigenvalues[..., 0] > 0
-            smallest = np.where(positive, eigenvalues[..., 0], 1.0)
-            numbers.append(np.where(positive, eigenvalues[..., -1] / smallest, np.inf))
-        return np.asarray(-np.max(numbers, axis=0))
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """-lambda_max / lambda_min, minus infinity where some combination is not identifiable."""
+        told = self.identifiable(information)
+        ratios = [root.largest / np.where(told, root.smallest, 1.0) for root in information]
+        return np.where(told, -np.max(ratios, axis=0), -np.inf)
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -k with I <= s_b F_b <= k I for every block b."""

@@ -10,24 +10,21 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.criteria.criterion import Criterion, Epigraph, factored
+from oed.criteria.criterion import Epigraph, RootCriterion, factored
 from oed.expression import Expression
+from oed.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
 
-class D(Criterion):
+class D(RootCriterion):
     """D-optimality: log det F, all blocks together. Its optimum does not depend on the scaling."""
 
     kind: Literal["D"] = "D"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
-        """Log det of every block, summed; minus infinity for a singular F."""
-        total = np.zeros(np.shape(matrices[0])[:-2])
-        for matrix in matrices:
-            signs, logs = np.linalg.slogdet(matrix)
-            total = total + np.where(signs > 0, logs, -np.inf)
-        return np.asarray(total)
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """Log det of every block, summed; minus infinity where some combination is not identifiable."""
+        return np.asarray(np.sum([root.log_determinant for root in information], axis=0))
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
@@ -44,20 +41,15 @@ class D(Criterion):
         return math.exp((value - best) / size) if math.isfinite(best) else None
 
 
-class A(Criterion):
+class A(RootCriterion):
     """A-optimality: minus the summed variances, -tr F^-1, over all blocks."""
 
     kind: Literal["A"] = "A"
 
-    def value(self, matrices: Sequence[Array]) -> Array:
-        """-tr F^-1, minus infinity for a singular F."""
-        total = np.zeros(np.shape(matrices[0])[:-2])
-        for matrix in matrices:
-            eigenvalues = np.linalg.eigvalsh(matrix)
-            positive = eigenvalues[..., 0] > 0
-            safe = np.where(positive[..., None], eigenvalues, 1.0)
-            total = total + np.where(positive, (1.0 / safe).sum(axis=-1), np.inf)
-        return np.asarray(-total)
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """-tr F^-1, minus infinity where some combination is not identifiable."""
+        traces = [(root.factor**2).sum(axis=(-2, -1)) for root in information]
+        return np.where(self.identifiable(information), -np.sum(traces, axis=0), -np.inf)
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""

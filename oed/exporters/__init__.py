@@ -7,13 +7,14 @@ from pathlib import Path
 
 from oed.calibration_record import FILE as ESTIMATE
 from oed.calibration_record import load_estimate
-from oed.errors import UserMistake
+from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
 from oed.exporters.diff_drive import write_parameters
 from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
+from oed.folders import in_order
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record
 
@@ -35,6 +36,7 @@ def export(
     out: str | Path | None = None,
     storage: str = "sqlite3",
     force: bool = False,
+    trust: bool = False,
 ) -> Path:
     """Write a result's drive, or the robot's parameters, for use outside of the package.
 
@@ -54,20 +56,21 @@ def export(
             `diff_drive_controller.yaml`.
         storage: of a bag, one of `STORAGES`.
         force: replace a bag that exists; files are replaced in any case.
+        trust: whether Python code that the record names may be run; only `ros2_yaml` needs it.
 
     Returns:
         What was written.
 
     Raises:
         RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
-            read.
+            read, code that is needed and not trusted.
         UserMistake: an unknown format or storage, a rate that is not above 0, a bag that exists, a robot
             that the format has no room for, a place that cannot be written to.
     """
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
     require_rate(rate)
-    place = Path(record_folder)
+    place = in_order(record_folder)
     record = _record_in(place, to)
     request = Request(
         folder=place if place.is_dir() else place.parent,
@@ -77,6 +80,7 @@ def export(
         out=None if out is None else Path(out),
         storage=storage,
         force=force,
+        trust=trust,
     )
     return EXPORTERS[to](request)
 
@@ -84,5 +88,8 @@ def export(
 def _record_in(place: Path, to: str) -> Record:
     # The robot's parameters need no design: an estimate knows its study as well.
     if to == "ros2_yaml" and not (place / RECORD).is_file() and (place / ESTIMATE).is_file():
-        return Record({"study": load_estimate(place).data["study"], "results": []})
+        found = load_estimate(place)
+        if "study" not in found.data:
+            raise RecordError([FileFlaw(str(found.file), 0, 0, "study", "missing")])
+        return Record({"study": found.data["study"], "results": []}, found.file)
     return load_record(place)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.models import Model
+from oed.exporters.recorded import RecordedMotion
+from oed.models import Input, Model
+from oed.models.model import Integration
 from oed.problem import Problem
 from oed.rollout import roll_out
 from oed.trajectory import Trajectory
@@ -17,6 +21,14 @@ Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Share of a period by which two clocks may differ and still count as the same."""
+
+
+class Driven(Protocol):
+    """What has inputs."""
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """They, in their order."""
 
 
 @dataclass(frozen=True)
@@ -76,18 +88,24 @@ def commands(problem: Problem, trajectory: Trajectory, rate: float | None = None
         trajectory: the drive.
         rate: of the commands [Hz], above 0; by default the drive's own, one command per period.
     """
+    return modelled(problem.model, problem.design.integration, trajectory, rate)
+
+
+def modelled(
+    model: Model, integration: Integration, trajectory: Trajectory, rate: float | None = None
+) -> tuple[Commands, ...]:
+    """The same of a robot's drive, its poses integrated by a rule."""
     chosen = 1 / trajectory.period if rate is None else rate
-    return tuple(_of_run(problem, run, chosen) for run in trajectory.each)
+    return tuple(_of_run(model, integration, run, chosen) for run in trajectory.each)
 
 
-def _of_run(problem: Problem, run: Trajectory, rate: float) -> Commands:
-    model = problem.model
+def _of_run(model: Model, integration: Integration, run: Trajectory, rate: float) -> Commands:
     moving = np.array([entry.drives for entry in model.inputs])
     held = resampled(run.inputs, run.period, rate, moving)
     # With numbers in place of symbols a roll-out is a simulation.
     drive = roll_out(
         model,
-        problem.design.integration,
+        integration,
         inputs=held,
         start=run.start,
         parameters=np.array(model.nominal),
@@ -99,6 +117,37 @@ def _of_run(problem: Problem, run: Trajectory, rate: float) -> Commands:
         moving=moving,
         twists=np.vstack([np.array(drive.motion), np.zeros((1, 3))]),
         poses=np.array(drive.poses),
+    )
+
+
+def recorded(
+    inputs: Sequence[Input], motions: Sequence[RecordedMotion], trajectory: Trajectory, rate: float | None
+) -> tuple[Commands, ...]:
+    """The commands of a robot whose code is not run; its poses are where the design has it at their times.
+
+    Args:
+        inputs: of the robot.
+        motions: how it moves in every run.
+        trajectory: the drive.
+        rate: of the commands [Hz]; by default the drive's own.
+    """
+    chosen = 1 / trajectory.period if rate is None else rate
+    moving = np.array([entry.drives for entry in inputs])
+    each = zip(trajectory.each, motions, strict=True)
+    return tuple(_recorded_run(moving, run, motion, chosen) for run, motion in each)
+
+
+def _recorded_run(
+    moving: npt.NDArray[np.bool_], run: Trajectory, motion: RecordedMotion, rate: float
+) -> Commands:
+    held = resampled(run.inputs, run.period, rate, moving)
+    poses = motion.at(np.arange(len(held) + 1) / rate)
+    return Commands(
+        rate=rate,
+        inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
+        moving=moving,
+        twists=np.vstack([motion.twists_between(poses, rate), np.zeros((1, 3))]),
+        poses=poses,
     )
 
 
@@ -130,7 +179,7 @@ def resampled(inputs: Array, period: float, rate: float, moving: npt.NDArray[np.
     return np.asarray(np.where(moving, changes * rate, changes / inside))
 
 
-def joint_name(model: Model, name: str) -> str:
+def joint_name(model: Driven, name: str) -> str:
     """Name of the joint that an input drives: of `wheel_speed_right` it is `wheel_right_joint`, of
     `steering_angle` it is `steering_joint`.
     """

@@ -8,7 +8,6 @@ wheel_separation stay what they are nominally, and the multipliers hold what cal
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +32,8 @@ from oed.models import (
     SkidSteerIcr,
     TractorTrailer,
 )
+from oed.stored.door import checked, read_object
+from oed.stored.estimate import Estimates
 
 CONTROLLER = "diff_drive_controller"
 
@@ -203,11 +204,11 @@ def write_parameters(request: Request) -> Path:
 
 def _estimated(file: Path, model: Model) -> dict[str, float]:
     # The robot's parameters only: what else was estimated, e.g. a sensor's mounting, is not the controller's.
+    text = "expected an estimate: parameters, each with its name and value"
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        values = {str(one["name"]): float(one["value"]) for one in data["parameters"]}
-    except (OSError, ValueError, KeyError, TypeError):
-        text = "expected an estimate: parameters, each with its name and value"
+        data = read_object(file, text, text)
+        values = {one.name: one.value for one in checked(Estimates, data, file).parameters}
+    except RecordError:
         raise RecordError([FileFlaw(str(file), 0, 0, "parameters", text)]) from None
     known = [parameter.name for parameter in model.parameters]
     own = {name: value for name, value in values.items() if name in known}

@@ -10,10 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from oed.errors import FileFlaw, RecordError, UserMistake
-from oed.exporters.commands import Commands, commands
-from oed.models import moves_sideways
+from oed.exporters.commands import Commands, modelled, recorded
+from oed.exporters.recorded import motions_of
+from oed.exporters.vehicle import Vehicle, recorded_vehicle, vehicle_of
+from oed.files import inside
+from oed.models import PythonRobot
+from oed.names import file_stem
 from oed.record import FILE, Record, drive_of
-from oed.study import Study, file_stem, recorded_study
+from oed.recorded_study import recorded_file, recorded_study
+from oed.study import Study, StudyFile
 from oed.trajectory import Trajectory
 
 MOST = 1_000_000
@@ -32,6 +37,7 @@ class Request:
         out: where to write, None for a name of the format's own in `folder`.
         storage: of a bag.
         force: whether a bag that exists is replaced.
+        trust: whether Python code that the record names may be run.
     """
 
     folder: Path
@@ -41,11 +47,30 @@ class Request:
     out: Path | None
     storage: str
     force: bool
+    trust: bool = False
 
     @cached_property
     def study(self) -> Study:
-        """The record's study."""
-        return recorded_study(self.record)
+        """The record's study.
+
+        Raises:
+            RecordError: it names code that is not trusted.
+        """
+        return recorded_study(self.record, trust=self.trust)
+
+    @cached_property
+    def file(self) -> StudyFile:
+        """The record's study as it was written, without anybody's code."""
+        return recorded_file(self.record)
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """What drives: as its model says, or of code that is not trusted as the record says."""
+        if not isinstance(self.file.robot, PythonRobot):
+            return vehicle_of(self.file.robot)
+        if self.trust or self.record.file is None:
+            return vehicle_of(self.study.problem.model)
+        return recorded_vehicle(self.record, self.entry)
 
     @cached_property
     def entry(self) -> Mapping[str, Any]:
@@ -91,11 +116,15 @@ class Request:
         if self.rate is not None and self.rate * drive.duration / drive.runs > MOST:
             text = f"{self.rate:g} Hz would be more than {MOST} commands in {drive.duration / drive.runs:g} s"
             raise UserMistake(f"rate: {text}")
-        return commands(self.study.problem, drive, self.rate)
+        model, rule = self.vehicle.model, self.file.trajectory.integration
+        if model is not None:
+            return modelled(model, rule, drive, self.rate)
+        motions = motions_of(self.record.data, self.entry, drive.period)
+        return recorded(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:
         """Where to write: `out`, or the folder's file named after the result and `ending`."""
-        return self.out if self.out is not None else self.folder / f"{file_stem(self.name)}_{ending}"
+        return self.out if self.out is not None else inside(self.folder, f"{file_stem(self.name)}_{ending}")
 
     def _flaw(self, text: str) -> RecordError:
         return RecordError([FileFlaw(str(self.folder / FILE), 0, 0, "", text)])
@@ -106,7 +135,7 @@ class Request:
         moves sideways.
         """
         columns = {"v": 0, "omega": 2}
-        return {**columns, "v_lateral": 1} if moves_sideways(self.study.problem.model) else columns
+        return {**columns, "v_lateral": 1} if self.vehicle.sideways else columns
 
 
 def require_rate(rate: float | None) -> None:

@@ -120,8 +120,8 @@ def _write_run(bag: Path, request: Request, run: Commands, messages: _Messages) 
 
 def _timeline(request: Request, run: Commands, messages: _Messages) -> Iterator[tuple[int, str, Any]]:
     # Stamp [ns], topic and message, in the order of time.
-    model = request.study.problem.model
-    names = [joint_name(model, name) for name in model.input_names]
+    vehicle = request.vehicle
+    names = [joint_name(vehicle, name) for name in vehicle.input_names]
     stamps = [round(time * 1e9) for time in run.times.tolist()]
     yield 0, PLAN, messages.plan(stamps, run.poses)
     each = zip(stamps, run.twists.tolist(), run.positions, run.velocities, strict=True)

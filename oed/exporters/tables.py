@@ -31,10 +31,10 @@ def write_csv(request: Request) -> Path:
 
 
 def _csv(request: Request) -> str:
-    model, runs = request.study.problem.model, request.runs
+    vehicle, runs = request.vehicle, request.runs
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    names = ["t", *model.input_names, *request.twist_columns, *model.states]
+    names = ["t", *vehicle.input_names, *request.twist_columns, *vehicle.states]
     several = len(runs) > 1
     writer.writerow([*(["run"] if several else []), *names])
     for number, run in enumerate(runs, start=1):
@@ -56,35 +56,34 @@ def write_json(request: Request) -> Path:
 
 
 def _json(request: Request) -> dict[str, Any]:
-    model = request.study.problem.model
     return {
         "format": FORMAT,
-        "study": request.study.name,
+        "study": request.file.name,
         "result": request.name,
         "robot": request.record.data["study"]["robot"],
         "rate": request.runs[0].rate,
-        "inputs": list(model.input_names),
+        "inputs": list(request.vehicle.input_names),
         "units": _units(request),
         "runs": [_json_run(request, run) for run in request.runs],
     }
 
 
 def _units(request: Request) -> dict[str, str]:
-    model = request.study.problem.model
+    vehicle = request.vehicle
     twist = {"v": "m/s", "omega": "rad/s", "v_lateral": "m/s"}
     return {
         "t": "s",
-        **{entry.name: entry.unit for entry in model.inputs},
+        **{entry.name: entry.unit for entry in vehicle.inputs},
         **{name: twist[name] for name in request.twist_columns},
-        **dict(zip(model.states, model.state_units, strict=True)),
+        **dict(zip(vehicle.states, vehicle.state_units, strict=True)),
     }
 
 
 def _json_run(request: Request, run: Commands) -> dict[str, Any]:
-    model = request.study.problem.model
+    vehicle = request.vehicle
     return {
         "t": np.round(run.times, 9).tolist(),
-        "inputs": dict(zip(model.input_names, run.inputs.T.tolist(), strict=True)),
+        "inputs": dict(zip(vehicle.input_names, run.inputs.T.tolist(), strict=True)),
         "twist": {name: run.twists[:, column].tolist() for name, column in request.twist_columns.items()},
-        "poses": dict(zip(model.states, run.poses.T.tolist(), strict=True)),
+        "poses": dict(zip(vehicle.states, run.poses.T.tolist(), strict=True)),
     }

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.component import Component
-from oed.limits.limit import Limit, Rows
+from oed.limits.limit import Limit, Rows, magnitude
 from oed.quantities import Angle, Length
 from oed.rollout import Drive
 
@@ -29,6 +29,7 @@ class EndPosition(Limit):
     """
 
     name: ClassVar[str] = "end_position"
+    looks_at: ClassVar[Literal["run"]] = "run"
     at: Place | Literal["start"]
     tolerance: Annotated[Length, Field(gt=0)] = 0.01
 
@@ -41,20 +42,22 @@ class EndPosition(Limit):
         return value if isinstance(value, dict) else {"at": value}
 
     def rows(self, drive: Drive) -> Rows:
-        """Distance along x and along y, of every run."""
+        """Distance from the place, of every run."""
         first, last = drive.ends_of(drive.path)
         if isinstance(self.at, Place):
             offset = last[:, :2] - ca.repmat(ca.DM([[self.at.x, self.at.y]]), drive.runs, 1)
         else:
             offset = last[:, :2] - first[:, :2]
-        bound = np.full(2 * drive.runs, self.tolerance)
-        return Rows(ca.vec(offset), -bound, bound, self.tolerance, "m")
+        away = magnitude(offset[:, 0], offset[:, 1], self.tolerance)
+        bound = np.full(drive.runs, self.tolerance)
+        return Rows(away, np.full(drive.runs, -np.inf), bound, self.tolerance, "m")
 
 
 class EndHeading(Limit):
     """Every run ends facing `at` [rad], or as it began, within `tolerance` [rad]; full turns do not count."""
 
     name: ClassVar[str] = "end_heading"
+    looks_at: ClassVar[Literal["run"]] = "run"
     at: Angle | Literal["start"]
     tolerance: Annotated[Angle, Field(gt=0)] = radians(1.0)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -18,7 +18,7 @@ from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.models.model import Model
-from oed.quantities import parse_quantity
+from oed.quantities import counts_as_zero, parse_quantity
 from oed.rollout import Drive
 from oed.trajectory import DesignSpace
 
@@ -45,11 +45,24 @@ class Rows:
     size: float
     unit: str
 
+    def widened(self, share: float) -> Rows:
+        """The same, exceeded by at most `share` of the size."""
+        spare = share * self.size
+        return replace(self, lower=self.lower - spare, upper=self.upper + spare)
+
 
 class Limit(Component, ABC):
-    """One named limit on a drive."""
+    """One named limit on a drive.
+
+    Attributes:
+        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
+            of the drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which
+            is how they are checked between the points of a drive. A limit that does not say (None) is
+            checked at the points of its rows only.
+    """
 
     name: ClassVar[str]
+    looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None
 
     @abstractmethod
     def rows(self, drive: Drive) -> Rows:
@@ -63,9 +76,27 @@ class Limit(Component, ABC):
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
+        speed, yaw rate.
+        """
+        return {}
+
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""
         return {}
+
+    def widened_bounds(
+        self, bounds: Mapping[str, tuple[float, float]], share: float, size: float
+    ) -> dict[str, tuple[float, float]]:
+        """Such bounds where the rows, of that size, are exceeded by at most `share` of it.
+
+        Right where the rows are the inputs (or rates) themselves in any unit, or grow faster than they do; a
+        limit whose rows grow more slowly says here how far its inputs get.
+        """
+        largest = max((abs(bound) for pair in bounds.values() for bound in pair), default=0.0)
+        spare = share * max(size, largest)
+        return {name: (low - spare, high + spare) for name, (low, high) in bounds.items()}
 
 
 class PathLimit(Limit, ABC):
@@ -76,6 +107,7 @@ class PathLimit(Limit, ABC):
             bounded.
     """
 
+    looks_at: ClassVar[Literal["state"]] = "state"
     per_metre: ClassVar[float] = inf
 
     @abstractmethod
@@ -126,7 +158,9 @@ class TwoSided:
             high = parse_quantity(value, self.si)
             low = -high
             if high <= 0:
-                raise ValueError(f"expected a positive limit (or [min, max]), got {value!r}")
+                raise ValueError(
+                    f"expected a positive limit (or [min, max]), got {value!r}{counts_as_zero(value)}"
+                )
         if not low < high:
             raise ValueError(f"expected min below max, got {value!r}")
         return low, high
@@ -140,6 +174,7 @@ class InputLimit(Limit, ABC):
         each: instead, bounds by the inputs' names.
     """
 
+    looks_at: ClassVar[Literal["inputs"]] = "inputs"
     quantity: ClassVar[str]
     unit: ClassVar[str]
     bounds: tuple[float, float] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,7 @@ class PathLength(BareLimit):
     """Each run no longer than `bounds` [m], as its battery (or cable) allows."""
 
     name: ClassVar[str] = "path_length"
+    looks_at: ClassVar[Literal["run"]] = "run"
     bounds: Annotated[Length, Field(gt=0)]
 
     def rows(self, drive: Drive) -> Rows:

@@ -105,6 +105,18 @@ def walls_and_pockets(points: Sequence[Point]) -> tuple[tuple[Wall, ...], tuple[
     )
 
 
+def hull_farther_out(points: Sequence[Point], by: float) -> Array:
+    """Corners (k, 2) of the convex hull of points with every edge moved outwards by `by`."""
+    import shapely
+
+    corners = _corners(shapely.MultiPoint(points).convex_hull)
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    before, after = (edges / np.hypot(*edges.T)[:, None] for edges in (before, after))
+    # Where both edges' lines meet again: along the difference of their directions, farther at sharp corners.
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.asarray(corners + by * (before - after) / turn[:, None])
+
+
 def seamless(pieces: Sequence[ConvexShape]) -> tuple[ConvexShape, ...]:
     """The pieces, and one across every line where two of them meet.
 

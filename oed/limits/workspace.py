@@ -20,6 +20,7 @@ from oed.limits.shapes import (
     Point,
     Wall,
     convex_pieces,
+    hull_farther_out,
     middle_of,
     polygon_flaw,
     seamless,
@@ -91,6 +92,16 @@ class Workspace(Area):
     def extent(self) -> Extent:
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
+    def widened_extent(self, share: float) -> Extent:
+        """Bounding box [m] of the room whose rows may be exceeded by `share` of their size.
+
+        Unknown, and so infinite, unless the kind of room says it.
+        """
+        return (-np.inf, np.inf, -np.inf, np.inf) if share else self.extent
+
+    def _spare(self, share: float) -> float:
+        return share * self.rows_for(ca.DM.zeros(1, 2), 0.0).size
+
     @property
     def middle(self) -> Point:
         """A point [m] well inside."""
@@ -112,6 +123,11 @@ class Workspace(Area):
             f"{where} lies outside the workspace {shape}x [{x_min:g}, {x_max:g}] m, "
             f"y [{y_min:g}, {y_max:g}] m{_keeping(radius)}; move the start or widen the workspace"
         )
+
+
+def _farther_out(extent: Extent, by: float) -> Extent:
+    x_min, x_max, y_min, y_max = extent
+    return x_min - by, x_max + by, y_min - by, y_max + by
 
 
 def workspace_of(limits: Iterable[Limit]) -> Workspace | None:
@@ -138,6 +154,10 @@ class Rectangle(Workspace):
         """The rectangle itself [m]."""
         return (*self.x, *self.y)
 
+    def widened_extent(self, share: float) -> Extent:
+        """The rectangle with every side farther out [m]."""
+        return _farther_out(self.extent, self._spare(share))
+
     def rows_for(self, points: Expression, radius: float) -> Rows:
         """X and y of every point; the size is the shorter half-side."""
         count = points.shape[0]
@@ -159,6 +179,10 @@ class Circle(Workspace):
     def extent(self) -> Extent:
         """The square around it [m]."""
         return self.x - self.radius, self.x + self.radius, self.y - self.radius, self.y + self.radius
+
+    def widened_extent(self, share: float) -> Extent:
+        """The square around a larger circle [m]."""
+        return _farther_out(self.extent, self._spare(share))
 
     def rows_for(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from the circle's line; the size is its radius."""
@@ -183,6 +207,11 @@ class Polygon(Workspace):
     def middle(self) -> Point:
         """The point farthest from all walls [m]."""
         return middle_of(self.points)
+
+    def widened_extent(self, share: float) -> Extent:
+        """The bounding box of its hull with every wall farther out: sharp corners are farther still [m]."""
+        x, y = np.array(hull_farther_out(self.points, self._spare(share))).T
+        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
 
     @cached_property
     def _parts(self) -> tuple[tuple[Wall, ...], tuple[ConvexShape, ...]]:

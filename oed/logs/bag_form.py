@@ -140,6 +140,7 @@ class BagForm(LogForm):
         text = f"joint angles began anew {wraps} times; made to run on"
         return Drive(
             name=file.stem,
+            names=model.input_names,
             inputs=Series(str(file), first.clock, times, values, lines, "message"),
             poses=poses,
             quantities=QUANTITIES,

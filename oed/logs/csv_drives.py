@@ -147,7 +147,8 @@ def _with_inputs(values: np.typing.NDArray[np.float64], rows: Rows, first: bool,
         return rows[:0]
     begin = filled[0] - (not first and filled[0] > 0)
     end = filled[-1] + (not last and filled[-1] + 1 < len(rows))
-    wanted = np.unique([begin, *filled, end])
+    wanted = np.zeros(len(rows), dtype=bool)
+    wanted[[begin, end]] = wanted[filled] = True
     return np.asarray(rows[wanted])
 
 
@@ -166,6 +167,7 @@ def _integrated(inputs: Series, sheet: Sheet, model: Model) -> Drive:
     found = (Finding("counter_wrapped", f"counters began anew {wraps} times; made to run on"),)
     return Drive(
         name="",
+        names=model.input_names,
         inputs=inputs.with_values(values),
         poses=inputs,
         quantities=sheet.quantities,

@@ -30,6 +30,7 @@ class Drive:
 
     Attributes:
         name: of the drive.
+        names: of the robot's inputs.
         inputs: integrals (n, inputs) of the robot's inputs on their clock.
         poses: (m, quantities) on theirs; headings may jump by full turns.
         quantities: the states that the poses are.
@@ -40,6 +41,7 @@ class Drive:
     """
 
     name: str
+    names: tuple[str, ...]
     inputs: Series
     poses: Series
     quantities: tuple[str, ...]
@@ -107,6 +109,8 @@ def _clock_flaws(drive: Drive) -> Iterator[FileFlaw]:
         yield from drive.poses.clock_flaws()
     if len(drive.inputs) and len(drive.poses):
         yield from _no_overlap(drive.inputs, drive.poses)
+    yield from drive.poses.too_large(drive.quantities)
+    yield from drive.inputs.too_large(drive.names)
 
 
 def _too_few(drive: Drive) -> Iterator[FileFlaw]:

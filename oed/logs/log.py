@@ -40,6 +40,7 @@ class Log:
         quantities: which of the robot's states they are, "x", "y", "heading", ...; headings run on.
         findings: what was found while reading.
         gap: longer steps of either clock are gaps [s]; five usual steps if None.
+        averaged: how many of the sensor's poses each pose is the mean of.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Log:
     quantities: tuple[str, ...] = ("x", "y", "heading")
     findings: tuple[Finding, ...] = ()
     gap: float | None = None
+    averaged: int = 1
 
     @property
     def duration(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import FileFlaw, LogError
+from oed.quantities import LARGEST, too_large
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -86,6 +87,14 @@ class Series:
                 text = f"time goes back: {after:.10g} s after {before:.10g} s {told}"
             flaws.append(self.flaw(row + 1, self.clock, text))
         return flaws
+
+    def too_large(self, names: Sequence[str]) -> Iterator[FileFlaw]:
+        """The first number of each column beyond what a robot's can be, SI; `names` are the columns'."""
+        table = np.column_stack([self.times, self.values])
+        beyond = ~(np.abs(table) <= LARGEST)
+        for place in np.flatnonzero(beyond.any(axis=0)).tolist():
+            row = int(np.argmax(beyond[:, place]))
+            yield self.flaw(row, (self.clock, *names)[place], too_large(table[row, place]))
 
 
 def shortened(flaws: Iterable[FileFlaw]) -> list[FileFlaw]:

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from oed.errors import FileFlaw, LogError
-from oed.logs.series import Array, Rows
+from oed.logs.series import Array, Rows, shortened
 
 BLANKS = " "
 DELIMITERS = {"tab": "\t", "blanks": BLANKS}
 """Names in study files of those that are hard to see."""
 
-COMMENT = ("#", "%")
+COMMENT, QUOTE = ("#", "%"), '"'
 LARGEST = 1e30
 """No number of a robot is larger, in any unit; what is stands for a missing one."""
 
 _LOOKED_AT = 20
+
+Cells = Callable[[str], list[str]]
+"""The cells of a row's text."""
 
 
 @dataclass(frozen=True)
@@ -32,26 +35,31 @@ class UnknownColumn(FileFlaw):
 
 @dataclass(frozen=True)
 class Table:
-    """A text table: rows of cells, the lines they stand in, and the names of the columns.
+    """A text table: rows, the lines they stand in, and the names of the columns.
 
     Attributes:
         file: its name.
         header: names of the columns; empty where the file has none.
         lines: of the rows, from 1.
-        rows: cells as text.
+        rows: their text; cells are taken from it as they are asked for, for logs may be long.
+        cells: of a row's text.
+        plain: the delimiter of rows without quotes, which need no more than to be cut at it; None where
+            some have quotes.
         cut_off: whether the last line was left out because the file breaks off in it.
     """
 
     file: str
     header: tuple[str, ...]
     lines: Rows
-    rows: list[list[str]]
+    rows: list[str]
+    cells: Cells
+    plain: str | None
     cut_off: bool = False
 
     @cached_property
     def width(self) -> int:
         """Number of columns."""
-        return len(self.header) or max(map(len, self.rows), default=0)
+        return len(self.header) or max((len(self.cells(row)) for row in self.rows), default=0)
 
     def label(self, place: int) -> str:
         """A column's name, or its number from 0."""
@@ -87,21 +95,29 @@ class Table:
 
     def texts(self, place: int) -> list[str]:
         """A column's cells, "" where a row is too short."""
-        return [row[place].strip() if place < len(row) else "" for row in self.rows]
+        rows = map(self.cells, self.rows)
+        return [row[place].strip() if place < len(row) else "" for row in rows]
 
     def numbers(self, place: int) -> tuple[Array, list[FileFlaw]]:
         """A column (rows,), not-a-number in empty cells, and a flaw for each cell that is no number."""
-        try:
-            # Almost every column of almost every log; the rest is looked at cell by cell.
-            values = np.array([float(row[place]) for row in self.rows])
-            if (np.abs(values) < LARGEST).all():
-                return values, []
-        except (ValueError, IndexError):
-            pass
+        values = self._all_numbers(place)
+        if values is not None:
+            return values, []
         cells = self.texts(place)
         values = np.array([_number(cell) for cell in cells])
         wrong = [row for row in np.flatnonzero(np.isnan(values)).tolist() if cells[row]]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
+
+    def _all_numbers(self, place: int) -> Array | None:
+        # Almost every column of almost every log; None where cells have to be looked at one by one.
+        if self.plain is None:
+            return None
+        delimiter = None if self.plain == BLANKS else self.plain
+        try:
+            values = np.loadtxt(self.rows, delimiter=delimiter, usecols=place, comments=None, ndmin=1)
+        except ValueError:
+            return None
+        return values if (np.abs(values) < LARGEST).all() else None
 
     def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
         """A cell that is no finite number."""
@@ -131,23 +147,35 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     Raises:
         LogError: no such file, not text, or nothing in it.
     """
-    numbered = [(number, line) for number, line in enumerate(_lines(file), start=1) if line.strip()]
-    plain = [(number, line) for number, line in numbered if not line.lstrip().startswith(COMMENT)]
-    if not plain:
+    texts = _lines(file)
+    # Most lines begin with a digit, which is enough to tell that they are rows.
+    kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
+    if not kept:
         raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows")])
-    delimiter = delimiter or _delimiter([line for _, line in plain[:_LOOKED_AT]])
-    cells = _cells(file, [line for _, line in plain], delimiter)
-    lines = np.array([plain[index][0] for index, _ in cells], dtype=np.intp)
-    rows = [row for _, row in cells]
-    comment = next((line for number, line in numbered if number == lines[0] - 1), "")
-    names, first = _header(rows, _comment_cells(comment, delimiter), header)
-    rows, lines = rows[first:], lines[first:]
-    if not rows:
+    rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
+    delimiter = delimiter or _delimiter(rows[:_LOOKED_AT])
+    quoted = delimiter != BLANKS and any(QUOTE in row for row in rows)
+    cells = partial(_quoted_cells if quoted else _plain_cells, delimiter)
+    if quoted:
+        _require_closed_quotes(file, rows, lines, cells)
+    comment = texts[kept[0] - 1] if kept[0] else ""
+    names, first = _header(cells(rows[0]), _comment_cells(comment, delimiter), header)
+    if first == len(rows):
         raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows after its header")])
+    rows, lines = rows[first:], lines[first:]
+    cut_off = _is_cut_off(rows, cells)
+    last = len(rows) - cut_off
+    return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
+
+
+def _is_row(text: str) -> bool:
+    return bool(text) and not text.isspace() and not text.lstrip().startswith(COMMENT)
+
+
+def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
     # A robot that is switched off leaves half a line.
-    cut_off = len(rows) > 1 and len(rows[-1]) < min(len(rows[-2]), len(rows[0]))
-    kept = len(rows) - cut_off
-    return Table(str(file), names, lines[:kept], rows[:kept], cut_off)
+    first, before, last = (len(cells(rows[index])) for index in (0, max(len(rows) - 2, 0), -1))
+    return len(rows) > 1 and last < min(before, first)
 
 
 def _lines(file: Path) -> list[str]:
@@ -171,33 +199,43 @@ def _delimiter(lines: Sequence[str]) -> str:
     return next((mark for mark in "\t;," if all(mark in line for line in whole)), BLANKS)
 
 
-def _cells(file: Path, lines: Sequence[str], delimiter: str) -> list[tuple[int, list[str]]]:
-    # Each row with the index of the line it ends in.
-    if delimiter == BLANKS:
-        return [(index, line.split()) for index, line in enumerate(lines)]
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
-    try:
-        return [(reader.line_num - 1, row) for row in reader]
-    except csv.Error as error:
-        raise LogError([FileFlaw(str(file), 0, 0, "", f"is not a table: {error}")]) from None
+def _plain_cells(delimiter: str, row: str) -> list[str]:
+    return row.split() if delimiter == BLANKS else row.split(delimiter)
+
+
+def _quoted_cells(delimiter: str, row: str) -> list[str]:
+    if QUOTE not in row:
+        return row.split(delimiter)
+    return next(csv.reader([row], delimiter=delimiter, skipinitialspace=True, strict=True))
+
+
+def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
+    # A quote that is not closed in its line would swallow the lines after it.
+    flaws = []
+    for row, line in zip(rows, lines.tolist(), strict=True):
+        try:
+            cells(row)
+        except csv.Error as error:
+            stray = "a stray double quote: a cell in quotes has to end with one, in its line"
+            text = f"is not a table: {error}" if "larger" in str(error) else stray
+            flaws.append(FileFlaw(str(file), line, 0, "", text))
+    if flaws:
+        raise LogError(shortened(flaws))
 
 
 def _comment_cells(comment: str, delimiter: str) -> list[str]:
     if not comment.lstrip().startswith(COMMENT):
         return []
-    text = comment.strip().lstrip("".join(COMMENT))
-    return text.split() if delimiter == BLANKS else text.split(delimiter)
+    return _plain_cells(delimiter, comment.strip().lstrip("".join(COMMENT)))
 
 
-def _header(
-    rows: Sequence[Sequence[str]], comment: Sequence[str], given: bool | None
-) -> tuple[tuple[str, ...], int]:
+def _header(row: Sequence[str], comment: Sequence[str], given: bool | None) -> tuple[tuple[str, ...], int]:
     # The names, and which row is the first of numbers.
-    named = any(cell.strip() and not _is_float(cell) for cell in rows[0])
-    if given is False or (given is None and not named and len(comment) != len(rows[0])):
+    named = any(cell.strip() and not _is_float(cell) for cell in row)
+    if given is False or (given is None and not named and len(comment) != len(row)):
         return (), 0
-    use_comment = not named and len(comment) == len(rows[0])
-    names = comment if use_comment else rows[0]
+    use_comment = not named and len(comment) == len(row)
+    names = comment if use_comment else row
     return tuple(name.strip() for name in names), 0 if use_comment else 1
 
 

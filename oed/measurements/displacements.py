@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse
 from pydantic import Field
 
 from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
-from oed.matrices import harmonic
 from oed.measurements.measurement import Block, Measurement, regression
 from oed.models.model import Model
 from oed.quantities import Angle, Length
@@ -133,23 +133,32 @@ class Displacements(Measurement):
             nominal,
             units=(unit,) * len(nominal),
             noise=noise,
-            information=lambda columns: self._information(columns, coordinates, drive.runs),
+            jacobian=self._jacobian(matrix, coordinates, drive.runs),
+            shared=self._shared(matrix.shape[0], coordinates, drive.runs),
         )
 
-    def _information(self, matrix: Expression, coordinates: int, runs: int) -> Expression:
-        if self.noise_model == "increments":
-            return matrix.T @ matrix
-        # Neighbours share a pose's error within a run only.
-        parts = [
-            run[coordinate::coordinates, :]
-            for run in ca.vertsplit(matrix, matrix.shape[0] // runs)
-            for coordinate in range(coordinates)
-        ]
-        if self.estimator == "gls":
-            # W' (D D')^-1 W with the first differences D: poses are sums of increments, less their mean.
-            return sum(_scatter(part) for part in parts)
-        spread = sum(_difference_square(part) for part in parts)
-        return harmonic(matrix.T @ matrix, spread)
+    def _jacobian(self, matrix: Expression, coordinates: int, runs: int) -> Expression:
+        # W, or rows of which W' (D D')^-1 W is the square, with the first differences D: poses are sums of
+        # increments, less their mean. Neighbours share a pose's error within a run only.
+        if self.noise_model == "increments" or self.estimator == "ols":
+            return matrix
+        return ca.vertcat(
+            *(
+                _centred_sums(run[coordinate::coordinates, :])
+                for run in ca.vertsplit(matrix, matrix.shape[0] // runs)
+                for coordinate in range(coordinates)
+            )
+        )
+
+    def _shared(self, rows: int, coordinates: int, runs: int) -> scipy.sparse.csc_matrix | None:
+        # D': each pose's error enters the segment before it and, with the other sign, the one after.
+        if self.noise_model == "increments" or self.estimator == "gls":
+            return None
+        count = rows // coordinates // runs
+        each = scipy.sparse.eye(count + 1, count, -1) - scipy.sparse.eye(count + 1, count)
+        return scipy.sparse.csc_matrix(
+            scipy.sparse.block_diag([scipy.sparse.kron(each, scipy.sparse.eye(coordinates))] * runs)
+        )
 
     def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
         # (every * P, N): row every * i + offset adds up the samples of segment i.
@@ -162,15 +171,7 @@ class Displacements(Measurement):
         return ca.DM(pattern, 1.0)
 
 
-def _scatter(increments: Expression) -> Expression:
-    # sum (G_k - Gbar)'(G_k - Gbar) of the cumulative sums G_0 = 0, ..., G_P of the rows.
+def _centred_sums(increments: Expression) -> Expression:
+    # G_k - Gbar of the cumulative sums G_0 = 0, ..., G_P of the rows.
     sums = ca.vertcat(0 * increments[0, :], ca.cumsum(increments, 0))
-    centred = sums - ca.repmat(ca.sum1(sums) / sums.shape[0], sums.shape[0], 1)
-    return centred.T @ centred
-
-
-def _difference_square(increments: Expression) -> Expression:
-    # W' D D' W: each pose's error enters the segment before it and, with the other sign, the one after.
-    nothing = 0 * increments[0, :]
-    differences = ca.vertcat(nothing, increments) - ca.vertcat(increments, nothing)
-    return differences.T @ differences
+    return sums - ca.repmat(ca.sum1(sums) / sums.shape[0], sums.shape[0], 1)

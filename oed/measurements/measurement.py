@@ -9,12 +9,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse
 
 from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
+from oed.matrices import harmonic
 from oed.models.model import Model
 from oed.rollout import Drive
+from oed.square_root import reduced
 
 Array = npt.NDArray[np.float64]
 
@@ -47,12 +50,16 @@ class Block:
         units: their SI units ("" for a ratio).
         response: noise-free readings y (rows,).
         design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
-        information: on chosen unknowns, by their indices among parameters and then nuisances, the others
-            known: W' K^-1 W of their columns, with the noise's covariance noise^2 K.
+        jacobian: by parameters and then nuisances, (rows, p + nuisances), in units of the noise where it is
+            not `noise`: its square, and what is known of nuisances beforehand, is the information.
+        information: on chosen unknowns, by their indices among these, the others known: W' K^-1 W of their
+            columns, with the noise's covariance noise^2 K.
         noise: standard deviation that the information is still to be divided by, None where not known.
         nuisances: what is estimated along.
         raw: whether `scaling: none` leaves the noise out, as the paper does.
         sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
+            same; else the jacobian's rows are independent.
     """
 
     name: str
@@ -61,11 +68,23 @@ class Block:
     units: tuple[str, ...]
     response: Expression
     design_matrix: Expression
+    jacobian: Expression
     information: Callable[[Sequence[int]], Expression]
     noise: float | None
     nuisances: tuple[Nuisance, ...] = ()
     raw: bool = False
     sizes: Array | None = None
+    shared: scipy.sparse.csc_matrix | None = None
+
+    def rows(self, jacobian: Array) -> Array:
+        """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""
+        if self.shared is None:
+            return reduced(jacobian)
+        # With W = Q U, and T the triangular factor of B Q, the estimates' covariance
+        # (W'W)^-1 (BW)'BW (W'W)^-1 is (T U^-T)'(T U^-T).
+        orthonormal, upper = np.linalg.qr(jacobian)
+        spread = np.asarray(np.linalg.qr(self.shared @ orthonormal, mode="r"))
+        return np.asarray(np.linalg.solve(spread.T, upper))
 
     @property
     def scales(self) -> Array:
@@ -81,13 +100,23 @@ def regression(
     *,
     units: Sequence[str],
     noise: float | None,
-    information: Callable[[Expression], Expression] | None = None,
+    jacobian: Expression | None = None,
+    shared: scipy.sparse.csc_matrix | None = None,
 ) -> Block:
     """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
 
-    Rows are independent and the information is W'W, unless `information` makes another of W's columns.
+    Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
     """
-    weigh = information or _square
+    whitened = design_matrix if jacobian is None else jacobian
+
+    def information(chosen: Sequence[int]) -> Expression:
+        columns = whitened[:, list(chosen)]
+        square = columns.T @ columns
+        if shared is None:
+            return square
+        spread = ca.DM(shared) @ columns
+        return harmonic(square, spread.T @ spread)
+
     return Block(
         name=name,
         parameters=tuple(parameters),
@@ -95,14 +124,12 @@ def regression(
         units=tuple(units),
         response=design_matrix @ ca.DM(nominal),
         design_matrix=design_matrix,
-        information=lambda chosen: weigh(design_matrix[:, list(chosen)]),
+        jacobian=whitened,
+        information=information,
         noise=noise,
         raw=True,
+        shared=shared,
     )
-
-
-def _square(columns: Expression) -> Expression:
-    return columns.T @ columns
 
 
 class Measurement(Component, ABC):

@@ -331,6 +331,7 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
         units=tuple(parameter.unit for parameter in model.parameters),
         response=ca.vertcat(*(one.white_response for one in joint.each)),
         design_matrix=design[:, :size],
+        jacobian=design,
         information=lambda chosen: matrix[list(chosen), list(chosen)],
         noise=1.0,
         nuisances=nuisances,

@@ -18,6 +18,7 @@ import casadi as ca
 from pydantic import Field
 
 from oed.component import Component
+from oed.errors import Flaw
 from oed.expression import Expression
 from oed.quantities import Length
 
@@ -159,6 +160,20 @@ class Model(Component, ABC):
     def input_names(self) -> tuple[str, ...]:
         """The inputs' names."""
         return tuple(entry.name for entry in self.inputs)
+
+
+def twist_flaws(model: Model) -> list[Flaw]:
+    """Why what a robot's class gives as its twist is none; [] where it is one."""
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    try:
+        twist = ca.SX(model.twist(inputs, parameters))
+    except Exception as error:
+        # A class of the user's own may fail in any way.
+        return [Flaw(("robot",), f"its twist cannot be made: {type(error).__name__}: {error}")]
+    if twist.shape == (3, 1):
+        return []
+    text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
+    return [Flaw(("robot",), f"{text} {twist.shape}")]
 
 
 def moves_sideways(model: Model) -> bool:

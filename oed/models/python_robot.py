@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from functools import cached_property
+from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
-from pydantic import ConfigDict, ValidationError, model_validator
+from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validator
 
 from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter
+from oed.models.own_module import own_module
+
+UNMADE = {"robots": "unmade"}
+"""Pydantic's context in which robots of the user's own are read as the names they are: no code is run."""
 
 
 class PythonRobot(Model):
@@ -18,7 +23,8 @@ class PythonRobot(Model):
 
     Attributes:
         object: module and class.
-        folder: where the module is looked for besides Python's own path; a study's folder by default.
+        folder: where the module's file stands, a study's folder by default; a module that is not there is
+            one that Python has installed.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -28,9 +34,17 @@ class PythonRobot(Model):
     folder: str | None = None
 
     @model_validator(mode="after")
-    def _made(self) -> PythonRobot:
-        _ = self.robot
+    def _made(self, info: ValidationInfo) -> PythonRobot:
+        # Data may name a robot without its code being run.
+        if info.context != UNMADE:
+            _ = self.robot
         return self
+
+    @property
+    def module_file(self) -> str:
+        """Where its code is looked for first."""
+        path = Path(self.folder or ".", *self.object.partition(":")[0].split("."))
+        return f"{path}.py"
 
     @cached_property
     def robot(self) -> Model:
@@ -103,6 +117,10 @@ class PythonRobot(Model):
         """The robot's own."""
         return self.robot.twist(inputs, parameters)
 
+    def __eq__(self, other: Any) -> bool:
+        """By the robot that is made: its class may have changed since."""
+        return isinstance(other, PythonRobot) and super().__eq__(other) and self.robot == other.robot
+
     def __hash__(self) -> int:
         """By the robot that is made."""
         return hash((self.object, self.body_radius, self.robot))
@@ -118,20 +136,23 @@ def _class_of(place: str, folder: str | None) -> type[Model]:
     module_name, colon, name = place.partition(":")
     if not colon or not module_name or not name:
         raise ValueError(f"expected module:Class, got {place!r}")
-    if folder is not None and folder not in sys.path:
-        sys.path.append(folder)
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        if error.name != module_name.partition(".")[0]:
-            raise ValueError(f"{module_name} cannot be imported: {error}") from None
-        where = f"in {folder} and " if folder is not None else ""
-        raise ValueError(f"no module {module_name} {where}on Python's path") from None
-    except Exception as error:
-        raise ValueError(f"{module_name} cannot be imported: {type(error).__name__}: {error}") from None
-    found = getattr(module, name, None)
+    found = getattr(_module(module_name, folder), name, None)
     if found is None:
         raise ValueError(f"{module_name} has no {name}")
     if not isinstance(found, type) or not issubclass(found, Model):
         raise ValueError(f"{place} is no robot: expected a class that inherits from oed.Model")
     return found
+
+
+def _module(name: str, folder: str | None) -> ModuleType:
+    try:
+        own = None if folder is None else own_module(Path(folder), name)
+        return importlib.import_module(name) if own is None else own
+    except ModuleNotFoundError as error:
+        if error.name != name.partition(".")[0]:
+            raise ValueError(f"{name} cannot be imported: {error}") from None
+        where = f"in {folder} and " if folder is not None else ""
+        raise ValueError(f"no module {name} {where}on Python's path") from None
+    except (Exception, SystemExit) as error:
+        # A module that ends the program must not end this one as if all were well.
+        raise ValueError(f"{name} cannot be imported: {type(error).__name__}: {error}") from None

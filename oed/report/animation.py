@@ -214,6 +214,7 @@ def _marked(comment: str) -> Mapping[str, Any] | None:
         return None
     try:
         found = json.loads(comment.removeprefix(MARK))
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) and {"results", "drives"} <= set(found) else None
+    fits = isinstance(found, dict) and isinstance(found.get("results"), list) and "drives" in found
+    return found if fits else None

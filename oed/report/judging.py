@@ -20,7 +20,7 @@ KINDS = {
 """Criteria by kind, for what does not depend on their options."""
 
 SINGULAR = 1e-9
-"""Share of the largest eigenvalue below which the smallest one counts as 0."""
+"""Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
 
 NUMBERS = {"E": "λ_min", "D": "log det F", "A": "-tr F⁻¹", "modified_E": "-cond(F)"}
 """What a criterion's number is, in short."""
@@ -113,8 +113,20 @@ def judged(record: Record) -> list[Mapping[str, Any]]:
 
 def singular(entry: Entry) -> bool:
     """Whether a drive leaves some combination of the parameters undetermined, to rounding."""
+    said = entry.get("singular")
+    return rounded(entry) if said is None or entry["lambda_min"] is None else bool(said)
+
+
+def useless(entry: Entry) -> bool:
+    """Whether a drive leaves undetermined what the study's criterion asks about."""
+    said = entry.get("identifiable")
+    return rounded(entry) if said is None or entry["lambda_min"] is None else not said
+
+
+def rounded(entry: Entry) -> bool:
+    """Whether a result's numbers are rounding, by a record of before results said so themselves."""
     smallest, largest = entry["lambda_min"], entry["lambda_max"]
-    return smallest is not None and smallest <= SINGULAR * (largest or 0.0)
+    return "singular" not in entry and smallest is not None and smallest <= SINGULAR * (largest or 0.0)
 
 
 def objective_of(entry: Entry) -> float | None:
@@ -153,7 +165,8 @@ def meaning(record: Record) -> str:
 def precision(record: Record, entry: Entry) -> list[str]:
     """What a result's numbers say of its precision, in words: its worst direction, and its criterion's."""
     if singular(entry) or not entry["lambda_min"]:
-        return ["some combination of the parameters cannot be told"]
+        untold = "some combination of the parameters cannot be told"
+        return [untold] if useless(entry) else [untold, *_by_criterion(record, entry)]
     scaling = record.data["study"]["criterion"]["scaling"]
     worst = entry["lambda_min"] ** -0.5
     size = f"{quantity(100 * worst, '%')} of nominal" if scaling == "relative" else quantity(worst, "")

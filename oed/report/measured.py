@@ -114,7 +114,7 @@ def _pose_noise(sensor: Sensor) -> str:
 
 def _deviation(noise: Mapping[str, Any], name: str) -> float:
     own = noise.get(name)
-    return float(noise["position"] if own is None else own)
+    return float((noise.get("position") or 0.0) if own is None else own)
 
 
 def _sized(name: str, size: float) -> str:

@@ -20,7 +20,7 @@ from matplotlib.ticker import MaxNLocator
 from oed.report import figures
 from oed.report.inputs import Series
 from oed.report.reading import Cloud
-from oed.report.wording import unit_text
+from oed.report.wording import as_drawn, unit_text
 
 WIDTH = 7.2
 """Width of a report's column [inch]."""
@@ -125,13 +125,16 @@ def series(drives: Sequence[Series], labels: Sequence[str], quantity: str, unit:
     grid = new_grid(len(drives), columns, WIDTH, 2.5 if columns == 1 else 2.1)
     for ax, drive in zip(grid.axes, drives, strict=True):
         figures.plot_series(ax, drive, bounds, unit)
-        ax.set_title(drive.title)
+        ax.set_title(as_drawn(drive.title))
     low, high = _range(drives, bounds)
     grid.axes[0].set_ylim(low, high)
     several = any(drive.breaks for drive in drives)
     time = "time [s], runs one after the other" if several else "time [s]"
     grid.label(time, f"{quantity}\n[{unit_text(unit)}]" if unit else quantity)
-    handles = [Line2D([], [], **figures.line_style(index), label=label) for index, label in enumerate(labels)]
+    handles = [
+        Line2D([], [], **figures.line_style(index), label=as_drawn(label))
+        for index, label in enumerate(labels)
+    ]
     if handles:
         ncols = min(4, legend_columns(labels, WIDTH, HANDLE))
         grid.figure.legend(handles=handles, loc="outside upper center", ncols=ncols, handlelength=3.2)
@@ -157,7 +160,7 @@ def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> Figure:
     grid = new_grid(len(spreads), columns, WIDTH, 2.7, share_y=False)
     for ax, (title, shortfalls, failed) in zip(grid.axes, spreads, strict=True):
         figures.plot_starts(ax, shortfalls, failed)
-        ax.set_title(title)
+        ax.set_title(as_drawn(title))
         ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True))
     grid.label("starts, best first", "below the best start [%]")
     for ax in grid.axes:
@@ -190,7 +193,8 @@ def convergence(lines: Sequence[Line], apart: bool) -> Figure:
     ax.set_xlabel("time [s]")
     ax.set_ylabel("below the best by\nits own criterion [%]" if apart else "below the best [%]")
     handles = [
-        Line2D([], [], **line, label=name) for (name, _), line in zip(lines, _cycled(len(lines)), strict=True)
+        Line2D([], [], **line, label=as_drawn(name))
+        for (name, _), line in zip(lines, _cycled(len(lines)), strict=True)
     ]
     longest = max(len(name) for name, _ in lines)
     columns = 4 if longest <= LONG else 2 if longest <= 2 * LONG else 1
@@ -213,7 +217,7 @@ def clouds(drawn: Sequence[Cloud]) -> Figure:
         ax.set_ylim(cloud.true[1] - 1.25 * reach[1], cloud.true[1] + 1.25 * reach[1])
         if reach[0] == reach[1]:
             ax.set_aspect("equal")
-        ax.set_title(cloud.title)
+        ax.set_title(as_drawn(cloud.title))
     grid.label(*drawn[0].labels)
     handles = [
         Line2D([], [], marker=".", color="#7a95ad", linestyle="none", label="estimate"),

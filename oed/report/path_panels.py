@@ -20,6 +20,7 @@ from oed.report.driven import Bundle, Path
 from oed.report.figures import INK
 from oed.report.panels import BEYOND, WIDTH, Grid, legend_columns, new_grid
 from oed.report.rooms import Room, Shape
+from oed.report.wording import as_drawn
 
 HANDLE = 0.45
 """Width of what stands before an entry of the legend, and of the gap after it [inch]."""
@@ -38,7 +39,7 @@ def paths(drives: Sequence[Path], room: Room) -> Figure:
         path_figures.plot_room(ax, room)
         scale = (1.0, 0.85, 0.7)[columns - 1]
         path_figures.plot_path(ax, drive, boundaries, scale, room.body_radius)
-        ax.set_title(drive.title, fontsize=(10, 10, 9)[columns - 1])
+        ax.set_title(as_drawn(drive.title), fontsize=(10, 10, 9)[columns - 1])
     grid.label("x [m]", "y [m]")
     _speed_bar(grid, boundaries)
     handles, (width, height) = _path_legend(drives) + _room_legend(drives, room), _size(grid)
@@ -65,7 +66,7 @@ def bundles(cases: Sequence[Bundle], room: Room) -> Figure:
     for ax, case in zip(grid.axes, cases, strict=True):
         path_figures.plot_room(ax, room)
         path_figures.plot_bundle(ax, case.inside, case.outside, case.nominal)
-        ax.set_title(case.title)
+        ax.set_title(as_drawn(case.title))
     grid.label("x [m]", "y [m]")
     looks = {
         "nominal robot": path_figures.NOMINAL,

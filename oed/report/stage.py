@@ -20,6 +20,7 @@ from oed.report.figures import FAINT, INK
 from oed.report.film.frame import Frame
 from oed.report.path_figures import END, START, plot_room
 from oed.report.scene import Cast, Scene
+from oed.report.wording import as_drawn
 
 DPI = 100
 WIDTHS = {1: 5.6, 2: 8.0}
@@ -70,7 +71,7 @@ class Stage:
             for number, cast in enumerate(casts, 1)
         ]
         rate = "" if speed == 1 else f", {speed:g} × real time"
-        self._figure.suptitle(f"{scene.title}{rate}", fontsize=11)
+        self._figure.suptitle(as_drawn(f"{scene.title}{rate}"), fontsize=11)
         self._figure.supxlabel("x [m]", fontsize=10)
         self._figure.supylabel("y [m]", fontsize=10)
         self._canvas.draw()
@@ -108,7 +109,7 @@ class _Panel:
                     *run.poses[end, :2], **{**mark, "markersize": 0.7 * mark["markersize"], "zorder": 1.9}
                 )
         # The clock stands beside the name, or below it where there is no room.
-        ax.set_title(cast.title + ("\n" if apart else ""), loc="left", fontsize=10)
+        ax.set_title(as_drawn(cast.title) + ("\n" if apart else ""), loc="left", fontsize=10)
         self._clock = ax.set_title("", loc="right", fontsize=10)
         self._done = [ax.plot(*run.poses[:, :2].T, **DONE)[0] for run in cast.runs[:-1]]
         (self._trace,) = ax.plot([], [], **TRACE)

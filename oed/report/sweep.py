@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
+from oed.files import inside
 from oed.record import Record, load_record
 from oed.report.comparison import relative_deviations
 from oed.report.driven import path_of
@@ -61,7 +63,7 @@ def write_sweep(data: Mapping[str, Any], source: str | Path, folder: str | Path 
     """
     base, target = Path(source), Path(source if folder is None else folder)
     records = {
-        str(row["folder"]): load_record(base / row["record"])
+        str(row["folder"]): load_record(inside(base, row["folder"]))
         for row in data["points"]
         if row["record"] is not None
     }
@@ -245,5 +247,5 @@ def _links(data: Mapping[str, Any], base: Path) -> Section | None:
     written = [row for row in data["points"] if (base / row["folder"] / PAGE).is_file()]
     if not written:
         return None
-    links = tuple((str(row["label"]), f"{row['folder']}/{PAGE}") for row in written)
+    links = tuple((str(row["label"]), f"{quote(row['folder'])}/{PAGE}") for row in written)
     return Section("Reports of the points", links=links)

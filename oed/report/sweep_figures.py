@@ -15,6 +15,7 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from oed.report.figures import INK, line_style
 from oed.report.panels import HANDLE, WIDTH, legend_columns, new_grid
 from oed.report.sweep import DECADE, Chart
+from oed.report.wording import as_drawn
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "///", "...", "xxx", "---", "+++")
@@ -33,7 +34,7 @@ def panels(charts: Sequence[Chart]) -> Figure:
     grid = new_grid(len(charts), columns, WIDTH, 3.0 if columns == 1 else 2.4, share_y=False)
     for ax, chart in zip(grid.axes, charts, strict=True):
         plot_chart(ax, chart)
-        ax.set_title(chart.title)
+        ax.set_title(as_drawn(chart.title))
     grid.label(charts[0].across, charts[0].quantity)
     for ax in grid.axes:
         ax.tick_params(labelbottom=True, labelleft=True)
@@ -66,7 +67,7 @@ def _plot_bars(ax: Axes, chart: Chart) -> Axes:
     for index, (_, values) in enumerate(chart.series):
         offset = (index - (len(chart.series) - 1) / 2) * width
         ax.bar(places + offset, _numbers(values), 0.92 * width, **_fill(index), zorder=3)
-    ax.set_xticks(places, [str(place) for place in chart.places])
+    ax.set_xticks(places, [as_drawn(str(place)) for place in chart.places])
     ax.grid(visible=False, axis="x")
     _scale_values(ax, chart)
     return ax
@@ -105,8 +106,10 @@ def _handles(chart: Chart) -> list[Any]:
     if len(chart.series) == 1:
         return []
     if any(isinstance(place, str) for place in chart.places):
-        return [Patch(**_fill(index), label=name) for index, (name, _) in enumerate(chart.series)]
-    return [Line2D([], [], **_line(index), label=name) for index, (name, _) in enumerate(chart.series)]
+        return [Patch(**_fill(index), label=as_drawn(name)) for index, (name, _) in enumerate(chart.series)]
+    return [
+        Line2D([], [], **_line(index), label=as_drawn(name)) for index, (name, _) in enumerate(chart.series)
+    ]
 
 
 def heat_map(chart: Chart) -> Figure:
@@ -121,8 +124,8 @@ def heat_map(chart: Chart) -> Figure:
         text = f"{value:.3g}" if np.isfinite(value) else "–"
         ax.text(column, row, text, ha="center", va="center", color="white" if dark else INK, fontsize=8)
     ax.set_xticks(range(len(chart.places)), [f"{place:g}" for place in chart.places])
-    ax.set_yticks(range(len(values)), [name for name, _ in chart.series])
+    ax.set_yticks(range(len(values)), [as_drawn(name) for name, _ in chart.series])
     ax.grid(visible=False)
-    ax.set_xlabel(chart.across)
+    ax.set_xlabel(as_drawn(chart.across))
     figure.colorbar(image, ax=ax, label=chart.quantity)
     return figure

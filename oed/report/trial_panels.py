@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from oed.report import figures, panels
+from oed.report.wording import as_drawn
 
 Array = npt.NDArray[np.float64]
 
@@ -71,10 +72,10 @@ def plot_errors(ax: Axes, floor: Floor, most: float) -> Axes:
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_yticks(lanes, floor.drives)
+    ax.set_yticks(lanes, [as_drawn(name) for name in floor.drives])
     ax.set_ylim(len(lanes) - 0.5, -0.5)
     ax.grid(visible=False, axis="y")
-    ax.set_title(floor.title)
+    ax.set_title(as_drawn(floor.title))
     return ax
 
 
@@ -87,7 +88,7 @@ def plot_went(ax: Axes, went: Went) -> Axes:
     ax.plot(*went.planned.T, **PLANNED, zorder=4)
     ax.plot(*went.planned[0], marker="o", color=figures.INK, markersize=3.5, zorder=6)
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_title(went.title, fontsize="small")
+    ax.set_title(as_drawn(went.title), fontsize="small")
     return ax
 
 
@@ -121,7 +122,7 @@ def errors(floors: Sequence[Floor]) -> Figure:
     for ax, floor in zip(axes, floors, strict=True):
         plot_errors(ax, floor, MOST * least)
     figure.supxlabel("held-out error [mm]", fontsize="medium")
-    handles = [Line2D([], [], **_mark(index), label=name) for index, name in enumerate(fits)]
+    handles = [Line2D([], [], **_mark(index), label=as_drawn(name)) for index, name in enumerate(fits)]
     ncols = panels.legend_columns(fits, panels.WIDTH, 0.4)
     figure.legend(handles=handles, loc="outside upper center", ncols=min(ncols, 3))
     return figure

@@ -87,6 +87,11 @@ def words(identifier: str) -> str:
     return identifier.replace("_", " ")
 
 
+def as_drawn(text: str) -> str:
+    """Text as figures are given it: a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
+
+
 def listing(items: Sequence[str]) -> str:
     """`a, b and c`."""
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))

@@ -25,6 +25,10 @@ mean over starts rises from 67 to 76 (of at most 85.8).
 """
 
 
+NARROWED = 0.9
+"""Share of the way between two bounds that tightening may take away at most."""
+
+
 class Frame:
     """How a program sees the limits: bounds of single unknowns as bounds, all others as weighed rows.
 
@@ -60,6 +64,8 @@ class Frame:
     def bounds(self, backoff: Array) -> tuple[Interval, Interval]:
         """Bounds of z and of the rows, with each limit tightened by that share of its size."""
         shift = (backoff * self._sizes)[self._owner]
+        # Something is left between two bounds, however narrow: a robot may all but fill its room.
+        shift = np.minimum(shift, NARROWED * (self._upper - self._lower) / 2)
         lower, upper = self._lower + shift, self._upper - shift
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         if not self.relaxing:

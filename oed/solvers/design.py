@@ -15,6 +15,7 @@ from oed.solvers.compiled import compiled
 from oed.solvers.terms import terms_of
 from oed.solvers.terms.base import RowBounds, Terms, stacks, symmetric_all
 from oed.solvers.terms.unrolled import OtherRobots, Unrolled
+from oed.square_root import SquareRoot
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -29,10 +30,13 @@ class DesignExpressions:
         entries: those symbols, stacked.
     """
 
-    def __init__(self, problem: Problem, refine: int = 1) -> None:
-        """Write the expressions; positions are limited at `refine` points per sample."""
+    def __init__(self, problem: Problem, refine: int = 1, *, differentiated: bool = True) -> None:
+        """Write the expressions; positions are limited at `refine` points per sample.
+
+        With `differentiated` False they serve for values alone.
+        """
         self.problem = problem
-        self.terms: Terms = terms_of(problem, refine)
+        self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]
@@ -123,7 +127,7 @@ class DesignExpressions:
         count = self.coefficient_count
         low[:count], high[:count] = np.repeat(bounds, len(self.terms.free), axis=0).T
         (first, *_), _ = self._judged(rng.uniform(low, high, (200, self.size)))
-        smallest = np.min([np.linalg.eigvalsh(stack)[:, 0] for stack in first], axis=0)
+        smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
         means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
         typical = float(smallest.max())
         return typical if typical > 0 else float(np.max(means)) or 1.0

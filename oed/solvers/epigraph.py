@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.criteria.criterion import lifted
 from oed.expression import Expression
 from oed.problem import Problem
 
@@ -44,7 +45,9 @@ def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Ob
 
     def initial(numeric: Sequence[Sequence[Array]]) -> Array:
         begun = [one.initial(matrices) for one, matrices in zip(each, numeric, strict=True)]
-        worst = [] if mean else [min(float(problem.objective.value(matrices)) for matrices in numeric)]
+        # A level from which to begin is finite, also where a drive tells next to nothing.
+        ready = [] if mean else [[lifted(matrix) for matrix in matrices] for matrices in numeric]
+        worst = [min(float(problem.objective.value(matrices)) for matrices in ready)] if ready else []
         return np.concatenate([worst, *begun])
 
     return Objective(

@@ -29,7 +29,9 @@ from oed.solvers.starts import random_drives, start_bounds
 Array = npt.NDArray[np.float64]
 
 REFINE = 2
-"""Path points per sample that the population is checked at; the best are re-scored on the fine grid."""
+"""Path points per sample that the population is checked at; the best are re-scored at all times."""
+FINER, FINEST = 4, 32
+"""Factor on these points where all that seems feasible slips through between them, and the most there are."""
 RESCORED = 3
 """Candidates of a generation that are re-scored at most, from the best down."""
 
@@ -160,21 +162,38 @@ class _Run:
     standing: float = -np.inf
     history: list[HistoryPoint] = field(default_factory=list)
     evaluations: int = 0
+    refused: set[bytes] = field(default_factory=set)
 
     def run(self) -> Solution:
-        self.grid = Grid(self.problem, refine=REFINE)
-        self.design = self.grid.design
         status = Status.SEARCHED
         try:
-            status = self._generations()
+            status = self._refined()
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         return self._solution(status)
 
-    def _generations(self) -> Status:
+    def _refined(self) -> Status:
+        # Again with more points of the path, as long as all that is found slips through between them.
+        rng, refine = self.context.rng(3), REFINE
+        while True:
+            self.grid = Grid(self.problem, refine=refine, differentiated=False)
+            self.design = self.grid.design
+            self.refused.clear()
+            status = self._generations(rng, refine)
+            slipped = self.best is None and self.refused and status is not Status.TIME_LIMIT
+            if not slipped or self._enough or refine >= FINEST:
+                return status
+            refine *= FINER
+
+    @property
+    def _enough(self) -> bool:
+        limit = self.options.evaluations
+        return limit is not None and self.evaluations >= limit
+
+    def _generations(self, rng: np.random.Generator, refine: int) -> Status:
         from pymoo.termination import get_termination
 
-        options, rng = self.options, self.context.rng(3)
+        options, before = self.options, self.evaluations
         amplitudes = rng.uniform(0.05, 1.0, options.population)
         sampling = random_drives(self.design, amplitudes, rng)
         algorithm = options.algorithm(sampling)
@@ -182,37 +201,51 @@ class _Run:
         seed = int(rng.integers(2**31))
         expected = options.population * options.generations
         expected = min(expected, options.evaluations or expected)
-        population = Population(self.design, REFINE, self.context.workers, expected)
+        population = Population(self.design, refine, self.context.workers, expected)
         algorithm.setup(_as_pymoo(self.design, population), termination=termination, seed=seed, verbose=False)
         self.context.progress.begin(options.kind, options.generations)
         while algorithm.has_next():
             algorithm.next()
+            self.evaluations = before + int(algorithm.evaluator.n_eval)
             self._keep_best(algorithm)
             note = "" if self.best is None else f"best {self.best[1].objective:.6g}"
             self.context.progress.advance(note)
             if options.time_limit is not None and time.perf_counter() - self.began > options.time_limit:
                 return Status.TIME_LIMIT
-            if options.evaluations is not None and self.evaluations >= options.evaluations:
+            if self._enough:
                 break
+        if self.best is None:
+            self._keep_best(algorithm, last=True)
         return Status.SEARCHED
 
-    def _keep_best(self, algorithm: Any) -> None:
-        population, self.evaluations = algorithm.pop, int(algorithm.evaluator.n_eval)
-        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
-        order = [index for index in np.argsort(-values, kind="stable") if feasible[index]]
-        for index in order[:RESCORED]:
-            if values[index] <= self.standing:
+    def _keep_best(self, algorithm: Any, *, last: bool = False) -> None:
+        for value, unknowns in self._fresh(algorithm.pop)[: None if last else RESCORED]:
+            if value <= self.standing:
                 return
-            unknowns = np.asarray(population[index].X, dtype=float)
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
             if evaluation.feasible:
-                self.standing = values[index]
-                if self.best is not None and evaluation.objective <= self.best[1].objective:
-                    return
-                self.best = (unknowns, evaluation)
-                seconds = time.perf_counter() - self.began
-                self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
+                self._keep(value, unknowns, evaluation)
                 return
+            self.refused.add(unknowns.tobytes())
+
+    def _fresh(self, population: Any) -> list[tuple[float, Array]]:
+        # Drives that keep the limits where the population is checked, the best first, but those that do not
+        # keep them between: surviving from generation to generation, they would be in the others' way.
+        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
+        drives = [
+            (float(values[index]), np.asarray(population[index].X, dtype=float))
+            for index in np.argsort(-values, kind="stable")
+            if feasible[index]
+        ]
+        return [pair for pair in drives if pair[1].tobytes() not in self.refused]
+
+    def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
+        self.standing = value
+        if self.best is not None and evaluation.objective <= self.best[1].objective:
+            return
+        self.best = (unknowns, evaluation)
+        seconds = time.perf_counter() - self.began
+        self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
 
     def _solution(self, status: Status) -> Solution:
         best = self.best
@@ -224,7 +257,7 @@ class _Run:
             detail = NOTHING_YET if best is None else BEST_YET
         elif best is None:
             status = Status.FAILED
-        if best is not None and best[1].singular:
+        if best is not None and not best[1].identifiable:
             status, best = Status.SINGULAR, None
         return Solution(
             name=self.options.label,

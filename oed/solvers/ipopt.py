@@ -15,14 +15,15 @@ from pydantic import Field, PositiveInt
 
 from oed.criteria import D
 from oed.errors import Failure, Flaw, ProblemError
+from oed.evaluation import TOLERANCE
 from oed.problem import Problem
 from oed.quantities import Duration
 from oed.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.solvers.conflict import describe_conflict
-from oed.solvers.local import Local, Settings, local_search
+from oed.solvers.local import Local, Settings, local_search, surely_better
 from oed.solvers.parallel import Workers, run_tasks
 from oed.solvers.solver import Context, Solver
-from oed.solvers.starts import SCREENED, perturbed, random_drives, starting_points
+from oed.solvers.starts import SCREENED, Screening, perturbed, random_drives, screen, starting_points
 
 Array = npt.NDArray[np.float64]
 
@@ -30,8 +31,8 @@ ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""
 TRIAL = 4
 """Starts tried before a search that has found nothing asks whether the limits conflict."""
-ROUNDING = 1e-9
-"""Share of the objective that a design must be better by to replace one found before."""
+RESCORED = 5
+"""Screened drives that are scored between their samples at most, the best first."""
 POOL_SECONDS = 8.0
 """Work left below which starting worker processes, each building its own program, takes longer."""
 
@@ -133,7 +134,9 @@ class _Search:
         return self._solution()
 
     def _multi_start(self) -> None:
-        points = starting_points(self.design, self.options.starts, self.context.rng(0))
+        rng = self.context.rng(0)
+        screened = screen(self.design, rng)
+        points = starting_points(self.design, self.options.starts, rng, screened)
         self.evaluations += SCREENED
         if self.options.start_from is not None:
             points[0] = self._earlier_design(self.options.start_from)
@@ -142,10 +145,23 @@ class _Search:
         self._try_starts(points[:1])
         # Where the first few find nothing, asking why comes before trying the others.
         self._try_starts(points[1:TRIAL])
+        if self.best is None:
+            self._fall_back(screened)
         if self.best is None and self._conflict:
             return
         self._try_starts(points[TRIAL:])
+        self._fall_back(screened)
         self._note_stage("starts")
+
+    def _fall_back(self, screened: Screening) -> None:
+        # On the best drives that were only looked at: no search is to end with less.
+        search = local_search(self.token, self.problem, self.settings)
+        standing = -np.inf if self.best is None else self.best.objective
+        for unknowns in screened.kept(TOLERANCE)[:RESCORED]:
+            found = search.met(unknowns, standing)
+            if found is not None:
+                self.best = Local(unknowns, found, Status.UNIMPROVED, 0, 0, 0.0)
+                return
 
     def _try_starts(self, points: Sequence[Array]) -> None:
         results: list[Local | None] = []
@@ -210,7 +226,7 @@ class _Search:
     def _note_history(self, result: Local) -> None:
         self.evaluations += result.evaluations
         risen = not self.history or result.objective > self.history[-1].objective
-        if result.evaluation is not None and risen:
+        if np.isfinite(result.objective) and risen:
             seconds = time.perf_counter() - self.began
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
@@ -236,12 +252,11 @@ class _Search:
             if result is None or result.evaluation is None:
                 continue
             # Better than rounding alone could make it: else the first one stays, on every machine.
-            standing = -np.inf if self.best is None else self.best.objective
-            if result.objective > standing + ROUNDING * abs(result.objective):
+            if self.best is None or surely_better(result.objective, self.best.objective):
                 self.best = result
 
     def _note_stage(self, name: str) -> None:
-        if self.best is not None:
+        if self.best is not None and not self.best.useless:
             self.stages[name] = self.best.objective
 
     def _out_of_time(self) -> bool:
@@ -270,7 +285,7 @@ class _Search:
             if self.stopped is not None:
                 return self.stopped, NOTHING_YET
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
-        if self.best.singular:
+        if self.best.useless:
             return Status.SINGULAR, ""
         return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
 
@@ -285,5 +300,5 @@ class _Search:
 
 
 def _start(result: Local) -> Start:
-    reached = result.objective if result.evaluation is not None else None
+    reached = result.objective if np.isfinite(result.objective) else None
     return Start(reached, result.status, result.wall_seconds, result.iterations)

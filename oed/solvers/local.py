@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
+from oed.limits.limit import PathLimit
 from oed.problem import Problem
 from oed.solution import Status
 from oed.solvers.coarse import Grid
@@ -22,13 +23,26 @@ from oed.solvers.epigraph import objective_of
 from oed.solvers.program import Outcome, Program
 
 Array = npt.NDArray[np.float64]
+Round: TypeAlias = tuple[Outcome, Evaluation]
+Stage = Literal["program", "second"]
 
 TIGHTENINGS = 6
 """Times that limits exceeded between the samples are tightened before the search is given up."""
 HOPELESS = 0.1
-"""Excess, as a share of a limit's size, that no tightening mends: the search has not found the inside."""
+"""Excess, as a share of a limit's size, that no tightening mends where Ipopt has not converged either: the
+search has not found the inside.
+"""
+NARROWEST = 0.6
+"""Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
+ROUNDING = 1e-9
+"""Share of the objective that a design must be better by to replace one found before (or after)."""
+
+SLIPPED = 0.02
+"""Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
+FINER, FINEST = 4, 64
+"""Factor on the points per sample then, and the most there are."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -56,8 +70,13 @@ class Local:
 
     @property
     def singular(self) -> bool:
-        """Whether there is no design, or one that leaves parameters undetermined."""
+        """Whether there is no design, or one that leaves some combination of parameters undetermined."""
         return self.evaluation is None or self.evaluation.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether there is no design, or one that does not tell what the criterion asks about."""
+        return self.evaluation is None or not self.evaluation.identifiable
 
     @property
     def objective(self) -> float:
@@ -85,19 +104,28 @@ class Settings:
 
 
 class LocalSearch:
-    """The compiled programs of one problem: the criterion's, and the second stage's."""
+    """The compiled programs of one problem: the criterion's, and the second stage's.
 
-    def __init__(self, problem: Problem, settings: Settings) -> None:
+    Limits on the path hold at `refine` points per sample. Where a design slips through between them, as
+    across a wall that is thinner than a step, the search goes on with more.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, refine: int = 1) -> None:
         """Write the expressions; programs are built when first used."""
         self.problem = problem
         self.settings = settings
-        self.grid = Grid(problem, settings.search_samples)
+        self.refine = refine
+        self.grid = Grid(problem, settings.search_samples, refine)
         self.design = self.grid.design
         self.scale = self.design.scale
         self._robots = [[matrix / self.scale for matrix in own] for own in self.grid.robots]
         self._objective = objective_of(problem, self._robots)
         # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
         self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
+
+    @cached_property
+    def _finer(self) -> LocalSearch:
+        return LocalSearch(self.problem, self.settings, FINER * self.refine)
 
     @cached_property
     def program(self) -> Program:
@@ -131,9 +159,22 @@ class LocalSearch:
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start."""
+        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
         floors = np.zeros(self._objective.floors.shape[0])
-        return self._tightened(self.program, unknowns, floors, self.grid.no_correction)
+        found = self._best("program", unknowns, floors, self.grid.no_correction)
+        better = self.met(unknowns, found.objective)
+        if better is None:
+            return found
+        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED)
+
+    def met(self, unknowns: Array, standing: float) -> Evaluation | None:
+        """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
+        value = float(self.design.objective(self.grid.matrices_of(unknowns, self.grid.no_correction)))
+        if not surely_better(value, standing):
+            return None
+        found = evaluate(self.problem, self.grid.trajectory(unknowns))
+        usable = found.feasible and found.identifiable
+        return found if usable and surely_better(found.objective, standing) else None
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
@@ -142,27 +183,41 @@ class LocalSearch:
         # A little more than asked for, lest rounding leave a little less.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
-        return self._tightened(self._second, unknowns, floors, corrections)
+        return self._best("second", unknowns, floors, corrections)
 
-    def _tightened(self, program: Program, unknowns: Array, floors: Array, corrections: Array) -> Local:
+    def _best(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Local:
         began = time.perf_counter()
+        rounds = self._rounds(stage, unknowns, floors, corrections)
+        return _judged(rounds, time.perf_counter() - began)
+
+    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> list[Round]:
+        # Solves under limits tightened again and again, each with what its end is worth.
+        program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
-        outcomes: list[Outcome] = []
+        rounds: list[Round] = []
         for _ in range(TIGHTENINGS):
             # Limits and corrections change little from round to round: each goes on from the one before.
-            after = outcomes[-1] if outcomes and outcomes[-1].succeeded else None
+            after = rounds[-1][0] if rounds and rounds[-1][0].succeeded else None
             outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
-            outcomes.append(outcome)
             unknowns = outcome.unknowns
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+            rounds.append((outcome, evaluation))
             excess = self._excess(evaluation)
-            if excess.max() > HOPELESS or not (
-                excess.any() or self._misled(unknowns, corrections, evaluation)
-            ):
+            lost = excess.max() > HOPELESS and not outcome.succeeded
+            if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
                 break
-            backoff += 1.1 * excess
+            if outcome.succeeded and self._slips(excess):
+                return rounds + self._finer._rounds(stage, unknowns, floors, corrections)
+            before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
+            if excess.any() and np.array_equal(before, backoff):
+                break
             corrections = self.grid.correction(unknowns)
-        return _judged(outcomes, evaluation, time.perf_counter() - began)
+        return rounds
+
+    def _slips(self, excess: Array) -> bool:
+        # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
+        on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
+        return self.refine < FINEST and bool(np.any(excess[on_path] > SLIPPED))
 
     def solved(
         self,
@@ -210,21 +265,33 @@ class LocalSearch:
         return np.where(shares > TOLERANCE / 2, shares, 0.0)
 
 
-def _judged(outcomes: Sequence[Outcome], evaluation: Evaluation, seconds: float) -> Local:
-    last = outcomes[-1]
-    status = _STATUS.get(last.return_status, Status.FAILED)
-    found = evaluation.feasible and bool(np.isfinite(evaluation.objective))
+def surely_better(objective: float, standing: float) -> bool:
+    """Whether an objective is larger than another by more than rounding."""
+    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
+
+
+def _judged(rounds: Sequence[Round], seconds: float) -> Local:
+    # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
+    # tell what is asked for is a design, if of no use: the search says so in the end.
+    chosen, standing = len(rounds) - 1, -np.inf
+    for place in range(len(rounds) - 1, -1, -1):
+        evaluation = rounds[place][1]
+        if evaluation.feasible and surely_better(evaluation.objective, standing):
+            chosen, standing = place, evaluation.objective
+    outcome, evaluation = rounds[chosen]
+    status = _STATUS.get(outcome.return_status, Status.FAILED)
+    found = evaluation.feasible and (bool(np.isfinite(standing)) or not evaluation.identifiable)
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
-    elif status in (Status.INFEASIBLE, Status.FAILED):
-        # A feasible end is a design, whatever made Ipopt stop there.
+    elif status in (Status.INFEASIBLE, Status.FAILED) or chosen < len(rounds) - 1:
+        # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
         status = Status.ACCEPTABLE
     return Local(
-        last.unknowns,
+        outcome.unknowns,
         evaluation if found else None,
         status,
-        sum(outcome.iterations for outcome in outcomes),
-        sum(outcome.evaluations for outcome in outcomes),
+        sum(one.iterations for one, _ in rounds),
+        sum(one.evaluations for one, _ in rounds),
         seconds,
     )
 

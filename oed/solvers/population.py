@@ -73,4 +73,4 @@ class _Part:
 
 def _scored(part: _Part) -> Scores:
     # The terms are written once in each process.
-    return DesignExpressions(part.problem, part.refine).score_many(part.candidates)
+    return DesignExpressions(part.problem, part.refine, differentiated=False).score_many(part.candidates)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -50,17 +52,45 @@ def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator
     return np.stack(columns, axis=1)
 
 
-def starting_points(design: DesignExpressions, count: int, rng: np.random.Generator) -> list[Array]:
+@dataclass(frozen=True)
+class Screening:
+    """Random drives, scored at the samples.
+
+    Attributes:
+        candidates: their unknowns, (K, size).
+        values: of the criterion, (K,).
+        violations: of each limit as a share of its size, (K, limits).
+    """
+
+    candidates: Array
+    values: Array
+    violations: Array
+
+    def kept(self, tolerance: float) -> list[Array]:
+        """Unknowns of those that keep every limit at the samples within that share, the best first."""
+        kept = np.isfinite(self.values) & (self.violations.max(axis=1, initial=0.0) <= tolerance)
+        places = np.flatnonzero(kept)
+        return list(self.candidates[places[np.argsort(-self.values[places], kind="stable")]])
+
+
+def screen(design: DesignExpressions, rng: np.random.Generator) -> Screening:
+    """Simulate random drives of all sizes."""
+    candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
+    return Screening(candidates, *design.score_many(candidates))
+
+
+def starting_points(
+    design: DesignExpressions, count: int, rng: np.random.Generator, screened: Screening | None = None
+) -> list[Array]:
     """Unknowns of `count` starts: half screened, half small.
 
     Screening ranks random drives by criterion, discounted by how far they exceed the limits.
     """
-    candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
-    values, violations = design.score_many(candidates)
-    order = np.argsort(-_merit(values, violations), kind="stable")
+    found = screen(design, rng) if screened is None else screened
+    order = np.argsort(-_merit(found.values, found.violations), kind="stable")
     # Taking turns, so that a search cut short has tried both sorts.
     starts = np.empty((count, design.size))
-    starts[0::2] = candidates[order[: (count + 1) // 2]]
+    starts[0::2] = found.candidates[order[: (count + 1) // 2]]
     starts[1::2] = random_drives(design, np.full(count // 2, SMALL), rng)
     return list(starts)
 

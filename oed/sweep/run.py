@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from oed.errors import FileFlaw, OedError, RecordError
+from oed.files import inside
 from oed.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record, pages, saved_file
@@ -19,6 +20,8 @@ from oed.saving import NotSaved
 from oed.solvers import Progress, Silent, Workers, default_workers
 from oed.solvers.interrupts import interrupts_named
 from oed.solvers.parallel import run_tasks
+from oed.stored.door import checked, read_object
+from oed.stored.sweep import StoredSweep
 from oed.study import Study
 from oed.sweep.axes import Axis
 from oed.sweep.points import Point, grid, short_names
@@ -97,14 +100,11 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
         RecordError: none there, or not one of this format.
     """
     path = saved_file(folder, FILE)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", f"cannot be read: {error}")]) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        text = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
-        raise RecordError([FileFlaw(str(path), 0, 0, "", text)])
-    return data
+    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
+    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
+    if data.get("format") != FORMAT:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return checked(StoredSweep, data, path).plain()
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,9 @@ class _Sweep:
         self.records[index] = record
         try:
             folder = self.points[index].folder
-            self.draft.write({f"{folder}/{name}": text for name, text in result.files.items()})
+            # The record last: where it is, everything is.
+            names = sorted(result.files, key=lambda name: name == RECORD)
+            self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
             # Lest the process be killed: what is there by now is a sweep that was cut short.
             self.draft.write(_file({**self._data(self), "interrupted": True}))
         except OedError as error:
@@ -187,10 +189,11 @@ class _Sweep:
 
     def _keep(self, place: Path) -> None:
         for index, point in enumerate(self.points):
-            record = None if index in self.records else self._finished(index, place / point.folder)
+            folder = inside(place, point.folder)
+            record = None if index in self.records else self._finished(index, folder)
             if record is not None:
                 self.records[index] = record
-                self.draft.adopt(place / point.folder)
+                self.draft.adopt(folder)
 
     def _finished(self, index: int, folder: Path) -> Record | None:
         if not folder.is_dir():
@@ -228,7 +231,7 @@ class _Sweep:
             if not load_sweep(self.draft.target)["interrupted"]:
                 return True
         fresh = [self.points[index].folder for index in self.records if index not in self.kept]
-        return any(_is_finished(self.draft.target / folder) for folder in fresh)
+        return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
 
     def _not_saved(self, error: OedError, data: dict[str, Any]) -> NotSaved:
         kept = self.draft.put_aside()

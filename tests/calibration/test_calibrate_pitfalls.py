@@ -148,6 +148,16 @@ def test_poses_in_another_unit_are_refused():
         calibrate(problem_of(), [wide], options(segment="log"))
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-3])
+@pytest.mark.parametrize("still", [[0, 1, 2], [0, 1], [2]], ids=["all", "positions", "heading"])
+def test_poses_that_never_move_are_refused(noise: float, still: list[int]):
+    log = log_of(course(seconds=10.0), noise=NOISE)
+    poses = log.poses.copy()
+    poses[:, still] = noise * np.random.default_rng(0).standard_normal((len(poses), len(still)))
+    with pytest.raises(LogError, match=r"drive\.csv: the measured poses hardly move while the wheels drive"):
+        calibrate(problem_of(), [replace(log, poses=poses)], options(segment="log"))
+
+
 def test_a_wheel_far_off_its_nominal_size_is_asked_about():
     log = log_of(course(seconds=10.0), noise=NOISE)
     geared = replace(log, integrals=log.integrals * 2)

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from oed.models import Model
+from oed.record import result_data
+from oed.runner import record
+from oed.solution import Solution, Status
 from oed.study import Study, parse_study
 from oed.trajectory import Trajectory
 
@@ -50,19 +53,23 @@ def winding(study: Study) -> Trajectory:
 
 
 def entry(name: str, drive: Trajectory | None, feasible: bool = True) -> dict[str, Any]:
-    """As much of a record's result as an export reads."""
+    """A record's result, of which nothing but the drive is known; exports do not read its poses."""
     held = None
     if drive is not None:
         arrays = {key: getattr(drive, key).tolist() for key in ("knots", "coefficients", "start")}
-        held = {**arrays, "degree": drive.degree, "samples": drive.samples, "runs": drive.runs}
-    return {"name": name, "feasible": feasible, "objective": 1.0 if feasible else None, "drive": held}
+        poses = np.zeros((drive.samples + drive.runs, drive.starts.shape[1])).tolist()
+        sizes = {"degree": drive.degree, "samples": drive.samples, "runs": drive.runs}
+        held = {**arrays, **sizes, "poses": poses}
+    solution = Solution(name, "path", None, None, Status.SCORED)
+    known = {"objective": 1.0 if feasible else None, "path_length": None if drive is None else 1.0}
+    return {**result_data(solution, None), "feasible": feasible, **known, "drive": held}
 
 
 def saved(folder: Path, study: Study, results: list[dict[str, Any]] | None = None) -> Path:
     """A folder with the study's record: its winding drive, by the name `my drive`."""
     folder.mkdir(parents=True, exist_ok=True)
     chosen = [entry("my drive", winding(study))] if results is None else results
-    data = {"format": 1, "study": study.echo(), "results": chosen}
+    data = {**record(study, [], 0).data, "results": chosen}
     (folder / "record.json").write_text(json.dumps(data))
     return folder
 

@@ -18,6 +18,8 @@ from oed.trajectory import DesignSpace, Spline, Trajectory
 
 FINER = 10
 """Times per period that limits are looked at."""
+DENSE = 200
+"""The same where all times are meant."""
 DURATION, SAMPLES = 6.0, 24
 
 BY_NAME = {example.name: example for example in ROBOTS}
@@ -78,9 +80,31 @@ def slack(limit: Limit, drive: Drive) -> float:
     return float(min((rows.upper - values).min(), (values - rows.lower).min()))
 
 
-def fine_twists(example: Example, drive: Trajectory) -> np.ndarray:
-    """Twists (K, 3) of the splines' values at all times looked at, by the oracle."""
-    return np.array([example.twist(row) for row in oracle.spline_values(drive, fine_times(drive))])
+def dense_times(drive: Trajectory) -> np.ndarray:
+    """So many times that little happens between them, knots and both ends included."""
+    return np.union1d(np.linspace(0, drive.duration, DENSE * drive.samples + 1), drive.knots)
+
+
+def fine_twists(example: Example, drive: Trajectory, *, dense: bool = False) -> np.ndarray:
+    """Twists (K, 3) that limits look at, by the oracle: of the splines at all times looked at; of a robot
+    that lags, those that it has at both ends of each period.
+    """
+    if example.mean is not None:
+        return _lagging_twists(example, drive)
+    times = dense_times(drive) if dense else fine_times(drive)
+    return np.array([example.twist(row) for row in oracle.spline_values(drive, times)])
+
+
+def _lagging_twists(example: Example, drive: Trajectory) -> np.ndarray:
+    state, found = np.array(drive.starts[0]), []
+    parameters = np.array(example.model.nominal)
+    for row in drive.inputs:
+        twist = example.twist(row)
+        rate = example.internal(state, twist, drive.period, parameters)
+        after = np.array([*state[:3], *rate])
+        found += [example.mean(one, twist, 0.0, parameters) for one in (state, after)]
+        state = after
+    return np.array(found)
 
 
 def fine_path(example: Example, drive: Trajectory) -> np.ndarray:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import oracle
 import pytest
-from builders import random_drive
+from builders import make_problem, random_drive
 from driving import BY_NAME, FINER, as_drive, fine_path, fine_times, fine_twists, limited, margin_of, slack
 from pydantic import TypeAdapter, ValidationError
 from robots import ROBOTS, Example, draw_inputs
 
+from oed.evaluation import evaluate
 from oed.limits import (
     LIMITS,
     BodySpeed,
@@ -19,8 +20,10 @@ from oed.limits import (
     TrailerAngle,
     TurningRadius,
     WheelJerk,
+    WheelSpeed,
     YawRate,
 )
+from oed.models import DifferentialDrive
 from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
 
 SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
@@ -91,9 +94,10 @@ def test_magnitudes_are_exact_at_their_bounds(name: str):
 def test_turning_radius(example: Example, seed: int):
     drive = any_drive(example, seed)
     forward, lateral, yaw_rate = fine_twists(example, drive).T
-    spare = np.hypot(forward, lateral) - 0.3 * np.abs(yaw_rate)
+    speed, needed = forward**2 + lateral**2, (0.3 * yaw_rate) ** 2
     found = slack(TurningRadius(bounds=0.3), as_drive(example.model, drive))
-    assert found == pytest.approx(spare.min(), abs=1e-3)
+    at_rest = 2 * (2e-3 * 0.3) ** 2
+    assert found == pytest.approx((0.3 * (speed - needed) / (speed + needed + at_rest)).min())
 
 
 @pytest.mark.parametrize("yaw_rate", [0.05, -1.0, 4.0])
@@ -102,12 +106,28 @@ def test_turning_radius_is_exact_on_a_circle(radius: float, yaw_rate: float):
     wheels = yaw_rate * np.array([radius + 0.09, radius - 0.09]) / 0.049
     drive = Trajectory.from_samples(np.tile(wheels, (8, 1)), 2.0, (0, 0, 0), rest_to_rest=False)
     values = as_drive(BY_NAME["differential"].model, drive)
-    assert slack(TurningRadius(bounds=radius), values) == pytest.approx(2e-3 * radius, abs=1e-12)
-    assert (
-        slack(TurningRadius(bounds=1.1 * radius), values)
-        < 0
-        < slack(TurningRadius(bounds=0.99 * radius), values)
+    assert slack(TurningRadius(bounds=radius), values) == pytest.approx(0, abs=1e-12)
+    for share in (0.99, 1.01):
+        # Close to the limit the margin is how much wider than it the robot turns, in metres.
+        found = slack(TurningRadius(bounds=share * radius), values)
+        assert found == pytest.approx((1 - share) * radius, rel=0.02, abs=1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("share", "kept"), [(0.9995, True), (1.003, False)])
+def test_turning_radius_is_tolerated_by_a_share_of_itself(scale: float, share: float, kept: bool):
+    # A robot of millimetres as one of kilometres, at the same yaw rate.
+    radius, track = 0.4 * scale, 0.18 * scale
+    wheels = 0.5 * np.array([radius + track / 2, radius - track / 2]) / (0.049 * scale)
+    model = DifferentialDrive(wheel_radius=0.049 * scale, track=track)
+    limits = (WheelSpeed(bounds=100), TurningRadius(bounds=share * radius))
+    problem = make_problem(
+        model=model,
+        design=DesignSpace(duration=2, samples=8, rest_to_rest=False),
+        limits=limits,
     )
+    drive = Trajectory.from_samples(np.tile(wheels, (8, 1)), 2.0, (0, 0, 0), rest_to_rest=False)
+    assert evaluate(problem, drive).feasible == kept
 
 
 def test_rest_is_no_turn():
@@ -123,7 +143,7 @@ def test_margins_of_the_motion_are_between_the_samples_too(name: str):
     limits = (BodySpeed(bounds=0.2), YawRate(bounds=0.9), LateralAcceleration(bounds=0.3))
     problem = limited(example, *limits)
     drive = random_drive(problem, 5, amplitude=0.4 if name == "ackermann" else 6.0)
-    forward, lateral, yaw_rate = fine_twists(example, drive).T
+    forward, lateral, yaw_rate = fine_twists(example, drive, dense=True).T
     speed = np.hypot(forward, lateral)
     expected = {
         "body_speed": (0.2 - speed.max(), "m/s"),

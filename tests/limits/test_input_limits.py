@@ -6,7 +6,7 @@ import numpy as np
 import oracle
 import pytest
 from builders import random_drive
-from driving import BY_NAME, fine_times, limited, margin_of
+from driving import BY_NAME, dense_times, limited, margin_of
 from pydantic import TypeAdapter, ValidationError
 
 from oed.limits import LIMITS, SteeringAngle, WheelSpeed
@@ -107,7 +107,7 @@ def test_margins_of_bounds_by_name(seed: int):
     limit = WheelSpeed(each=dict(reversed(bounds.items())))
     problem = limited(example, limit)
     drive = random_drive(problem, seed)
-    values = oracle.spline_values(drive, fine_times(drive))
+    values = oracle.spline_values(drive, dense_times(drive))
     low, high = np.array(list(bounds.values())).T
     margin = margin_of(problem, drive, "wheel_speed")
     assert margin.margin == pytest.approx(min((high - values).min(), (values - low).min()))

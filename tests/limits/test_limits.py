@@ -148,7 +148,8 @@ def test_workspace_is_looked_at_between_the_samples():
     evaluation = evaluate(problem, constant_drive(speed, 0.0))
     np.testing.assert_allclose(evaluation.poses[:, :2], 0, atol=1e-9)
     margin = margin_of(problem, constant_drive(speed, 0.0), "workspace")
-    assert margin.margin == pytest.approx(0.05 - 0.18, abs=1e-9)
+    assert margin.margin == pytest.approx(0.05 - 0.18, abs=1e-6)
+    assert margin.certain
 
 
 @pytest.mark.parametrize(

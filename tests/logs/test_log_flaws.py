@@ -50,6 +50,41 @@ class TestFiles:
         file.write_text('t,x\n"' + "a" * 200_000 + '",1\n')
         assert flaw_of(file).message.startswith("is not a table: field larger")
 
+    @pytest.mark.parametrize("place", [0, 3, 5])
+    def test_a_stray_quote_swallows_nothing(self, file: Path, rows: list[list[str]], place: int):
+        rows[4][place] = '"' + rows[4][place]
+        rows[9][place] = rows[9][place] + '"'
+        write(file, rows)
+        flaw = flaw_of(file)
+        assert flaw.line == 6
+        assert "a stray double quote" in flaw.message
+
+    def test_a_quote_within_a_cell_is_no_number(self, file: Path, rows: list[list[str]]):
+        rows[4][3] = '1"2'
+        write(file, rows)
+        assert flaw_of(file).line == 6
+
+    def test_a_quote_in_the_last_cell_of_all(self, file: Path, rows: list[list[str]]):
+        rows[-1][-1] = f'"{rows[-1][-1]}'
+        write(file, rows)
+        assert flaw_of(file).line == len(rows) + 1
+
+    @pytest.mark.parametrize(("place", "key"), [(0, "t"), (3, "x"), (4, "y"), (5, "heading")])
+    def test_numbers_beyond_all_robots(self, file: Path, rows: list[list[str]], place: int, key: str):
+        rows[-1][place] = "1e29"
+        write(file, rows)
+        poses = {"x": {"column": "x", "unit": "mm"}, "y": {"column": "y", "unit": "mm"}}
+        flaw = flaws_of(file, poses=poses)[0]
+        assert (flaw.line, flaw.key) == (len(rows) + 1, key)
+        assert "expected a number of at most 1e+12 in SI units" in flaw.message
+
+    def test_inputs_beyond_all_robots(self, file: Path, rows: list[list[str]]):
+        rows[4][1] = "-1e20"
+        write(file, rows)
+        flaw = flaws_of(file)[0]
+        # The wheel has turned so far by the next row.
+        assert (flaw.line, flaw.key) == (7, "wheel_speed_right")
+
     def test_no_files(self):
         with pytest.raises(Exception, match="no logs were given"):
             read_logs([], form(), ROBOT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,16 @@ class TestTables:
         log = read_one(write(tmp_path / "a.csv", rows))
         require_alike(log)
         assert set(found(log)) == {"cut_off"}
+
+
+def test_a_long_log_takes_little_more_memory_than_its_file(tmp_path: Path):
+    file = write(tmp_path / "a.csv", cells(drive(5000)))
+    tracemalloc.start()
+    read_one(file)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # The lines, and the numbers a few times over: cells as objects of their own would take twice as much.
+    assert peak < 6 * file.stat().st_size
 
 
 class TestUnits:

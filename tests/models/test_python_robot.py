@@ -12,7 +12,10 @@ import pytest
 from builders import SPEED, make_problem
 
 import oed
+from oed.cli import main
 from oed.errors import StudyError
+from oed.limits import YawRate
+from oed.limits.implied import implied_bounds
 from oed.models import PythonRobot
 
 MODULE = '''
@@ -63,6 +66,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delitem(sys.modules, "my_robots", raising=False)
     yield tmp_path
     sys.modules.pop("my_robots", None)
+
+
+def gains_of(study: oed.Study) -> list[float]:
+    return study.problem.model.nominal
 
 
 def load(folder: Path, place: str = "my_robots:Unicycle", **changes: str) -> oed.Study:
@@ -143,6 +150,97 @@ def test_mistakes_are_named_with_their_line(folder: Path, place: str, changes: d
 
 
 @pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        ("ca.vertcat(inputs[0], inputs[1])", r"expected a twist \(3, 1\): .*got one of shape \(2, 1\)"),
+        ("ca.horzcat(inputs[0], 0, inputs[1])", r"got one of shape \(1, 3\)"),
+        ("inputs[7]", "its twist cannot be made: "),
+        ("'fast'", "its twist cannot be made: "),
+        ("1 / 0", "its twist cannot be made: ZeroDivisionError"),
+    ],
+)
+def test_a_twist_that_is_none(folder: Path, new: str, words: str):
+    text = MODULE.replace("ca.vertcat(parameters[0] * inputs[0], 0, parameters[1] * inputs[1])", new)
+    (folder / "my_robots.py").write_text(text)
+    with pytest.raises(StudyError, match=words) as caught:
+        load(folder)
+    assert caught.value.flaws[0].key == "robot"
+
+
+VELOCITIES = MODULE.replace('"wheel_speed", "wheel_speed", "rad/s"', '"v", "speed", "m/s"').replace(
+    '"spin", "wheel_speed", "rad/s"', '"w", "yaw_rate", "rad/s"'
+)
+
+
+class TestVelocityCommands:
+    """A robot that is told how fast to drive and turn, bounded by how fast it may."""
+
+    def load(self, folder: Path, limits: str) -> oed.Study:
+        (folder / "my_robots.py").write_text(VELOCITIES)
+        return load(folder, **{"wheel_speed: 1 rad/s": limits})
+
+    def test_limits_on_the_motion_bound_them(self, folder: Path):
+        problem = self.load(folder, "body_speed: [-0.1 m/s, 0.45 m/s], yaw_rate: 1 rad/s").problem
+        # At the nominal gains of 0.9 and 0.5.
+        expected = [[-0.1 / 0.9, 0.5], [-2.0, 2.0]]
+        np.testing.assert_allclose(problem.input_bounds, expected, rtol=1e-8)
+        low, high = np.abs(problem.input_bounds.T) - np.abs(np.transpose(expected))
+        assert (low >= 0).all()
+        assert (high >= 0).all()
+
+    def test_a_drive_is_found_that_keeps_them(self, folder: Path):
+        study = self.load(folder, "body_speed: 0.4 m/s, yaw_rate: 1 rad/s")
+        found = oed.solve(study.problem, study.solvers[0], seed=1, workers=1)
+        assert found.evaluation.feasible
+        assert oed.bound(study.problem).upper_bound >= found.evaluation.objective
+
+    @pytest.mark.parametrize(
+        ("limits", "told"),
+        [
+            ("body_speed: 1 m/s", ["w; add yaw_rate"]),
+            ("yaw_rate: 1 rad/s", ["v; add body_speed"]),
+            ("path_length: 3 m", ["v; add body_speed", "w; add yaw_rate"]),
+        ],
+    )
+    def test_what_nothing_bounds_is_said_with_what_would(self, folder: Path, limits: str, told: list[str]):
+        with pytest.raises(StudyError) as caught:
+            self.load(folder, limits)
+        messages = [flaw.message for flaw in caught.value.flaws]
+        assert messages == [f"nothing bounds {one}, without which no design is best" for one in told]
+
+    def test_motion_that_is_not_linear_is_said_to_bound_nothing(self, folder: Path):
+        (folder / "my_robots.py").write_text(
+            VELOCITIES.replace("parameters[0] * inputs[0]", "inputs[0] ** 3")
+        )
+        with pytest.raises(
+            StudyError, match="nothing bounds v; body_speed does not, for the motion does not"
+        ):
+            load(folder, **{"wheel_speed: 1 rad/s": "body_speed: 1 m/s, yaw_rate: 1 rad/s"})
+
+
+def test_limits_on_the_motion_bound_wheels_as_well():
+    wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
+    limits = (oed.BodySpeed(bounds=0.5), YawRate(bounds=2.0))
+    problem = make_problem(model=wheels, limits=limits)
+    # Driving as fast as allowed while turning as fast as allowed: (0.5 + 0.1 * 2) / 0.05.
+    np.testing.assert_allclose(problem.input_bounds, [[-14, 14]] * 2, rtol=1e-8)
+
+
+def test_one_wheels_bound_helps_to_bound_the_other():
+    own = oed.WheelSpeed(each={"wheel_speed_right": (-4, 6), "wheel_speed_left": (-1e6, 1e6)})
+    known = np.array([[-4.0, 6.0], [-np.inf, np.inf]])
+    wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
+    found = implied_bounds(wheels, (YawRate(bounds=1.0), own), known)
+    np.testing.assert_allclose(found, [[-4, 6], [-8, 10]], rtol=1e-8)
+
+
+def test_what_is_not_linear_bounds_nothing():
+    car = oed.Ackermann(wheel_radius=0.05, wheelbase=0.3)
+    found = implied_bounds(car, (YawRate(bounds=1.0),), np.tile([-np.inf, np.inf], (2, 1)))
+    assert np.isinf(found).all()
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("import numpy_of_tomorrow", "cannot be imported"),
@@ -164,3 +262,98 @@ def test_equal_robots_are_equal(folder: Path):
     assert one == same
     assert hash(one) == hash(same)
     assert one != other
+
+
+class TestTwoFolders:
+    """Modules of one name in two folders are two modules."""
+
+    @pytest.fixture
+    def other(self, folder: Path) -> Path:
+        place = folder / "other"
+        place.mkdir()
+        (place / "my_robots.py").write_text(MODULE.replace('turning_gain", 0.5', 'turning_gain", 0.7'))
+        return place
+
+    def test_each_study_has_the_class_beside_it(self, folder: Path, other: Path):
+        assert [gains_of(load(place)) for place in (folder, other, folder)] == [
+            [0.9, 0.5],
+            [0.9, 0.7],
+            [0.9, 0.5],
+        ]
+
+    def test_check_reads_each_of_them(self, folder: Path, other: Path, capsys: pytest.CaptureFixture[str]):
+        load(folder)
+        load(other)
+        (other / "my_robots.py").write_text(MODULE.replace("class Unicycle", "class Bicycle"))
+        assert main(["check", str(folder / "study.yaml"), str(other / "study.yaml")]) == 2
+        told = capsys.readouterr()
+        assert f"{other / 'study.yaml'}:4" in told.err
+        assert "my_robots has no Unicycle" in told.err
+
+    def test_a_module_of_that_name_that_is_already_there_is_not_taken(self, folder: Path, other: Path):
+        sys.path.insert(0, str(other))
+        import my_robots
+
+        assert my_robots.Unicycle().nominal == [1.0, 0.7]
+        assert gains_of(load(folder)) == [0.9, 0.5]
+
+    def test_nothing_is_left_on_pythons_path(self, folder: Path):
+        before = list(sys.path)
+        load(folder)
+        assert sys.path == before
+        assert "my_robots" not in sys.modules
+
+    @pytest.mark.parametrize("line", ["from sizes import TURNING", "from .sizes import TURNING"])
+    def test_what_they_import_stands_beside_each(self, folder: Path, other: Path, line: str):
+        for place, size in ((folder, 0.3), (other, 0.4)):
+            (place / "sizes.py").write_text(f"TURNING = {size}")
+            text = MODULE.replace("import casadi", f"{line}\nimport casadi").replace("0.5, ", "TURNING, ")
+            (place / "my_robots.py").write_text(text)
+        assert [gains_of(load(place))[1] for place in (folder, other)] == [0.3, 0.4]
+
+    def test_what_they_import_late_stands_beside_each(self, folder: Path, other: Path):
+        for place, size in ((folder, 0.3), (other, 0.4)):
+            (place / "sizes").mkdir()
+            (place / "sizes" / "__init__.py").write_text("from sizes.all import TURNING")
+            (place / "sizes" / "all.py").write_text(f"TURNING = {size}")
+            text = MODULE.replace("        return (oed.P", "        import sizes.all\n        return (oed.P")
+            (place / "my_robots.py").write_text(text.replace("0.5, ", "sizes.all.TURNING, "))
+        assert [gains_of(load(place))[1] for place in (folder, other)] == [0.3, 0.4]
+
+
+def test_a_module_that_has_changed_is_read_again(folder: Path):
+    before = load(folder).problem.model
+    # As long as before and within the same second.
+    (folder / "my_robots.py").write_text(MODULE.replace("0.5, ", "0.6, "))
+    after = load(folder).problem.model
+    assert (before.nominal[1], after.nominal[1]) == (0.5, 0.6)
+    assert before != after
+
+
+def test_a_module_that_is_as_it_was_is_one_module(folder: Path):
+    first, again = (load(folder).problem.model for _ in range(2))
+    assert type(first.robot) is type(again.robot)
+
+
+def test_a_module_in_a_folder_below(folder: Path):
+    (folder / "robots").mkdir()
+    (folder / "my_robots.py").rename(folder / "robots" / "mine.py")
+    assert gains_of(load(folder, "robots.mine:Unicycle")) == [0.9, 0.5]
+
+
+def test_an_installed_module_needs_no_file_beside_the_study(folder: Path):
+    study = load(
+        folder,
+        "oed.models.offset_drive:OffsetDrive",
+        **{"gain: 0.9": "wheel_radius: 5 cm\n  track: 20 cm"},
+    )
+    assert study.problem.model.robot.track == 0.2
+
+
+def test_a_module_that_ends_the_program_does_not_end_the_check_as_if_all_were_well(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    load(folder)
+    (folder / "my_robots.py").write_text("import sys\nsys.exit(0)")
+    assert main(["check", str(folder / "study.yaml")]) == 2
+    assert "my_robots cannot be imported: SystemExit: 0" in capsys.readouterr().err

@@ -20,7 +20,7 @@ from oed.models import DifferentialDrive, SkidSteer
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.solvers import Ipopt, Workers, ipopt, solve
-from oed.solvers.ipopt import ROUNDING
+from oed.solvers.local import ROUNDING
 from oed.solvers.parallel import run_tasks
 from oed.trajectory import DesignSpace, Spline
 

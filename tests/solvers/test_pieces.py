@@ -27,6 +27,7 @@ from oed.measurements import YawRate as Gyroscope
 from oed.measurements.sensor import LeverArm, PosePrior
 from oed.measurements.several import sensors_of
 from oed.models import Mecanum, SkidSteerSlip, TractorTrailer
+from oed.models.model import follows_state
 from oed.prior import Prior
 from oed.problem import Problem
 from oed.robust import Robust
@@ -38,6 +39,7 @@ from oed.trajectory import DesignSpace, Spline, StartPose
 from oed.uncertainty import Uncertainty
 
 SPACE: dict[str, Any] = {"duration": 4, "samples": 24, "spline": Spline(coefficients=6)}
+FREE_RUNS = DesignSpace(**{**SPACE, "runs": 2, "start": "free"})
 NOISE = {"position": 0.01, "heading": 0.02}
 POSES = Poses(noise=NOISE)
 ROUND = Obstacles(shapes=(CircularObstacle(kind="circle", x=0.5, y=0.5, radius=0.2),))
@@ -143,9 +145,24 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
 
 @pytest.mark.parametrize("overrides", PROBLEMS.values(), ids=PROBLEMS.keys())
 def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
-    problem, rng = problem_of(overrides), np.random.default_rng(0)
-    pieces, whole = Pieces(problem, short(problem)), Unrolled(problem)
-    assert (pieces.size, pieces.sizes, pieces.linear) == (whole.size, whole.sizes, whole.linear)
+    problem = problem_of(overrides)
+    agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
+
+
+@pytest.mark.parametrize("overrides", [{"limits": EVERYTHING}, {"limits": EVERYTHING, "design": FREE_RUNS}])
+def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
+    problem = problem_of(overrides)
+    agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
+
+
+def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
+    rng = np.random.default_rng(0)
+    assert (pieces.size, pieces.sizes) == (whole.size, whole.sizes)
+    if follows_state(problem.robot):
+        # A sample by itself does not know that its state is linear in earlier inputs.
+        assert np.all(np.array(whole.linear)[pieces.linear])
+    else:
+        assert pieces.linear == whole.linear
     for found, expected in zip(pieces.rows, whole.rows, strict=True):
         np.testing.assert_array_equal(found.lower, expected.lower)
         np.testing.assert_array_equal(found.upper, expected.upper)
@@ -199,8 +216,9 @@ def test_other_drives_are_written_out(overrides: dict[str, Any]):
     assert isinstance(terms_of(problem), Unrolled)
 
 
-def test_so_are_drives_limited_between_the_samples():
-    assert isinstance(terms_of(problem_of({}), refine=2), Unrolled)
+def test_so_are_those_that_nobody_differentiates():
+    assert isinstance(terms_of(problem_of({}), refine=2, differentiated=False), Unrolled)
+    assert isinstance(terms_of(problem_of({}), refine=2), Pieces)
 
 
 @pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])

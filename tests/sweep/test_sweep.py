@@ -241,6 +241,11 @@ class TestCommand:
         (out / "report.html").unlink()
         assert main(["report", str(out)]) == 0
         assert (out / "report.html").read_text() == page
+        # A process was killed between the old folder's leaving and the new one's coming.
+        (out.parent / f".{out.name}.oed").mkdir()
+        out.rename(out.parent / f".{out.name}.oed" / "old")
+        assert main(["report", str(out)]) == 0
+        assert (out / "report.html").read_text() == page
 
     def test_nothing_is_written_where_a_combination_is_wrong(self, tmp_path: Path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)

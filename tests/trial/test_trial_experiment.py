@@ -12,9 +12,10 @@ from trials import STUDY, small_trial, study_of, tried
 
 from oed.errors import UserMistake
 from oed.record import Record
+from oed.recorded_study import recorded_study
 from oed.runner import run
 from oed.solvers import Silent
-from oed.study import Study, parse_study, recorded_study
+from oed.study import Study, parse_study
 from oed.trial.candidates import candidates
 from oed.trial.experiment import exact_log, prediction_errors
 from oed.trial.paths import everyday

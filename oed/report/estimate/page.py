@@ -13,7 +13,7 @@ from oed.report.estimate.left_out import left_out
 from oed.report.estimate.logs import logs
 from oed.report.estimate.models import models
 from oed.report.estimate.provenance import provenance
-from oed.report.estimate.reading import Data
+from oed.report.estimate.reading import Data, study_of
 from oed.report.estimate.reckoned import reckoned
 from oed.report.estimate.summary import summary
 from oed.report.page import render
@@ -45,7 +45,7 @@ def write_estimate(data: Data, folder: str | Path) -> Path:
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    title = f"{data['study']['name']}: estimate from logs"
+    title = f"{study_of(data).get('name', 'Robot')}: estimate from logs"
     return render(title, estimate_sections(data), Path(folder), NAME)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from oed.report.estimate.reading import Data
+from oed.report.estimate.reading import Data, study_of
 from oed.report.section import Section
 from oed.report.tables import Column, Table
 from oed.report.wording import words
@@ -28,7 +28,7 @@ def provenance(data: Data) -> Section:
     given = data.get("study_text")
     text += "." if given else ", as it was read, in SI units."
     table = Table((Column("what"), Column("value")), told)
-    return Section("Provenance", paragraphs=(text,), tables=(table,), code=given or _laid_out(data["study"]))
+    return Section("Provenance", paragraphs=(text,), tables=(table,), code=given or _laid_out(study_of(data)))
 
 
 def _laid_out(study: Any) -> str:

@@ -89,9 +89,14 @@ def logs_text(data: Data) -> str:
     return count(len(entries(data, "logs")), "log")
 
 
+def study_of(data: Data) -> Mapping[str, Any]:
+    """The study as it was read, {} where it is not known."""
+    return data.get("study") or {}
+
+
 def robot_text(data: Data) -> str:
     """The robot's kind in words."""
-    return words(str(data["study"].get("robot", {}).get("kind", "")))
+    return words(str(study_of(data).get("robot", {}).get("kind", "")))
 
 
 def segment_text(data: Data) -> str:
@@ -109,7 +114,7 @@ def by_windows(data: Data) -> bool:
 
 def asked(data: Data, option: str) -> Any:
     """An option of the study's key `calibration`, "auto" where it does not say."""
-    return (data["study"].get("calibration") or {}).get(option, "auto")
+    return (study_of(data).get("calibration") or {}).get(option, "auto")
 
 
 def in_signs(text: str) -> str:

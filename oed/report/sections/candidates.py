@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from oed.record import Record
-from oed.report.judging import EFFICIENCIES, Aim, objective_of, repeatable, singular, study_aim
+from oed.report.judging import EFFICIENCIES, Aim, objective_of, repeatable, study_aim, useless
 from oed.report.reading import Entry, value, with_drive
 from oed.report.section import Section
 from oed.report.tables import Cell, Column, Table, fixed, significant, whole
@@ -42,7 +42,7 @@ def _row(record: Record, entry: Entry, shares: bool) -> tuple[Cell, ...]:
     nothing = 0.0 if study_aim(record).kind == "E" else -math.inf
     return (
         str(entry["name"]),
-        nothing if singular(entry) else objective_of(entry),
+        nothing if useless(entry) else objective_of(entry),
         *((efficiency, repetitions) if shares else ()),
         value(entry, "path_length"),
         float(entry["wall_seconds"]) if searched else None,
@@ -60,7 +60,7 @@ def repetitions_of(record: Record, entry: Entry) -> float | None:
     if best is None or objective is None or not repeatable(record):
         return None
     # An objective within rounding of 0 is one: no number of repetitions tells what a drive leaves out.
-    if singular(entry):
+    if useless(entry):
         return math.inf
     share = study_aim(record).efficiency(objective, float(best["objective"]))
     return None if share is None else 1.0 / share if share > NOTHING else math.inf

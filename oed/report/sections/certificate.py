@@ -27,17 +27,23 @@ def certificate(record: Record) -> Section | None:
 def _reading(found: Mapping[str, Any]) -> list[str]:
     six = significant(6)
     paragraphs = [
-        f"No drive that keeps the limits has an objective above {six(found['upper_bound'])}. "
+        f"No drive that satisfies the limits exactly has an objective above {six(found['upper_bound'])}. "
         f"This is proved by: {found['method']}. It assumes: {'; '.join(found['assumptions'])}."
     ]
-    if found["gap"] is not None:
-        reached = f" ({six(found['best'])})" if found.get("best") else ""
+    widened = found.get("widened")
+    if widened:
         paragraphs.append(
-            f"The best drive found{reached} is within {percent(found['gap'])} of that bound: no drive can be "
-            "better by more."
+            f"Scoring tolerates that a limit is exceeded by {percent(widened['tolerance'])} of its size. "
+            f"With all limits so much wider, no drive has an objective above {six(widened['upper_bound'])}."
         )
+    if found["gap"] is not None:
+        paragraphs.append(_gap(found))
     if not found.get("complete", True):
-        paragraphs.append("The search for the bound was ended by its time limit; more time may lower it.")
+        nodes = f" after {found['nodes']} nodes" if found.get("nodes") else ""
+        paragraphs.append(
+            f"The search for the bound was ended{nodes} by its limit of nodes, or a time limit; "
+            "more of either may lower it."
+        )
     spline, best = found.get("spline_objective"), found.get("best")
     if found.get("drive") and spline and best and best > spline:
         paragraphs.append(
@@ -53,6 +59,19 @@ def _reading(found: Mapping[str, Any]) -> list[str]:
             f"is [{rows}]."
         )
     return paragraphs
+
+
+def _gap(found: Mapping[str, Any]) -> str:
+    # Drives that satisfy the limits exactly, and within the tolerance, each against its own bound.
+    reached = f" ({significant(6)(found['best'])})" if found.get("best") else ""
+    to = found.get("gap_to", found["upper_bound"])
+    exact = to == found["upper_bound"]
+    which = "satisfies the limits exactly and" if exact else "satisfies the limits within that tolerance and"
+    of = "that bound" if exact and not found.get("widened") else "the bound for such drives"
+    return (
+        f"The best drive found{reached} {which} is within {percent(found['gap'])} of {of}: no drive can be "
+        "better by more."
+    )
 
 
 def percent(share: float) -> str:

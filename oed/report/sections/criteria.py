@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from oed.record import Record
-from oed.report.judging import EFFICIENCIES, NUMBERS, Aim, aim_of, judged, scaling_text, singular, study_aim
+from oed.report.judging import EFFICIENCIES, NUMBERS, Aim, aim_of, judged, rounded, scaling_text, study_aim
 from oed.report.reading import Entry, with_drive
 from oed.report.section import Section
 from oed.report.tables import Cell, Column, Table, fixed, significant
@@ -42,7 +42,7 @@ def _value(entry: Entry, kind: str) -> float | None:
     if kind not in entry["criteria"]:
         return None
     number = entry["criteria"][kind]
-    return -math.inf if number is None or (singular(entry) and kind != "E") else float(number)
+    return -math.inf if number is None or (rounded(entry) and kind != "E") else float(number)
 
 
 def _best(entries: list[Entry], kind: str) -> float | None:
@@ -58,7 +58,7 @@ def _share(entry: Entry, aim: Aim, best: float | None) -> float | None:
     if number is None or best is None:
         return None
     share = aim.efficiency(number, best)
-    return None if share is None else 0.0 if singular(entry) else 100.0 * share
+    return None if share is None else 0.0 if rounded(entry) else 100.0 * share
 
 
 def _has_share(aim: Aim, best: float | None) -> bool:

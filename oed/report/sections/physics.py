@@ -223,7 +223,7 @@ def _scatter_cells(entry: Entry, own: Entry, promised: Mapping[str, float | None
     total = entry["total"]
     return (
         *(100 * value for value in entry["relative"]),
-        100 * total["value"],
+        None if total["value"] is None else 100 * total["value"],
         f"{100 * (total['low'] or 0):.3f} to {100 * (total['high'] or 0):.3f}",
         noise,
     )

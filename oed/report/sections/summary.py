@@ -9,7 +9,7 @@ from typing import Any
 
 from oed.record import Record
 from oed.report.driven import poses_of
-from oed.report.judging import aim_of, judged, meaning, precision, singular, study_aim
+from oed.report.judging import aim_of, judged, meaning, precision, study_aim, useless
 from oed.report.measured import along_text, measured_as, prior_text
 from oed.report.reading import (
     Entry,
@@ -111,7 +111,7 @@ def _usual(record: Record) -> Entry | None:
         for one in record.results
         if one["kind"] == "baseline" and one["feasible"] and not one["name"].startswith("random")
     ]
-    order = sorted(paths, key=lambda one: (one["name"] != "square", singular(one)))
+    order = sorted(paths, key=lambda one: (one["name"] != "square", useless(one)))
     return order[0] if order else None
 
 

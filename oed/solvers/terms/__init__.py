@@ -19,9 +19,11 @@ _KEPT: list[tuple[tuple[Any, ...], Terms]] = []
 _MOST = 2
 
 
-def terms_of(problem: Problem, refine: int = 1) -> Terms:
+def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) -> Terms:
     """The terms of a problem, written once in a process for all criteria of the same matrices: from pieces
     where its drives can be cut into them, else unrolled.
+
+    Values alone, without derivatives, are found faster by unrolled ones.
     """
     criterion = problem.criterion
     same = (
@@ -36,12 +38,13 @@ def terms_of(problem: Problem, refine: int = 1) -> Terms:
         criterion.scaling,
         criterion.subset,
         refine,
+        differentiated,
     )
     for key, terms in _KEPT:
         if key == same:
             return terms
-    layout = divisible(problem, refine)
-    terms = Unrolled(problem, refine) if layout is None else Pieces(problem, layout)
+    layout = divisible(problem) if differentiated else None
+    terms = Unrolled(problem, refine) if layout is None else Pieces(problem, layout, refine)
     _KEPT.insert(0, (same, terms))
     del _KEPT[_MOST:]
     return terms

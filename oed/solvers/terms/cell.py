@@ -37,15 +37,17 @@ class Cell:
         scale: what an input of 1 stands for, (inputs,).
     """
 
-    def __init__(self, problem: Problem, limits: Sequence[Limit], scale: Sequence[float]) -> None:
-        """Write the sample."""
-        robot = problem.robot
+    def __init__(
+        self, problem: Problem, limits: Sequence[Limit], scale: Sequence[float], refine: int = 1
+    ) -> None:
+        """Write the sample; its path is limited at `refine` points."""
+        robot, self.refine = problem.robot, refine
         self.states, self.limits = len(robot.states), tuple(limits)
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = sensors_of(problem.measurement)
         self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors))
-        drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state)
+        drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
         self.carry = Carry(
             ca.densify(_told(problem, drive, self._reads)),
             states=self.states,
@@ -59,6 +61,10 @@ class Cell:
         self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
         self._begin = ca.vertcat(self._state, self.carry.carried)
         self._arguments = [self._begin, self._inputs, self._reads]
+
+    def points(self, limit: Limit) -> int:
+        """At how many points of a sample a limit is asked the same."""
+        return self.refine if isinstance(limit, PathLimit) else 1
 
     @property
     def told(self) -> Expression:
@@ -148,7 +154,7 @@ class Cell:
         return not any(ca.which_depends(expression, self._inputs, 2, True))
 
 
-def small_drive(problem: Problem, held: Expression, start: Expression) -> Drive:
+def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
     """The drive of a few samples with `held` inputs (n, inputs) from a state."""
     return roll_out(
         problem.robot,
@@ -157,6 +163,7 @@ def small_drive(problem: Problem, held: Expression, start: Expression) -> Drive:
         start=start,
         parameters=ca.SX(ca.DM(problem.robot.nominal)),
         period=ca.SX(problem.design.period),
+        refine=refine,
     )
 
 

@@ -154,17 +154,19 @@ class PieceRows:
         # Bounds of all its rows, and their places in the pool: one thing asked of all samples after another.
         cell, layout, pool = self._cell, self._layout, self._pool
         index, rows = self._index(limit), self._cell.rows[self._index(limit)]
-        things, runs = rows.expression.shape[0], layout.space.runs
+        points, runs = cell.points(limit), layout.space.runs
+        things = rows.expression.shape[0] // points
         before = len(pool.constant) + runs * pool.of_first
-        own = sum(one.expression.shape[0] for one in cell.rows[:index]) + np.arange(things)
+        own = sum(one.expression.shape[0] for one in cell.rows[:index]) + np.arange(things * points)
         samples = layout.space.samples * runs
         places = before + own[:, None] + self._of_sample * np.arange(samples)
-        places = places.reshape(things, runs, -1)
+        # Of every thing, the points of a sample one after the other.
+        places = places.reshape(things, points, runs, -1).transpose(0, 2, 3, 1).reshape(things, runs, -1)
         if self._free and isinstance(limit, PathLimit):
             own = self._first_of(index) + np.arange(things)
             firsts = len(pool.constant) + own[:, None] + pool.of_first * np.arange(runs)
             places = np.concatenate([firsts[:, :, None], places], axis=2)
-        lower, upper = (np.repeat(side, places[0].size) for side in (rows.lower, rows.upper))
+        lower, upper = (np.repeat(side[::points], places[0].size) for side in (rows.lower, rows.upper))
         return replace(rows, lower=lower, upper=upper), places.ravel()
 
     def _index(self, limit: Limit) -> int:
@@ -173,7 +175,11 @@ class PieceRows:
     def _first_of(self, index: int) -> int:
         # Where a limit on the path begins among the rows of a first instant.
         before = zip(self._cell.limits[:index], self._cell.rows, strict=False)
-        return sum(rows.expression.shape[0] for limit, rows in before if isinstance(limit, PathLimit))
+        return sum(
+            rows.expression.shape[0] // self._cell.points(limit)
+            for limit, rows in before
+            if isinstance(limit, PathLimit)
+        )
 
     def values(self, z: Expression, first: Expression, rows: Expression) -> Expression:
         """All rows, from those of the first instants (first, runs) and of the pieces (rows, pieces)."""

@@ -31,14 +31,13 @@ PER_SAMPLE: tuple[type[Limit], ...] = (PathLimit, BodySpeed, YawRate, LateralAcc
 """Limits that hold for every sample by itself."""
 
 
-def divisible(problem: Problem, refine: int = 1) -> Layout | None:
+def divisible(problem: Problem) -> Layout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
-    That is so for positions limited between the samples, robust limits and other robots, limits that look
-    at a whole run (its length, its end), noise that readings share over time, segments of unequal length,
-    and samples without a suitable divisor.
+    That is so for robust limits and other robots, limits that look at a whole run (its length, its end),
+    noise that readings share over time, segments of unequal length, and samples without a suitable divisor.
     """
-    if refine > 1 or problem.robust is not None:
+    if problem.robust is not None:
         return None
     if not all(isinstance(limit, (InputLimit, *PER_SAMPLE)) for limit in problem.limits):
         return None
@@ -58,11 +57,11 @@ def divisible(problem: Problem, refine: int = 1) -> Layout | None:
 class Pieces(Terms):
     """Information and limit rows put together from pieces of the drive."""
 
-    def __init__(self, problem: Problem, layout: Layout) -> None:
+    def __init__(self, problem: Problem, layout: Layout, refine: int = 1) -> None:
         """Write a piece and what joins the pieces; functions are compiled when first used."""
-        super().__init__(problem)
+        super().__init__(problem, refine)
         limits = [limit for limit in problem.limits if not isinstance(limit, InputLimit)]
-        cell, totals = Cell(problem, limits, self.input_scale.tolist()), Totals(problem, layout)
+        cell, totals = Cell(problem, limits, self.input_scale.tolist(), refine), Totals(problem, layout)
         every = [sensor.every for sensor in totals.sensors]
         kernel = Kernel(cell, layout, every)
         link = Link(kernel, _carry(problem, kernel, totals))

@@ -1,0 +1,194 @@
+"""By how much a limit is exceeded, at an instant and at most over a stretch of time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed import spline
+from oed.between.periods import Periods, Stretches
+from oed.enclosures import ONE, Enclosure, Interval, enclosed, number
+from oed.expression import Expression
+from oed.limits.limit import Rows
+from oed.models.model import Integration, Model
+from oed.rollout import Moment, moment
+from oed.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.int64]
+
+NARROWEST = 1e-9
+"""Share of a period below which a stretch is not cut any more: where rows change from one formula to another
+no bound gets close, but what they jump from and to they are at its ends."""
+AT_ONCE = 1024
+"""Stretches bounded in one call."""
+
+
+class Excess:
+    """By how much a limit's rows are exceeded at an instant, and how much at most over a stretch of a period.
+
+    Attributes:
+        size: of the limit.
+        sensitive: whether the rows look at sensitivities.
+        by_splines: whether they look at the inputs' splines between the middles of the periods.
+    """
+
+    def __init__(
+        self,
+        rows_of: Callable[[Moment], Rows],
+        model: Model,
+        integration: Integration,
+        *,
+        sensitive: bool = False,
+        run: int = 0,
+    ) -> None:
+        """Write the rows of an instant and bound them.
+
+        Raises:
+            NotEnclosed: an operation that no bounds are known for.
+        """
+        states, parameters, inputs = len(model.states), len(model.parameters), len(model.inputs)
+        self.sensitive = sensitive
+        self._given = [
+            ca.SX.sym("state", states),
+            ca.SX.sym("inputs", inputs),
+            ca.SX.sym("p", parameters),
+            ca.SX.sym("S", states * (parameters + states) if sensitive else 0),
+            ca.SX.sym("period"),
+        ]
+        state, held, robot, slopes, period = self._given
+        asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
+        instant = moment(
+            model,
+            integration,
+            state=state,
+            inputs=held,
+            asked=asked,
+            parameters=robot,
+            elapsed=fraction * period,
+            begin_sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
+            run=run,
+        )
+        rows = rows_of(instant)
+        self.size, excess = rows.size, ca.cse(exceeded(rows))
+        self.by_splines = bool(ca.depends_on(excess, asked))
+        self._at = ca.Function("at", [*self._given, asked, fraction], [excess])
+        self._over = self._bounded(inputs)
+        self._mapped: dict[tuple[str, int], ca.Function] = {}
+
+    def _bounded(self, inputs: int) -> ca.Function:
+        asked = [ca.SX.sym(name, inputs) for name in ("low", "high", "slope_low", "slope_high")]
+        begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
+        each = zip(*(ca.vertsplit(one) for one in asked), strict=True)
+        entries = [Enclosure(Interval(low, high), Interval(least, most)) for low, high, least, most in each]
+        points = [[Enclosure(number(one)) for one in ca.vertsplit(given)] for given in self._given]
+        if not self.by_splines:
+            entries = [Enclosure(number(0.0))] * inputs
+        found = enclosed(self._at, [*points, entries, [Enclosure(Interval(begin, end), ONE)]])
+        results = [
+            ca.vertcat(*(one.value.high for one in found)),
+            ca.vertcat(*(one.slope.low for one in found)),
+            ca.vertcat(*(one.slope.high for one in found)),
+        ]
+        return ca.Function("over", [*self._given, *asked, begin, end], ca.cse(results))
+
+    def whole(self, periods: Periods) -> Stretches:
+        """All periods; cut where splines have knots, if the rows look at them."""
+        drive = periods.trajectory
+        if not self.by_splines:
+            rows = np.arange(len(periods.states))
+            return Stretches(rows, np.zeros(len(rows)), np.ones(len(rows)))
+        cuts = [_cuts(one) for one in drive.each]
+        each = drive.samples // drive.runs
+        begins, ends = (np.concatenate([cut[side] for cut in cuts]) for side in (1, 2))
+        rows = np.concatenate([run * each + row for run, (row, _, _) in enumerate(cuts)])
+        return Stretches(rows, begins, ends)
+
+    def over(self, periods: Periods, stretches: Stretches) -> tuple[Array, Array]:
+        """The larger excess of both ends, and the largest there may be between, (K,) each."""
+        parts = [
+            self._some(periods, stretches.chosen(slice(first, first + AT_ONCE)))
+            for first in range(0, len(stretches), AT_ONCE)
+        ]
+        found, bounds = zip(*parts, strict=True)
+        return np.concatenate(found), np.concatenate(bounds)
+
+    def _some(self, periods: Periods, stretches: Stretches) -> tuple[Array, Array]:
+        count, place = len(stretches), periods.place_of(stretches.row)
+        given = [
+            periods.states[stretches.row],
+            periods.held[place],
+            periods.parameters[periods.drive_of(stretches.row)],
+            periods.sensitivities[stretches.row] if self.sensitive else np.zeros((count, 0)),
+            np.full((count, 1), periods.trajectory.period),
+        ]
+        splines = self._splines(periods.trajectory, place, stretches)
+        fractions = [stretches.begin[:, None], stretches.end[:, None]]
+        first, last = (
+            self._call("at", self._at, [*given, asked, fraction])[0]
+            for asked, fraction in zip(splines[:2], fractions, strict=True)
+        )
+        high, least, most = self._call("over", self._over, [*given, *splines[2:], *fractions])
+        peaks = _peak(first, last, least, most, fractions[1] - fractions[0])
+        found = np.maximum(first, last).max(axis=1)
+        bounds = np.fmin(peaks, np.where(np.isnan(high), np.inf, high)).max(axis=1)
+        return np.where(np.isnan(found), np.inf, found), np.maximum(bounds, found)
+
+    def _splines(self, drive: Trajectory, place: Places, stretches: Stretches) -> list[Array]:
+        # The splines' values at both ends, and bounds of values and slopes (by the fraction) between.
+        tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
+        if not self.by_splines:
+            return list(tables)
+        each = drive.samples // drive.runs
+        for run, one in enumerate(drive.each):
+            own = place // each == run
+            begin, end = (
+                (place % each + side)[own] * drive.period for side in (stretches.begin, stretches.end)
+            )
+            low, high, least, most = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
+            # A piecewise constant spline has its value of the stretch at both its ends.
+            ends = [low, low] if one.degree == 0 else [one.inputs_at(begin), one.inputs_at(end)]
+            tables[:, own] = [*ends, low, high, least * drive.period, most * drive.period]
+        return list(tables)
+
+    def _call(self, name: str, function: ca.Function, arguments: list[Array]) -> list[Array]:
+        # Mapped over a power of two: few maps serve all numbers of stretches.
+        count = len(arguments[0])
+        size = 1 << (count - 1).bit_length()
+        if (name, size) not in self._mapped:
+            self._mapped[name, size] = function.map(size)
+        filled = [np.concatenate([one, np.repeat(one[:1], size - count, axis=0)]).T for one in arguments]
+        found = self._mapped[name, size].call(filled)
+        return [np.array(one).T[:count] for one in found]
+
+
+def exceeded(rows: Rows) -> Expression:
+    """By how much each side of each row is exceeded."""
+    values, sides = ca.vec(rows.expression), []
+    for sign, bounds in ((1, rows.upper), (-1, rows.lower)):
+        places = np.flatnonzero(np.isfinite(bounds))
+        if len(places):
+            sides.append(sign * (values[places.tolist()] - ca.DM(bounds[places])))
+    return ca.densify(ca.vertcat(*sides))
+
+
+def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
+    # The parts of a run's periods between its knots: the period, from which fraction to which.
+    grid = np.arange(run.samples + 1) * run.period
+    knots = run.knots[np.abs(run.knots[:, None] - grid).min(axis=1) > NARROWEST * run.period]
+    edges = np.sort(np.concatenate([grid, np.unique(knots)])) / run.period
+    rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), run.samples - 1)
+    return rows, edges[:-1] - rows, edges[1:] - rows
+
+
+def _peak(begin: Array, end: Array, least: Array, most: Array, width: Array) -> Array:
+    # The highest that a function can be with these values at both ends and slopes within these bounds.
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        after = (end - begin - least * width) / (most - least)
+        between = begin + most * after
+    between = np.where(np.isfinite(between), between, np.inf)
+    peak = np.where(least >= 0, end, np.where(most <= 0, begin, between))
+    return np.asarray(np.maximum(peak, np.maximum(begin, end)))

@@ -1,0 +1,83 @@
+"""How a robot of somebody's own moves, from the poses that its record holds: no code of it is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+LATERAL = 0.01
+"""Share of its way that a robot goes sideways, above which it counts as one that does."""
+FARTHEST_TURN = 0.75
+"""Share of a full turn in one period beyond which a chord tells no speed."""
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """The states of a run at even times, (N + 1, states): x [m], y [m], heading [rad] and others.
+
+    Attributes:
+        states: them.
+        period: from each to the next [s].
+        arcs: whether the robot was taken along arcs, rather than chords, from each to the next.
+    """
+
+    states: Array
+    period: float
+    arcs: bool
+
+    def at(self, times: Array) -> Array:
+        """The states at `times` [s], (K, states): along arcs of constant twist; at rest after the end."""
+        places = np.clip(times / self.period, 0.0, len(self.states) - 1)
+        first = np.minimum(places.astype(int), len(self.states) - 2)
+        share = (places - first)[:, None]
+        begin, change = self.states[first], self.states[first + 1] - self.states[first]
+        found = begin + share * change
+        turn = change[:, 2:3]
+        # Both chords are of one arc: their directions differ by half of what is left of the turn.
+        length = share * self._shortening(share * turn) / self._shortening(turn)
+        found[:, :2] = begin[:, :2] + length * _turned(change[:, :2], (share - 1) * turn / 2)
+        return np.asarray(found)
+
+    def twists_between(self, states: Array, rate: float) -> Array:
+        """Forward and lateral speed [m/s] and yaw rate [rad/s] from each of `states` to the next, (K, 3)."""
+        change = np.diff(states[:, :3], axis=0)
+        turn = change[:, 2:3]
+        body = _turned(change[:, :2], -(states[:-1, 2:3] + turn / 2)) / self._shortening(turn)
+        return np.asarray(np.column_stack([body, turn]) * rate)
+
+    @property
+    def sideways(self) -> bool:
+        """Whether it goes sideways for more than a trifling share of its way."""
+        speeds = np.abs(self.twists_between(self.states, 1 / self.period)[:, :2])
+        return bool(speeds[:, 1].sum() > LATERAL * np.hypot(*speeds.T).sum())
+
+    def _shortening(self, turn: Array) -> Array:
+        # Of a chord against its arc.
+        most = 2 * np.pi * FARTHEST_TURN
+        return np.asarray(np.sinc(np.clip(turn, -most, most) / (2 * np.pi) * self.arcs))
+
+
+def _turned(vectors: Array, angles: Array) -> Array:
+    cosine, sine = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    x, y = vectors.T
+    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+
+
+def motions_of(data: Mapping[str, Any], entry: Mapping[str, Any], period: float) -> list[RecordedMotion]:
+    """The motion in every run of a result that has a drive.
+
+    Args:
+        data: the record's.
+        entry: the result.
+        period: of its samples [s].
+    """
+    drive = entry["drive"]
+    arcs = data["study"]["trajectory"]["integration"] == "arc"
+    runs = np.split(np.array(drive["poses"], dtype=float), drive["runs"])
+    return [RecordedMotion(states, period, arcs) for states in runs]

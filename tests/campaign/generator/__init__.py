@@ -1,0 +1,1 @@
+"""Random valid studies, and random drives for each."""

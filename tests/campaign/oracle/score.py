@@ -1,0 +1,182 @@
+"""The score of a drive: objective, eigenvalues, standard deviations, length; and how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .criteria import predicted, value
+from .information import FAINT, NOTHING, Told, eliminated, sandwich
+from .motion import drive
+from .readings import Block, blocks_of
+from .robots import Robot, robot_of, through_coefficients
+from .splines import Run
+
+Array = npt.NDArray[Any]
+
+STEEP = 1e7
+"""lambda_max / lambda_min above which rounding of F itself may reach a millionth of lambda_min."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What the oracle says of a drive.
+
+    Attributes:
+        objective: in the study's criterion.
+        lambda_min, lambda_max: over all blocks.
+        deviations: standard deviation of each estimated parameter, SI.
+        path_length: of the origin [m].
+        sort: "well" conditioned, "singular" beyond doubt, or "unclear" between the two.
+    """
+
+    objective: float
+    lambda_min: float
+    lambda_max: float
+    deviations: Mapping[str, float]
+    path_length: float
+    sort: str
+
+
+def estimated_robot(study: Mapping[str, Any]) -> Robot:
+    """The robot with the parameters that a study estimates: its own, or its coefficients."""
+    robot = robot_of(study["robot"])
+    return robot if set(study.get("estimate") or ()) <= set(robot.names) else through_coefficients(robot)
+
+
+def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
+    """Score a drive by a study, SI."""
+    criterion = study.get("criterion", {"kind": "E"})
+    robot, rule = estimated_robot(study), study["trajectory"].get("integration", "arc")
+    found = [
+        _Estimate(study, block)
+        for block in blocks_of(study["measurement"], robot, runs, rule)
+        if _Estimate(study, block).judged
+    ]
+    told = [one.judged_information() for one in found]
+    sort = _sort(told)
+    deviations: dict[str, float] = {}
+    for one in found:
+        deviations |= one.deviations() if sort == "well" and one.block.noise is not None else {}
+    smallest = min(float(one.eigenvalues[-1]) for one in told)
+    largest = max(float(one.eigenvalues[0]) for one in told)
+    objective = np.nan
+    if sort == "well":
+        rows = [one.predictions(robot) for one in found] if criterion["kind"] in "GI" else ()
+        objective = value(criterion["kind"], told, rows)
+    return Score(objective, smallest, largest, deviations, path_length(robot, runs, rule), sort)
+
+
+def _sort(told: Sequence[Told]) -> str:
+    weakest = min(one.weakest for one in told)
+    clear = all(one.clear for one in told)
+    steep = max(float(one.eigenvalues[0] / max(one.eigenvalues[-1], 1e-300)) for one in told)
+    if clear and weakest > FAINT and steep < STEEP:
+        return "well"
+    return "singular" if clear and weakest < NOTHING else "unclear"
+
+
+def path_length(robot: Robot, runs: Sequence[Run], rule: str) -> float:
+    """How far the origin goes [m]: its speed is constant in every period."""
+    return sum(run_length(robot, run, rule) for run in runs)
+
+
+def run_length(robot: Robot, run: Run, rule: str) -> float:
+    """The same of one run."""
+    nominal = [np.array([[entry]]) for entry in robot.values]
+    start = [np.array([[entry]]) for entry in [*run.start, *[0.0] * (len(robot.states) - 3)]]
+    mean = drive(robot, run.held, start, nominal, run.period, rule).mean
+    return float(np.hypot(mean[0], mean[1]).sum() * run.period)
+
+
+class _Estimate:
+    """One block of readings, with what is estimated and judged of it."""
+
+    def __init__(self, study: Mapping[str, Any], block: Block) -> None:
+        self.criterion = study.get("criterion", {"kind": "E"})
+        self.block = block
+        wanted = study.get("estimate") or block.names
+        estimated = [name for name in wanted if name in block.names]
+        subset = self.criterion.get("subset")
+        self.judged = [name for name in estimated if subset is None or name in subset]
+        self.names = [*self.judged, *(name for name in estimated if name not in self.judged)]
+        self.places = [block.names.index(name) for name in self.names]
+        self.prior = _prior_rows(study.get("prior"), self.names, block)
+
+    @property
+    def scales(self) -> Array:
+        """Of the judged parameters."""
+        scaling = self.criterion.get("scaling", "relative")
+        if scaling == "none":
+            return np.ones(len(self.judged))
+        if scaling == "relative":
+            return self.block.sizes[self.places[: len(self.judged)]]
+        return np.array([scaling[name] for name in self.judged], dtype=float)
+
+    def judged_information(self) -> Told:
+        """In the criterion's scaling."""
+        raw = self.block.raw and self.criterion.get("scaling", "relative") == "none"
+        return self._information(len(self.judged), self.scales, 1.0 if raw else self.block.noise)
+
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of all estimated parameters."""
+        told = self._information(len(self.names), np.ones(len(self.names)), self.block.noise)
+        lengths = np.linalg.norm(told.root, axis=0)
+        inverse = np.linalg.inv(told.root / lengths)
+        found = np.linalg.norm(inverse, axis=1) / lengths
+        return dict(zip(self.names, found.tolist(), strict=True)) if told.weakest > FAINT else {}
+
+    def predictions(self, robot: Robot) -> Array:
+        """What G and I judge, by the scaled parameters."""
+        named = robot if set(self.judged) <= set(robot.names) else through_coefficients(robot)
+        rows = predicted(named, self.criterion)
+        return rows[:, :, [named.names.index(name) for name in self.judged]] * self.scales
+
+    def _information(self, kept: int, scales: Array, noise: float | None) -> Told:
+        block, size = self.block, len(self.names)
+        if block.spread is not None:
+            return self._of_ordinary_least_squares(kept, scales, noise)
+        rows = block.rows[:, [*self.places, *range(len(block.names), block.rows.shape[1])]] / (noise or 1.0)
+        known = np.isfinite(block.known)
+        beforehand = np.diag(1 / np.where(known, block.known, np.inf))
+        more = np.zeros((len(self.prior) + len(beforehand), rows.shape[1]))
+        more[: len(self.prior), :size] = self.prior
+        more[len(self.prior) :, size:] = beforehand
+        whole = np.vstack([rows, more])
+        return eliminated(whole, range(kept), range(kept, whole.shape[1]), scales)
+
+    def _of_ordinary_least_squares(self, kept: int, scales: Array, noise: float | None) -> Told:
+        assert self.block.spread is not None
+        every = np.ones(len(self.names))
+        told = sandwich(self.block.rows[:, self.places] / (noise or 1.0), self.block.spread, every)
+        rows = np.vstack([told.root, self.prior])
+        reduced = eliminated(rows, range(kept), range(kept, rows.shape[1]), scales)
+        return Told(reduced.root, np.minimum(reduced.strengths, told.weakest), reduced.clear)
+
+
+def _prior_rows(prior: Mapping[str, Any] | None, names: Sequence[str], block: Block) -> Array:
+    # Rows whose squares are the information had beforehand.
+    if not prior:
+        return np.zeros((0, len(names)))
+    if "standard_deviations" in prior:
+        given = prior["standard_deviations"]
+        rows = np.zeros((len(names), len(names)))
+        for place, name in enumerate(names):
+            if name in given:
+                rows[place, place] = 1 / _deviation(given[name], block.nominal[block.names.index(name)])
+        return rows
+    own = [place for place, name in enumerate(prior["parameters"]) if name in names]
+    covariance = np.array(prior["covariance"], dtype=float)[np.ix_(own, own)]
+    rows = np.zeros((len(own), len(names)))
+    columns = [list(names).index(prior["parameters"][place]) for place in own]
+    rows[:, columns] = np.linalg.inv(np.linalg.cholesky(covariance)) if own else 0.0
+    return rows
+
+
+def _deviation(given: Any, nominal: float) -> float:
+    # A share of the nominal value is written as {"share": 0.02}.
+    return given["share"] * abs(nominal) if isinstance(given, Mapping) else float(given)

@@ -1,0 +1,35 @@
+"""A small campaign: some 200 cases of those that `make campaign` runs by the thousand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from .damage.material import make_material
+from .runner import Task, run_case
+
+SEED = 1
+PROBLEMS, CHUNK, FILES = 110, 10, 84
+
+
+def expect_none(sort: str, indices: range, material: Path) -> None:
+    """No case fails; else one line for everything that does not hold, with the command that repeats it."""
+    tasks = [Task(sort, index, SEED, material, quick=True) for index in indices]
+    found = [f"{task.command}: {one.asked}: {one.wrong}" for task in tasks for one in run_case(task).failures]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("first", range(0, PROBLEMS, CHUNK))
+def test_random_problems(first: int, tmp_path: Path) -> None:
+    expect_none("problem", range(first, first + CHUNK), tmp_path)
+
+
+def test_damaged_files(tmp_path: Path) -> None:
+    make_material(tmp_path, SEED)
+    expect_none("file", range(FILES), tmp_path)
+
+
+def test_a_full_disk_and_a_signal(tmp_path: Path) -> None:
+    make_material(tmp_path, SEED)
+    expect_none("signal", range(2), tmp_path)

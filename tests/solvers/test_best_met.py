@@ -1,0 +1,176 @@
+"""No search returns less than the best feasible drive that it met."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import BOX, SPEED, make_problem
+from random_problems import random_problem
+
+from oed.evaluation import evaluate
+from oed.measurements import Displacements
+from oed.problem import Problem
+from oed.solution import Status
+from oed.solvers import Genetic, Ipopt, genetic, solve
+from oed.solvers.design import DesignExpressions
+from oed.solvers.local import LocalSearch, Settings
+from oed.solvers.program import Outcome
+from oed.solvers.solver import Context
+from oed.solvers.starts import starting_points
+from oed.trajectory import DesignSpace, Spline
+
+QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
+SETTINGS = Settings(200, 1e-8, None, "none")
+
+GIVEN_UP = (0, 19, 35, 85, 131)
+"""Problems of feasible starts whose searches ended outside between the samples and were given up."""
+WORSE = (126, 155)
+"""Problems whose searches end with less than one of their starts, or with nothing."""
+
+
+def best_start(problem: Problem, count: int) -> float:
+    """The best objective of the feasible starts of a search."""
+    design = DesignExpressions(problem)
+    found = [
+        evaluate(problem, design.trajectory(start))
+        for start in starting_points(design, count, Context(0).rng(0))
+    ]
+    return max((one.objective for one in found if one.feasible and not one.singular), default=-np.inf)
+
+
+@pytest.mark.parametrize("seed", [*GIVEN_UP, *(pytest.param(seed, marks=pytest.mark.slow) for seed in WORSE)])
+def test_a_search_ends_with_no_less_than_its_best_feasible_start(seed: int):
+    problem = random_problem(seed)
+    least = best_start(problem, QUICK.starts)
+    assert np.isfinite(least)
+    solution = solve(problem, QUICK, seed=0, workers=1)
+    assert solution.status.usable
+    assert evaluate(problem, solution.trajectory).feasible
+    assert solution.evaluation.objective >= least * (1 - 1e-9 * np.sign(least))
+    if seed in GIVEN_UP:
+        assert solution.status in (Status.CONVERGED, Status.ACCEPTABLE)
+        assert solution.evaluation.objective > least
+    else:
+        assert solution.status is Status.UNIMPROVED
+        assert "best feasible one met" in solution.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200, 216))
+def test_of_many_problems(seed: int):
+    problem = random_problem(seed)
+    least = best_start(problem, QUICK.starts)
+    solution = solve(problem, QUICK, seed=0, workers=1)
+    assert solution.evaluation is not None or not np.isfinite(least)
+    assert solution.evaluation is None or solution.evaluation.objective >= least - 1e-9 * abs(least)
+
+
+def small() -> Problem:
+    return make_problem(
+        design=DesignSpace(duration=5, samples=20, spline=Spline(coefficients=7)),
+        measurement=Displacements(segments=4),
+        limits=(SPEED, BOX),
+    )
+
+
+def ending(points: list[Any]) -> Any:
+    """A search whose rounds end at these points, one after the other."""
+    left = list(points)
+
+    def solved(self: LocalSearch, *_: Any, **__: Any) -> Outcome:
+        point = left.pop(0) if len(left) > 1 else left[0]
+        nothing = np.zeros(0)
+        return Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing)
+
+    return solved
+
+
+def drives(problem: Problem) -> tuple[LocalSearch, Any, Any, Any]:
+    """A search, a feasible drive, a better one, and one that leaves the room."""
+    search = LocalSearch(problem, SETTINGS)
+    unknowns = np.random.default_rng(3).uniform(-1, 1, search.design.size)
+    poor, good, outside = 0.1 * unknowns, 0.2 * unknowns, np.ones(len(unknowns))
+    found = [evaluate(problem, search.grid.trajectory(one)) for one in (poor, good, outside)]
+    assert [one.feasible for one in found] == [True, True, False]
+    assert 0 < found[0].objective < found[1].objective
+    return search, poor, good, outside
+
+
+def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPatch):
+    problem = small()
+    search, poor, good, outside = drives(problem)
+    # Rounds go on while the limits are exceeded: the feasible end is met in the middle on a misled grid.
+    monkeypatch.setattr(LocalSearch, "solved", ending([good, poor, outside]))
+    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    found = search.maximise(0.01 * poor)
+    np.testing.assert_array_equal(found.unknowns, good)
+    assert found.evaluation.feasible
+    # What went wrong from there is not said to have converged.
+    assert found.status is Status.ACCEPTABLE
+
+
+def test_a_start_that_is_better_than_every_end_is_returned(monkeypatch: pytest.MonkeyPatch):
+    search, poor, good, outside = drives(small())
+    for end in (poor, outside):
+        monkeypatch.setattr(LocalSearch, "solved", ending([end]))
+        found = search.maximise(good)
+        np.testing.assert_array_equal(found.unknowns, good)
+        assert found.status is Status.UNIMPROVED
+        assert found.evaluation.feasible
+    monkeypatch.setattr(LocalSearch, "solved", ending([good]))
+    assert search.maximise(poor).status is Status.CONVERGED
+
+
+def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
+    search, _, _, outside = drives(small())
+    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    found = search.maximise(np.zeros(search.design.size))
+    assert (found.evaluation, found.status) == (None, Status.FAILED)
+
+
+def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatch: pytest.MonkeyPatch):
+    problem = small()
+    _, _, _, outside = drives(problem)
+    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    # No start is feasible: all are as far outside.
+    monkeypatch.setattr("oed.solvers.ipopt.starting_points", lambda *_: [outside] * QUICK.starts)
+    solution = solve(problem, QUICK, seed=0, workers=1)
+    assert solution.status is Status.UNIMPROVED
+    assert solution.evaluation.feasible
+    assert not solution.evaluation.singular
+    assert [start.status for start in solution.starts] == [Status.FAILED] * 2
+
+
+def test_drives_refused_between_the_samples_make_room_for_others(monkeypatch: pytest.MonkeyPatch):
+    """However many of the best candidates leave the limits there."""
+    problem, seen = small(), []
+
+    def refusing(problem: Problem, drive: Any) -> Any:
+        found = evaluate(problem, drive)
+        if len(seen) < 40:
+            seen.append(drive)
+            margins = tuple(replace(one, margin=-one.size) for one in found.margins)
+            return replace(found, margins=margins)
+        return found
+
+    monkeypatch.setattr(genetic, "evaluate", refusing)
+    options = Genetic(population=60, generations=3)
+    solution = solve(problem, options, seed=0, workers=1)
+    assert len({drive.coefficients.tobytes() for drive in seen}) == 40
+    assert solution.evaluation is not None
+    assert solution.evaluation.feasible
+
+
+def test_tightening_leaves_something_between_two_bounds():
+    problem = make_problem(limits=(SPEED, BOX))
+    search = LocalSearch(problem, SETTINGS)
+    outcome = search.solved(
+        search.program,
+        np.full(search.design.size, 0.1),
+        search.grid.no_correction,
+        backoff=np.array([1.0, 1.0]),
+    )
+    assert np.isfinite(outcome.unknowns).all()

@@ -1,0 +1,80 @@
+"""Interval enclosures of CasADi's functions, against the functions themselves at many points."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from oed.enclosures import ONE, Enclosure, Interval, NotEnclosed, enclosed, number
+from oed.models.model import sinc
+
+FUNCTIONS = {
+    "polynomial": lambda x, a: x**3 - a * x**2 + (x - 1) ** 5 + (x + 9) ** -3,
+    "waves": lambda x, a: ca.sin(a * x) * ca.cos(3 * x),
+    "tangent": lambda x, a: ca.tan(0.3 * x) + ca.atan(a * x),
+    "quotient": lambda x, a: (x + 1) / (x**2 + a),
+    "roots": lambda x, a: ca.sqrt(x**2 + 1e-3 * a) + ca.hypot(x, a),
+    "corners": lambda x, a: ca.fabs(x - a) + ca.fmax(ca.sin(x), a - 1) - ca.fmin(x, a * x),
+    "exponentials": lambda x, a: ca.exp(-a * x) + ca.expm1(x) + ca.cosh(x) * ca.sinh(x / 2) - ca.tanh(a * x),
+    "logarithms": lambda x, a: ca.log(x + 4) + ca.log1p(x / 9 + 0.5) + (x + 4) ** 1.5,
+    "angle": lambda x, a: ca.atan2(x, a + 0.1 * x),
+    "choice": lambda x, a: ca.if_else(ca.logic_and(x > 0, x <= a), x, -(x**2)),
+    "either": lambda x, a: ca.if_else(ca.logic_or(x < -a, ca.logic_not(x < a)), 2.0, x),
+    "steps": lambda x, a: ca.floor(x) - ca.ceil(2 * x) + ca.sign(x) + (x == a) + (x != a),
+    "series": lambda x, a: sinc(a * x),
+}
+
+
+def compiled(name: str) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """The function, its derivative, and (begin, end, a) -> bounds of both."""
+    x, a = ca.SX.sym("x"), ca.SX.sym("a")
+    function = ca.Function("f", [x, a], [FUNCTIONS[name](x, a)])
+    slope = ca.Function("slope", [x, a], [ca.jacobian(function(x, a), x)])
+    begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
+    (found,) = enclosed(function, [[Enclosure(Interval(begin, end), ONE)], [Enclosure(number(a))]])
+    bounds = [found.value.low, found.value.high, found.slope.low, found.slope.high]
+    return function, slope, ca.Function("bounds", [begin, end, a], bounds)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_everything_is_inside(name: str):
+    function, slope, bounds = compiled(name)
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        begin, a = rng.uniform(-3, 3), rng.uniform(0.5, 2)
+        times = np.linspace(begin, begin + 10 ** rng.uniform(-4, -0.3), 30)
+        low, high, least, most = (float(one) for one in bounds(times[0], times[-1], a))
+        values, slopes = (np.array(one(times[None, :], a)).ravel() for one in (function, slope))
+        assert low - 1e-12 * abs(low) <= values.min()
+        assert values.max() <= high + 1e-12 * abs(high)
+        assert least - 1e-12 * abs(least) <= slopes[1:-1].min()
+        assert slopes[1:-1].max() <= most + 1e-12 * abs(most)
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS.keys() - {"choice", "either", "steps"}))
+def test_narrow_stretches_have_close_bounds(name: str):
+    # So that halving ends: in proportion to the width, but where a condition changes.
+    _, slope, bounds = compiled(name)
+    for begin in (-1.7, 0.3, 2.1):
+        widths = []
+        for width in (1e-2, 1e-4):
+            _, _, least, most = (float(one) for one in bounds(begin, begin + width, 1.3))
+            assert least <= float(slope(begin + width / 2, 1.3)) <= most
+            widths.append(most - least)
+        assert widths[1] <= 0.03 * widths[0] + 1e-12
+
+
+def test_a_choice_is_bounded_as_one():
+    # Not term by term, which would bound this constant by 0 and 2.
+    x, end = ca.SX.sym("x"), ca.SX.sym("end")
+    function = ca.Function("f", [x], [ca.if_else(x < 0.5, 1.0, ca.cos(x - 0.5))])
+    (found,) = enclosed(function, [[Enclosure(Interval(x, end), ONE)]])
+    low, high = ca.Function("bounds", [x, end], [found.value.low, found.value.high])(0.4, 0.6)
+    assert 0.99 < float(low) <= float(high) == 1
+
+
+def test_an_operation_without_bounds_is_refused():
+    x = ca.SX.sym("x")
+    with pytest.raises(NotEnclosed):
+        enclosed(ca.Function("f", [x], [ca.erf(x)]), [[Enclosure(Interval(x, x + 1), ONE)]])

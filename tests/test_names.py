@@ -1,0 +1,104 @@
+"""Names that files give: what becomes of them in file systems and in terminals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oed.console import print_results
+from oed.errors import FileFlaw, Flaw, UserMistake
+from oed.files import inside
+from oed.messages import say, tell
+from oed.names import file_stem, name_flaw
+from oed.shown import shown
+
+ESCAPE = "\x1b[2J\x1b]0;gone\x07"
+BIDI = "safe\u202etxt.exe"
+
+
+class TestNamesOfFiles:
+    @pytest.mark.parametrize("name", ["ipopt", "my drive", "square_same_length", "Weg 2 (lang)", "é+1.b"])
+    def test_usual_names_serve(self, name: str):
+        assert name_flaw(name) == ""
+        assert file_stem(name) == name.replace(" ", "_")
+
+    @pytest.mark.parametrize(
+        "name",
+        [
+            *("", " ", ".", "..", "../evil", "/etc/passwd", "a/b", "a\\b", "C:evil", "a\x00b", "a\nb"),
+            *("-rf", ".hidden", "dot.", ESCAPE, BIDI, "x" * 181, "ä" * 91, "NUL", "com1.csv", "\u2024\u2024"),
+            "\ud800",
+        ],
+    )
+    def test_others_are_refused(self, name: str):
+        assert name_flaw(name).startswith("expected a name")
+        assert shown(name_flaw(name)) == name_flaw(name)
+        with pytest.raises(UserMistake, match="expected a name"):
+            file_stem(name)
+
+    @settings(max_examples=50)
+    @given(st.text(max_size=30))
+    def test_no_name_leads_out_of_its_folder(self, name: str):
+        if name_flaw(name) == "":
+            folder = Path("/there")
+            assert (folder / f"{file_stem(name)}_x.csv").parent == folder
+            assert (folder / name).resolve().parent == folder
+
+    def test_links_lead_out_of_no_folder(self, tmp_path: Path):
+        (tmp_path / "own").mkdir()
+        (tmp_path / "own" / "link").symlink_to(tmp_path)
+        (tmp_path / "own" / "here").mkdir()
+        assert inside(tmp_path / "own", "here") == tmp_path / "own" / "here"
+        assert inside(tmp_path / "none yet", "here").name == "here"
+        # A name may be longer than what is named after it.
+        assert inside(tmp_path / "own", f"{'x' * 180}_commands.json").parent == tmp_path / "own"
+        for name in ("link", "..", "../own/here", "x" * 256):
+            with pytest.raises(UserMistake):
+                inside(tmp_path / "own", name)
+
+
+class TestTerminal:
+    def test_what_steers_is_seen(self):
+        assert shown(ESCAPE) == r"\x1b[2J\x1b]0;gone\x07"
+        assert shown(BIDI) == r"safe\u202etxt.exe"
+        assert shown("a\r\n\tb\x9b\u2028") == r"a\r\n\tb\x9b\u2028"
+        assert shown("\ud800") == r"\ud800"
+
+    @pytest.mark.parametrize("text", ["wheel speed", "Ω λ_min ≤ 3 µm", "not\u00a0passed", "\\n", "日本"])
+    def test_what_does_not_is_left(self, text: str):
+        assert shown(text) == text
+
+    @given(st.text())
+    def test_once_is_enough(self, text: str):
+        assert shown(shown(text)) == shown(text)
+        shown(text).encode()
+
+    def test_flaws(self):
+        assert str(FileFlaw(f"{ESCAPE}.csv", 3, 0, BIDI, "a\nb")).count("\\") == 5
+        assert "\x1b" not in str(Flaw((ESCAPE,), ESCAPE))
+
+    def test_messages(self, capsys: pytest.CaptureFixture[str]):
+        say(f"first\n{ESCAPE}")
+        tell(BIDI)
+        assert capsys.readouterr() == (f"{shown(BIDI)}\n", f"first\n{shown(ESCAPE)}\n")
+
+    def test_tables(self, capsys: pytest.CaptureFixture[str]):
+        numbers = ("objective", "smallest_singular_value", "condition_number", "norm_y", "path_length")
+        entry = {
+            "name": f"{ESCAPE}[/red]",
+            **dict.fromkeys(numbers, 1.0),
+            "feasible": False,
+            "wall_seconds": 0.0,
+            "status": "scored",
+            "message": f"{BIDI}[/bold]",
+            "violations": {f"[/x]{ESCAPE}": 1.0},
+        }
+        print_results([entry])
+        written = capsys.readouterr().out
+        assert written.count(shown(ESCAPE)) == 3
+        assert f"{shown(BIDI)}[/bold]" in written
+        assert "\x1b" not in written
+        assert "\u202e" not in written
