@@ -10,11 +10,16 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from oed.commands import COMMANDS
 from oed.commands.command import DONE, FAILED, MISTAKE
 
+if TYPE_CHECKING:
+    from oed.errors import OedError
+
+DEBUG = "OED_DEBUG"
+"""Environment variable with which what nobody has foreseen is shown as Python shows it."""
 OBJECTS = 50_000
 """New objects after which garbage is looked for."""
 
@@ -36,15 +41,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with ending_alike():
             return command(options)
-    except OedError as error:
+    except OedError as raised:
+        error = _located(raised, options)
         flaws = error.flaws if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
-        _report_error(options, _with_notes(str(error), error), [vars(flaw) for flaw in flaws])
+        _report_error(options, _with_notes(str(error), raised), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
     except SystemError as error:
         # What CasADi's wrappers make of Ctrl-C in the middle of a call.
         if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
-            raise
+            return _defect(options, error)
         _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
     except KeyboardInterrupt as error:
@@ -58,11 +64,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A disk that is full, a file that may not be read: no fault of the program's.
         _report_error(options, _with_notes(str(error), error), [])
         return FAILED
+    except (Exception, SystemExit) as error:
+        return _defect(options, error)
 
 
 def _with_notes(message: str, error: BaseException) -> str:
     # What was done before the error, and where it is.
     return "; ".join([message, *getattr(error, "__notes__", ())])
+
+
+def _located(error: OedError, options: argparse.Namespace) -> OedError:
+    # What a command finds out of a study late is told by its line all the same.
+    from oed.errors import FileError, ProblemError, StudyError
+    from oed.yaml_source import read_yaml
+
+    file = getattr(options, "study", None)
+    if file is None or not isinstance(error, ProblemError):
+        return error
+    try:
+        source = read_yaml(file)
+    except FileError:
+        return error
+    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws])
+
+
+def _defect(options: argparse.Namespace, error: BaseException) -> int:
+    # What nobody has foreseen: a sentence all the same, and the way to the whole story.
+    if os.environ.get(DEBUG):
+        raise error
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, SystemExit):
+        text = f"something ended the program halfway ({said}), which a robot's own module must not do"
+    else:
+        text = f"a defect of oed, not of your files ({said})"
+    text = f"{text}; with {DEBUG}=1 in the environment the same command shows where"
+    _report_error(options, _with_notes(text, error), [])
+    return FAILED
 
 
 def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:

@@ -46,6 +46,19 @@ class ProblemError(UserMistake):
         super().__init__("\n".join(str(flaw) for flaw in flaws))
 
 
+class NotFinite(Failure):
+    """A drive, or what is measured of it, whose numbers are no numbers; `flaw` says which, and when."""
+
+    def __init__(self, flaw: Flaw) -> None:
+        """Keep the flaw, which is the message."""
+        self.flaw = flaw
+        super().__init__(str(flaw))
+
+    def __reduce__(self) -> tuple[type[NotFinite], tuple[Flaw]]:
+        """By its flaw, from the worker that met it."""
+        return NotFinite, (self.flaw,)
+
+
 @dataclass(frozen=True)
 class FileFlaw:
     """One thing wrong with a file: line and column from 1 (0 where there is none), key path, message."""

@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.between import most_exceeded, near
+from oed.errors import Flaw, NotFinite
+from oed.finiteness import require_finite
 from oed.limits.limit import Limit, PathLimit, Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
@@ -167,6 +169,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.
+        NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
     """
     expected = len(problem.model.inputs)
     if trajectory.coefficients.shape[1] != expected:
@@ -301,6 +304,7 @@ class _Scorer:
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
         (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
+        require_finite(problem, drive, path, responses, jacobians)
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians)
         robots, criterion = self._robots(trajectory, roots), problem.objective
@@ -345,6 +349,8 @@ def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, 
 def _margin(
     problem: Problem, limit: Limit, trajectory: Trajectory, rows: Rows, values: Array, speeds: Array
 ) -> Margin:
+    if np.isnan(values).any():
+        raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
     spare = problem.excess * rows.size
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
@@ -353,7 +359,9 @@ def _margin(
         # One thing after the other, asked of all points of the path.
         points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
         stretches = near(problem, limit, rows.size, trajectory, points, speeds)
-    most, certain = most_exceeded(problem, limit, trajectory, float(excess.max()), stretches)
+    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept.
+    found = float(excess.max(initial=-np.inf))
+    most, certain = most_exceeded(problem, limit, trajectory, found, stretches)
     return Margin(limit.name, spare - most, rows.size, rows.unit, certain)
 
 

@@ -6,14 +6,14 @@ drives together, the initial pose and all nuisances eliminated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.errors import Flaw, ProblemError
-from oed.evaluation import evaluate
+from oed.errors import Flaw, NotFinite, ProblemError
+from oed.evaluation import Evaluation, evaluate
 from oed.problem import Estimation, Problem
 from oed.square_root import SquareRoot
 from oed.trajectory import Trajectory
@@ -76,7 +76,7 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
     judges; () if all is told that it asks about.
     """
     rng = np.random.default_rng(0)
-    found = [evaluate(problem, _random_drive(problem, rng)) for _ in range(drives)]
+    found = _evaluated(problem, [_random_drive(problem, rng) for _ in range(drives)])
     pairs = [
         (one, SquareRoot.together([each.full_square_roots[one.block.name] for each in found]))
         for one in problem.any_estimations
@@ -85,6 +85,19 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
     if problem.objective.identifiable(asked):
         return ()
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
+
+
+def _evaluated(problem: Problem, drives: Sequence[Trajectory]) -> list[Evaluation]:
+    # Of those that are finite: a robot at its fastest may go beyond all bounds. Where none is, why not.
+    found, failed = [], list[NotFinite]()
+    for drive in drives:
+        try:
+            found.append(evaluate(problem, drive))
+        except NotFinite as error:
+            failed.append(error)
+    if not found:
+        raise failed[0]
+    return found
 
 
 def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:

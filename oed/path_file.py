@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from oed.errors import FileFlaw, PathFileError
 from oed.files import write_text
+from oed.models.model import Model
 from oed.problem import Problem
 from oed.quantities import LARGEST, too_large
 from oed.trajectory import Trajectory
@@ -63,7 +64,7 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     Raises:
         PathFileError: every mistake in the file, each with its line.
     """
-    table = _read(file, ("t", *problem.model.input_names))
+    table = _read(file, ("t", *problem.model.input_names), problem.model.states)
     parts = _by_run(table, problem.design.runs)
     read = [_read_run(part, problem) for part in parts]
     flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
@@ -128,7 +129,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     times, flaws = _columns(table, ("t",), last_may_be_empty=False)
     inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
     start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
-    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states)
+    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, model)
     if flaws:
         return flaws
     # The last row holds the final pose only, with empty inputs.
@@ -139,7 +140,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
 
 
-def _cut_short(table: _Table, inputs: Array, states: Sequence[str]) -> list[FileFlaw]:
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str], model: Model) -> list[FileFlaw]:
     # Rows of other lengths than the header, and a file that does not end as a whole one does.
     width = len(table.header)
     uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
@@ -147,6 +148,10 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str]) -> list[File
         text = "expected {} cells, as in the header, got {}; is the file cut short?"
         return [table.flaw(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
     if np.isnan(inputs[-1]).any() or (table.ended and not states):
+        return []
+    # Exported commands end with the one to stop.
+    drives = np.array([entry.drives for entry in model.inputs])
+    if table.ended and not inputs[-1, drives].any():
         return []
     held = "the final pose" if states else "the time of the end"
     text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
@@ -173,14 +178,14 @@ class _Table:
         return FileFlaw(self.name, self.lines[row], 0, key, message)
 
 
-def _read(file: str | Path, needed: Sequence[str]) -> _Table:
+def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Table:
     name, text = str(file), _text(file)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
     numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
         raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
     header = [cell.strip() for cell in numbered[0][1]]
-    reason = _reason_against(header, needed)
+    reason = _reason_against(header, needed, states)
     if reason:
         raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
     places, rows = zip(*numbered[1:], strict=True)
@@ -206,12 +211,20 @@ def _cells(name: str, number: int, line: str) -> list[str]:
         raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
 
 
-def _reason_against(header: Sequence[str], needed: Sequence[str]) -> str:
+def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
     twice = sorted({column for column in header if column and header.count(column) > 1})
     if twice:
         return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
-    return f"the header lacks {', '.join(missing)}; it has {', '.join(header)}" if missing else ""
+    # What the file says instead is not repeated: it may be no path at all, and nobody's business.
+    lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
+    if missing:
+        return lacking
+    # A start that is given in part would be taken for one that is not given.
+    given = [state for state in states if state in header]
+    others = [state for state in states if state not in header]
+    text = f"the header has {', '.join(given)} of the start, but not {', '.join(others)}: give all or none"
+    return text if given and others else ""
 
 
 def _columns(

@@ -62,6 +62,12 @@ _QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
 
 SMALLEST, LARGEST = 1e-12, 1e12
 """What a robot's quantities lie between, SI: what is larger is refused, what is smaller counts as 0."""
+_FACTOR = r"(?:[^\W\d_⁰¹²³⁴-⁹]+|[%°]|1)(?:\s*(?:\^|\*\*)\s*[+-]?[0-9]|⁻?[¹²³⁴-⁹])?"
+_TIMES = r"(?:\s*[*/]\s*|\s+)"
+_PRODUCT = rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,7}}"
+_GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"
+_UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
+"""Names and their small powers, multiplied and divided. pint would take any arithmetic, and compute it."""
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
@@ -156,6 +162,9 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 
 
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
+    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known"
+    if _UNIT.fullmatch(unit_text) is None:
+        raise ValueError(unknown)
     # Imported late, for it takes longer than all the rest of reading a study.
     import pint
 
@@ -167,7 +176,7 @@ def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
         raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
     except Exception:
         # pint reports malformed unit text with a variety of exceptions, tokenizer errors among them.
-        raise ValueError(f"{expected}, got {text!r}, whose unit {unit_text!r} is not known") from None
+        raise ValueError(unknown) from None
 
 
 def _meaning(unit: str) -> str:

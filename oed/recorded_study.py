@@ -32,7 +32,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     if record.file is not None and not trust:
         refuse_code(recorded_file(record), place)
     try:
-        return parse_study(json.dumps(record.data["study"]), str(place))
+        return parse_study(json.dumps(record.data["study"], ensure_ascii=False), str(place))
     except StudyError as error:
         raise _in_record(error, None, place) from None
 
@@ -60,7 +60,8 @@ def _in_record(error: ValidationError | ProblemError | StudyError, data: Any, fi
     # Lines mean nothing in a record: a study's keys are told as the record's.
     if isinstance(error, ValidationError):
         flaws = [
-            (one.key, one.message) for one in explain(error, StudyFile, parse_yaml(json.dumps(data), ""))
+            (one.key, one.message)
+            for one in explain(error, StudyFile, parse_yaml(json.dumps(data, ensure_ascii=False), ""))
         ]
     elif isinstance(error, StudyError):
         flaws = [(one.key, one.message) for one in error.flaws]

@@ -54,7 +54,7 @@ class Robust(Component):
     kind: Literal["chance", "tube", "scenarios"] = "chance"
     confidence: Annotated[Ratio, Field(ge=0.5, lt=1)] = 0.99
     objective: Literal["nominal", "mean", "worst"] = "nominal"
-    draws: Annotated[int, Field(ge=100)] = 10_000
+    draws: Annotated[int, Field(ge=100, le=10_000_000)] = 10_000
     beta: Annotated[float, Field(gt=0)] | None = None
     kept: tuple[tuple[float, ...], ...] = ()
     compare: bool = True

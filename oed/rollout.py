@@ -230,7 +230,7 @@ def roll_out(
     if follows_state(model):
         motion = _actual_motion(model, poses, held, parameters)
     else:
-        motion = twist.T if motion_inputs is None else _motion(model, motion_inputs, parameters)
+        motion = twist.T if motion_inputs is None else asked_motion(model, motion_inputs, parameters)
     path = [
         _refined_path(advance, part, held[:, own], parameters, period, refine)
         for part, own in zip(poses, slices, strict=True)
@@ -256,7 +256,8 @@ def roll_out(
     )
 
 
-def _motion(model: Model, inputs: Expression, parameters: Expression) -> Expression:
+def asked_motion(model: Model, inputs: Expression, parameters: Expression) -> Expression:
+    """The twists (K, 3) that inputs (K, inputs) ask for, whether or not the robot follows them at once."""
     count = inputs.shape[0]
     return _twist(model).map(count)(inputs.T, ca.repmat(parameters, 1, count)).T
 

@@ -14,6 +14,7 @@ from typing import Any
 from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
+from oed.errors import NotFinite
 from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table, state_table
 from oed.experiments import driven_in_physics, simulated
 from oed.folders import Draft
@@ -29,7 +30,7 @@ from oed.record import (
 )
 from oed.robustness import nominal_search, robustness, safe, tried
 from oed.saving import RunFolder, run_folder
-from oed.solution import Solution, Status, scored
+from oed.solution import Solution, Status, scored, unscored
 from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
 from oed.solvers.interrupts import interrupts_named
 from oed.study import PathFile, Study
@@ -354,11 +355,19 @@ def _baselines(
     found: list[Solution] = []
     for path in asked:
         if isinstance(path, PathFile):
-            found.append(scored(study.problem, paths[path.label], path.label))
+            found.append(_scored_path(study, paths[path.label], path.label))
         else:
             found += baselines(study.problem, path, length=length, seed=seed)
         progress.advance()
     return found
+
+
+def _scored_path(study: Study, path: Trajectory, name: str) -> Solution:
+    # What cannot be scored must not take with it what has been found.
+    try:
+        return scored(study.problem, path, name)
+    except NotFinite as error:
+        return unscored(name, "path", error)
 
 
 def provenance() -> dict[str, Any]:

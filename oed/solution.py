@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from oed.departures import Leaving
+from oed.errors import NotFinite
 from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
 from oed.robust import Robust
@@ -24,6 +25,7 @@ class Status(Enum):
     SEARCHED = "searched"
     UNIMPROVED = "unimproved"
     SCORED = "scored"
+    UNSCORED = "unscored"
     INFEASIBLE = "infeasible"
     SINGULAR = "singular"
     FAILED = "failed"
@@ -36,7 +38,7 @@ class Status(Enum):
     @property
     def usable(self) -> bool:
         """Whether there is a design to use."""
-        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED)
+        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED)
 
 
 _SENTENCES = {
@@ -51,6 +53,7 @@ _SENTENCES = {
     Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
     "is returned; nothing says that it is an optimum: try more starts or another seed.",
     Status.SCORED: "Scored as given; nothing was optimised.",
+    Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
     Status.SINGULAR: "No drive found tells all parameters apart that the criterion asks about; "
     "allow more motion, more segments or another regressor.",
@@ -133,3 +136,8 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
         evaluation=evaluate(problem, trajectory),
         status=Status.SCORED,
     )
+
+
+def unscored(name: str, kind: str, error: NotFinite) -> Solution:
+    """A drive among others that cannot be scored, and why."""
+    return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from oed.bounds import LATTICE
 from oed.calibration import CalibrationOptions, alternative_flaws
 from oed.component import Component, OneOf
 from oed.criteria import CRITERIA, Criterion, E
-from oed.errors import Flaw, ProblemError, RecordError, StudyError
+from oed.errors import Flaw, NotFinite, PathFileError, ProblemError, RecordError, StudyError
 from oed.estimators import EstimatorName, Heading, Loss, estimator_flaws
 from oed.identifiability import require_identifiable
 from oed.limits import LIMITS, Limit
@@ -89,7 +90,7 @@ AnyPrior = Annotated[
 class ValidationOptions(Component):
     """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
 
-    replicates: Annotated[int, Field(ge=100)] = 10_000
+    replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
     estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
     heading: Heading = "known"
     loss: Loss = "linear"
@@ -172,28 +173,39 @@ class Study:
         return self.file.seed
 
     def require_identifiable(self) -> None:
-        """Refuse a study whose parameters no drive tells apart.
+        """Refuse a study whose parameters no drive tells apart, or whose drives are not finite.
 
         Raises:
-            StudyError: names every combination that cannot be told, and what to do.
+            StudyError: names what is not finite, or every combination that cannot be told, and what to do.
         """
         try:
             require_identifiable(self.problem)
         except ProblemError as error:
-            source = parse_yaml(self.text, self.source)
-            raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+            raise self._error(error.flaws) from None
+        except NotFinite as error:
+            raise self._error([error.flaw]) from None
 
     def own_paths(self) -> dict[str, Trajectory]:
         """The user's own paths that the study compares with, by name.
 
         Raises:
-            PathFileError: one that cannot be read.
+            StudyError: some that cannot be read, each with the line that names it and its own.
         """
-        return {
-            path.label: read_trajectory(self.folder / path.file, self.problem)
-            for path in self.file.baselines
-            if isinstance(path, PathFile)
-        }
+        paths: dict[str, Trajectory] = {}
+        flaws: list[Flaw] = []
+        for index, path in enumerate(self.file.baselines):
+            if isinstance(path, PathFile):
+                try:
+                    paths[path.label] = read_trajectory(self.folder / path.file, self.problem)
+                except PathFileError as error:
+                    flaws += [Flaw(("baselines", index, "file"), str(flaw)) for flaw in error.flaws]
+        if flaws:
+            raise self._error(flaws)
+        return paths
+
+    def _error(self, flaws: Sequence[Flaw]) -> StudyError:
+        source = parse_yaml(self.text, self.source)
+        return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""

@@ -16,6 +16,9 @@ from oed.quantities import counts_as_zero
 from oed.shown import written
 from oed.yaml_source import YamlSource
 
+MOST = 200
+"""Mistakes that are explained; where there are more, the file is hardly a study."""
+
 
 def explain(error: ValidationError, root: type[Component], source: YamlSource) -> list[FileFlaw]:
     """One flaw per place in the file, in the order of the lines.
@@ -23,21 +26,33 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
     Where a value fits none of several forms, the reasons are joined.
     """
     reasons: dict[tuple[int, int, str], list[str]] = {}
-    for detail in error.errors():
-        path = detail["loc"]
-        missing = detail["type"] == "missing"
-        place = source.flaw(path[:-1] if missing else path, "", missing=str(path[-1]) if missing else "")
+    details = error.errors(include_url=False)
+    for detail in details[:MOST]:
+        place = _place(detail, source)
         texts = reasons.setdefault((place.line, place.column, place.key), [])
         text = sentence(detail, root)
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
-    keys = {key for _, _, key in reasons}
+    left = [
+        _place(detail, source, f"and {len(details) - MOST} more mistakes")
+        for detail in details[MOST : MOST + 1]
+    ]
+    above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
     return [
         FileFlaw(source.file, line, column, key, "; or ".join(texts))
         for (line, column, key), texts in sorted(reasons.items())
-        if not any(key and other.startswith(f"{key}.") for other in keys)
-    ]
+        if key not in above
+    ] + left
+
+
+def _place(detail: ErrorDetails, source: YamlSource, message: str = "") -> FileFlaw:
+    path, missing = detail["loc"], detail["type"] == "missing"
+    return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+
+
+def _parts(place: tuple[int, int, str]) -> list[str]:
+    return place[2].split(".")
 
 
 def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:

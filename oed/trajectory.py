@@ -213,7 +213,7 @@ class Spline(Component):
     """The inputs' splines: degree, and coefficients per input (those that rest fixes included)."""
 
     degree: Annotated[int, Field(ge=0, le=7)] = 3
-    coefficients: Annotated[int, Field(ge=1)] = 16
+    coefficients: Annotated[int, Field(ge=1, le=100_000)] = 16
 
 
 class StartPose(Component):

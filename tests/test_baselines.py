@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem
 
-from oed.baselines import NAMES, baselines
+from oed.baselines import NAMES, Move, baselines
+from oed.baselines.kinematics import Kinematics
+from oed.criteria import E
 from oed.errors import ProblemError
 from oed.evaluation import evaluate
 from oed.limits import Rectangle, WheelSpeed
-from oed.models import DifferentialDrive, SkidSteer
+from oed.measurements import Poses
+from oed.models import DifferentialDrive, SkidSteer, SkidSteerSlip
 from oed.problem import Problem
 from oed.solution import Solution, Status
 from oed.trajectory import DesignSpace
@@ -226,3 +230,48 @@ class TestStudies:
     def test_an_unknown_name(self):
         with pytest.raises(ProblemError, match=r"expected one of straight, circle, .*got 'triangle'"):
             baselines(make_problem(), "triangle")
+
+
+def slipping(per_yaw_rate: float) -> SkidSteerSlip:
+    return SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, track_per_yaw_rate=per_yaw_rate)
+
+
+class TestRobotsThatCannotTurnFaster:
+    """The effective track grows with the yaw rate, which therefore has a least upper bound: track / k."""
+
+    @pytest.mark.parametrize("per_yaw_rate", [0.04, 0.05, 5.0])
+    def test_every_path_is_finite_and_says_what_it_exceeds(self, per_yaw_rate: float):
+        problem = make_problem(
+            model=slipping(per_yaw_rate),
+            measurement=Poses(noise={"position": 0.01, "heading": 0.01}),
+            limits=(SPEED, ACCELERATION, BOX),
+            criterion=E(),
+        )
+        for name in ("straight", "circle", "straight_and_spin"):
+            for solution in baselines(problem, name, length=1.0):
+                assert np.isfinite(solution.trajectory.inputs).all()
+                assert np.isfinite(path(solution)).all()
+                assert set(solution.evaluation.violations) <= {"wheel_speed", "wheel_acceleration"}
+                assert ("exceeds" in solution.detail) == (not solution.evaluation.feasible)
+        assert baselines(problem, "straight")[0].evaluation.feasible
+
+    @pytest.mark.parametrize("per_yaw_rate", [0.0, 0.04, 0.4])
+    def test_inputs_make_what_can_be_made(self, per_yaw_rate: float):
+        robot = slipping(per_yaw_rate)
+        inverse, fastest = Kinematics(robot), TRACK / max(per_yaw_rate, 1e-3)
+        for share in (0.01, 0.3, 0.9):
+            wanted = np.array([[0.2, share * fastest]])
+            (inputs,) = inverse.inputs(wanted, np.zeros((1, 0)))
+            made = np.array(ca.evalf(robot.twist(ca.DM(inputs), ca.DM(robot.nominal)))).ravel()
+            np.testing.assert_allclose(made[[0, 2]], wanted[0], rtol=1e-6)
+        (inputs,) = inverse.inputs(np.array([[0.2, 1.5 * fastest]]), np.zeros((1, 0)))
+        assert np.isfinite(inputs).all()
+
+    def test_moves_beyond_it_are_made_more_slowly(self):
+        robot = slipping(0.4)
+        values, made = Kinematics(robot).directions([Move(0.0, FULL_TURN), Move(1.0, 0.0)], np.zeros((2, 2)))
+        assert made.all()
+        assert np.isfinite(values).all()
+        assert values[0, 0] == pytest.approx(-values[0, 1])
+        # No less than wheels that never slip would need.
+        assert FULL_TURN * TRACK / 2 / RADIUS < values[0, 0] < 10 * FULL_TURN * TRACK / 2 / RADIUS

@@ -16,6 +16,7 @@ from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
 from oed.console import percent
+from oed.errors import Flaw, ProblemError
 from oed.record import load_record
 
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
@@ -524,3 +525,50 @@ def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
 
     monkeypatch.setattr("oed.study.json_schema", interrupted)
     assert call(capsys, "schema") == (1, "", "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            ZeroDivisionError("two\nlines"),
+            "a defect of oed, not of your files (ZeroDivisionError: two lines);",
+        ),
+        (
+            SystemError("of no interrupt"),
+            "a defect of oed, not of your files (SystemError: of no interrupt);",
+        ),
+        (SystemExit(0), "something ended the program halfway (SystemExit: 0), which a robot's own module"),
+        (RecursionError(), "a defect of oed, not of your files (RecursionError:);"),
+    ],
+)
+def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error: BaseException, words: str):
+    def fail():
+        raise error
+
+    monkeypatch.delenv("OED_DEBUG", raising=False)
+    monkeypatch.setattr("oed.study.json_schema", fail)
+    code, out, err = call(capsys, "schema")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert err.startswith(words)
+    assert "OED_DEBUG=1" in err
+    code, data, _ = call_json(capsys, "schema")
+    assert code == 1
+    assert data == {"error": err.strip(), "flaws": []}
+    monkeypatch.setenv("OED_DEBUG", "1")
+    with pytest.raises(type(error)):
+        main(["schema"])
+
+
+def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: Any, **__: Any) -> None:
+        raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])
+
+    monkeypatch.setattr("oed.study.Study.require_identifiable", refuse)
+    code, data, err = call_json(capsys, "run", "study.yaml", "--quiet")
+    assert code == 2
+    assert err.splitlines() == [
+        "study.yaml:7: limits.wheel_speed: is too late",
+        "study.yaml:3: robot: as well",
+    ]
+    assert [flaw["line"] for flaw in data["flaws"]] == [7, 3]

@@ -283,6 +283,13 @@ class TestMistakes:
         assert flaw.line == 1
         assert f"has {column} twice" in flaw.message
 
+    @pytest.mark.parametrize(("header", "lacking"), [("t,RL,x,y", "heading"), ("t,RL,heading", "x, y")])
+    def test_a_start_in_part(self, tmp_path: Path, header: str, lacking: str):
+        header = header.replace("RL", "wheel_speed_right,wheel_speed_left")
+        (flaw,) = flaws_of(tmp_path, header, *["0,1,1,0,0"] * 3)
+        assert flaw.line == 1
+        assert f"but not {lacking}: give all or none" in flaw.message
+
     def test_a_stray_quote(self, tmp_path: Path):
         (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", '1,"1,1', "2,1,1", '3,"1,1', "4,1,1")
         assert flaw.line == 3

@@ -86,6 +86,58 @@ def test_unknown_units_are_refused(text):
         parse_quantity(text, "m")
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "5 m**(9**9**9)",
+        "5 m^9^9^9",
+        "5 m**99999999",
+        "5 m*(9**9**9)",
+        "5 (9**9**9) m",
+        "5 m**-(9**9)",
+        "5 ((m))",
+        "5 m^0.5*m^0.5",
+        "5 m⁹⁹⁹⁹",
+        "5 2*m",
+        "5 m.real",
+        "5 m[0]",
+        "5 m if s else m",
+        "5 " + "m*" * 20_000 + "m",
+        "5 " + "(" * 20_000 + "m" + ")" * 20_000,
+        "5 " + "m " * 20_000 + "!",
+        "5 " + "m" * 20_000 + "!",
+    ],
+    ids=lambda text: text[:20],
+)
+def test_arithmetic_is_no_unit(text: str):
+    with pytest.raises(ValueError, match=r"is not known"):
+        parse_quantity(text, "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("20 rad/s²", "rad/s^2", 20.0),
+        ("1 rad*s^-1", "rad/s", 1.0),
+        ("1 rad s**-1", "rad/s", 1.0),
+        ("36 km / h", "m/s", 10.0),
+        ("3 m per s", "m/s", 3.0),
+        ("2 rad/(s*s)", "rad/s^2", 2.0),
+        ("2 (m)/(s)", "m/s", 2.0),
+        ("3 mm*s/rad", "m*s/rad", 3e-3),
+        ("2 deg*s/m", "rad*s/m", math.radians(2)),
+        ("4 1/s", "Hz", 4.0),
+    ],
+)
+def test_products_and_small_powers_are_units(text: str, unit: str, expected: float):
+    assert parse_quantity(text, unit) == pytest.approx(expected, rel=1e-12)
+
+
+def test_whole_numbers_beyond_all_floats_are_refused():
+    with pytest.raises(ValueError, match="of at most"):
+        parse_quantity(10**400, "m")
+
+
 @pytest.mark.parametrize("text", ["", "cm", "about 3 cm", "4,9"])
 def test_text_that_is_no_quantity_is_refused(text):
     with pytest.raises(ValueError, match=r"expected a length \[m\]"):

@@ -13,7 +13,7 @@ import pytest
 from studies import GENETIC, IPOPT, saved_study, small
 
 from oed.criteria import E
-from oed.errors import PathFileError
+from oed.errors import StudyError
 from oed.evaluation import evaluate
 from oed.path_file import read_trajectory
 from oed.record import Record, drive_of, load_record
@@ -263,7 +263,7 @@ class TestInterrupted:
 def test_a_path_that_is_not_there_is_named_before_anything_is_searched(tmp_path: Path):
     listener = Listener("", -1, interrupt)
     study = saved_study(tmp_path, small(solvers=GENETIC, baselines="[{file: nowhere.csv}]"))
-    with pytest.raises(PathFileError, match=r"nowhere\.csv: no such file"):
+    with pytest.raises(StudyError, match=r"study\.yaml:12: baselines\.0\.file: .*nowhere\.csv: no such file"):
         run(study, tmp_path / "out", workers=1, progress=listener)
     assert listener.stages == []
 

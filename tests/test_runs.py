@@ -321,8 +321,13 @@ def outcome(space: DesignSpace) -> dict:
     measurement = Displacements(segments=4, regressor="both", noise={"position": 0.01, "heading": 0.02})
     problem = make_problem(design=space, measurement=measurement)
     found: Evaluation = evaluate(problem, random_drive(problem, 3))
-    numbers = {name: getattr(found, name) for name in found.__dataclass_fields__ if name != "margins"}
-    return {**numbers, "margins": [(m.name, m.margin, m.size) for m in found.margins]}
+    others = {"margins", "square_roots", "full_square_roots"}
+    numbers = {name: getattr(found, name) for name in found.__dataclass_fields__ if name not in others}
+    return {
+        **numbers,
+        "information": found.information,
+        "margins": [(m.name, m.margin, m.size) for m in found.margins],
+    }
 
 
 HEADER = "run,t,wheel_speed_right,wheel_speed_left,x,y,heading"

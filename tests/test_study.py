@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from studies import SMALL, small
+from studies import SMALL, saved_study, small
 
 from oed.errors import FileFlaw, StudyError
 from oed.measurements import PosePrior, Poses, Ranges, Several, YawRate
@@ -971,3 +971,70 @@ class TestSensors:
         (flaw,) = flaws_of(text)
         assert flaw.line == line_of(text, "measurement")
         assert flaw.key in ("measurement", "measurement.0")
+
+
+def test_mistakes_without_number_are_counted():
+    flaws = flaws_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
+    assert len(flaws) == 201
+    assert flaws[-1].key == "k200"
+    assert flaws[-1].message == "and 2800 more mistakes"
+    assert flaws[-1].line == SMALL.count("\n") + 201
+
+
+class TestOwnPaths:
+    @staticmethod
+    def flaws(folder: Path, *files: str) -> tuple[FileFlaw, ...]:
+        study = saved_study(folder, SMALL + "baselines:\n" + "".join(f"- file: {file}\n" for file in files))
+        with pytest.raises(StudyError) as caught:
+            study.own_paths()
+        return caught.value.flaws
+
+    def test_every_mistake_is_named_by_the_study_and_by_the_path(self, tmp_path: Path):
+        header = "t,wheel_speed_right,wheel_speed_left\n"
+        (tmp_path / "wrong.csv").write_text(header + "0,1,2\n1,two,2\n2,1,nan\n")
+        (tmp_path / "good.csv").write_text(header + "0,1,2\n1,1,2\n2,1,2\n")
+        flaws = self.flaws(tmp_path, "good.csv", "nowhere.csv", "wrong.csv")
+        assert [(flaw.file, flaw.line, flaw.key) for flaw in flaws] == [
+            (str(tmp_path / "study.yaml"), 13, "baselines.1.file"),
+            (str(tmp_path / "study.yaml"), 14, "baselines.2.file"),
+            (str(tmp_path / "study.yaml"), 14, "baselines.2.file"),
+        ]
+        assert [flaw.message.removeprefix(f"{tmp_path}/") for flaw in flaws] == [
+            "nowhere.csv: no such file",
+            "wrong.csv:3: wheel_speed_right: expected a finite number, got 'two'",
+            "wrong.csv:4: wheel_speed_left: expected a finite number, got 'nan'",
+        ]
+
+    def test_what_is_no_path_is_not_repeated(self, tmp_path: Path):
+        (tmp_path / "passwd").write_text("secretive:x:0:secret\nother:y:1:secret\nlast:z:2:secret\n")
+        (flaw,) = self.flaws(tmp_path, "passwd")
+        assert "the header lacks t, wheel_speed_right, wheel_speed_left; expected a path" in flaw.message
+        assert "secret" not in flaw.message
+
+
+HUGE = 10**40
+"""More than fits into any memory, or any array's index."""
+
+
+@pytest.mark.parametrize(
+    ("keys", "key"),
+    [
+        (f"trajectory: {{duration: 10 s, samples: {HUGE}}}", "trajectory.samples"),
+        (
+            f"trajectory: {{duration: 10 s, samples: 40, spline: {{coefficients: {HUGE}}}}}",
+            "trajectory.spline.coefficients",
+        ),
+        (f"trajectory: {{duration: 10 s, runs: {HUGE}}}", "trajectory.runs"),
+        (f"solvers: [{{kind: ipopt, starts: {HUGE}}}]", "solvers.0.starts"),
+        (f"solvers: [{{kind: genetic, population: {HUGE}}}]", "solvers.0.population"),
+        (f"validation: {{replicates: {HUGE}}}", "validation.replicates"),
+        (f"robust: {{kind: chance, draws: {HUGE}}}", "robust.draws"),
+        (f"calibration: {{replicates: {HUGE}}}", "calibration.replicates"),
+    ],
+)
+def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
+    kept = [line for line in SMALL.splitlines() if not keys.startswith(line.partition(":")[0] + ":")]
+    flaws = flaws_of("\n".join([*kept, keys]))
+    (flaw,) = [flaw for flaw in flaws if flaw.key == key]
+    assert flaw.line == len(kept) + 1
+    assert "expected at most" in flaw.message

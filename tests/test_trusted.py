@@ -18,6 +18,7 @@ from oed.errors import RecordError, StudyError, UserMistake
 from oed.experiments import validated, validation_options
 from oed.exporters import export
 from oed.exporters.request import Request
+from oed.models import own_module
 from oed.next_drive import next_drive
 from oed.record import Record, load_record, save_record
 from oed.recorded_study import recorded_study
@@ -84,8 +85,9 @@ def saved(folder: Path, **options: Any) -> Path:
     """A record of somebody's robot whose code has not been run since."""
     save_record(made(study_in(folder, **options)), folder)
     (folder / "was_run").unlink()
-    for module in [name for name in sys.modules if name.startswith("robots_of_")]:
+    for module in [name for name in sys.modules if name.startswith(own_module.PREFIX)]:
         del sys.modules[module]
+    own_module._packages.clear()
     return folder
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import random
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from oed.errors import StudyError
-from oed.yaml_source import parse_yaml, read_yaml
+from oed.errors import FileFlaw, StudyError
+from oed.yaml_source import CHARACTERS, DEPTH, NODES, parse_yaml, read_yaml
 
 TEXT = """\
 # a remark
@@ -117,6 +119,131 @@ def test_control_characters_are_not_yaml():
         parse_yaml("a: \x00\n", "file")
 
 
+def flaw_of(text: str) -> FileFlaw:
+    with pytest.raises(StudyError) as caught:
+        parse_yaml(text, "some.yaml")
+    (flaw,) = caught.value.flaws
+    assert "\n" not in str(flaw)
+    assert len(str(flaw)) < 200
+    return flaw
+
+
+def nested(anchors: str, times: int = 9) -> str:
+    """Every anchor a list of the one before, many times."""
+    lines = [f"{anchors[0]}: &{anchors[0]} [{', '.join('x' * times)}]"]
+    for before, name in pairwise(anchors):
+        lines.append(f"{name}: &{name} [{', '.join([f'*{before}'] * times)}]")
+    return "\n".join(lines)
+
+
+BOMB = nested("abcdefghij")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("b: 1\na: &a [1, *a]", 2, "*a contains itself"),
+        ("b: 1\na: &a {b: {c: *a}}", 2, "*a contains itself"),
+        ("&a {*a : 1}", 1, "*a contains itself"),
+        ("a: &a {<<: *a}", 1, "*a contains itself"),
+        (BOMB, 6, f"more than {NODES} keys and values"),
+        (BOMB.replace("[*a", "[{<<: *i}, *a"), 2, "not valid YAML: found undefined alias 'i'"),
+        ("a: 1\nb: " + "[" * 100_000, 2, f"nested more than {DEPTH} levels deep"),
+        ("a: " + "{a: " * 100_000, 1, f"nested more than {DEPTH} levels deep"),
+        ("- " * 100_000, 1, f"nested more than {DEPTH} levels deep"),
+        (
+            "".join(" " * level + "a:\n" for level in range(99)),
+            DEPTH,
+            f"nested more than {DEPTH} levels deep",
+        ),
+        (
+            "a: &a " + "[" * 30 + "]" * 30 + "\nb: &b " + "[" * 30 + "*a" + "]" * 30,
+            2,
+            f"nested more than {DEPTH} levels deep",
+        ),
+        ("a: 1\n? [b, c]\n: 2", 2, "expected a name as a key, got a list"),
+        ("a: 1\n{b: c}: 2", 2, "expected a name as a key, got a list"),
+        ("a: &a [b]\n*a : 2", 1, "expected a name as a key, got a list"),
+        ("a:\n  b: !!int soon", 2, "expected a whole number, got 'soon'"),
+        ("a: !!float soon", 1, "expected a number, got 'soon'"),
+        ("a: !!bool soon", 1, "expected true or false, got 'soon'"),
+        ("a: !!timestamp soon", 1, "expected a date, got 'soon'"),
+        ("a: !!int", 1, "expected a whole number, got ''"),
+        ("a: 1\nb: 2024-13-45", 2, "expected a date, got '2024-13-45'; put text in quotes"),
+        ("a: 2023-02-29 25:00:00", 1, "expected a date, got '2023-02-29 25:00:00'"),
+        ("a: 1\nb: " + "9" * 5000, 2, "expected a number of at most 100 characters, got 5000"),
+        ("a: 0x" + "f" * 5000, 1, "expected a number of at most 100 characters, got 5002"),
+        ("a: -0b" + "1" * 500, 1, "expected a number of at most 100 characters, got 503"),
+        ("a: " + "1:" * 500 + "1.5", 1, "expected a number of at most 100 characters, got 1003"),
+        ("a: !!int " + "9" * 5000, 1, "expected a number of at most 100 characters, got 5000"),
+        ('a: 1\nb: "\\U99999999"', 2, "an escape or a version number out of range"),
+        ("%YAML 1." + "9" * 5000 + "\n--- {}", 1, "an escape or a version number out of range"),
+        ('a: "\\uD800"', 1, r"the character '\ud800' cannot stand in a study"),
+        ('a: 1\n"\\e[2J": 2', 2, r"the character '\x1b' cannot stand in a study"),
+        ('a: "b\\0"', 1, r"the character '\x00' cannot stand in a study"),
+        ("a: 1\nb: \a", 2, r"not valid YAML: the character '\x07' cannot stand in it"),
+        ("a: !!set [b]", 1, "not valid YAML: expected a mapping node"),
+        ("a: !mine b", 1, "not valid YAML: could not determine a constructor"),
+        ("x" * (CHARACTERS + 1), 0, f"longer than {CHARACTERS} characters"),
+    ],
+    ids=lambda value: value[:20] if isinstance(value, str) else None,
+)
+def test_what_no_study_is_made_of_is_named_by_line(text: str, line: int, message: str):
+    flaw = flaw_of(text)
+    assert flaw.line == line
+    assert flaw.message.startswith(message)
+
+
+def test_what_is_written_out_counts_as_well(monkeypatch):
+    monkeypatch.setattr("oed.yaml_source.NODES", 100)
+    flaw = flaw_of("a:\n" + "- 1\n" * 1000)
+    assert (flaw.line, flaw.message[:14]) == (99, "more than 100 ")
+
+
+def test_aliases_of_bounded_size_are_read():
+    source = parse_yaml("a: &a {x: 1, y: [2, 3]}\nb: {<<: *a, x: 4}\nc: [*a, *a]\n", "file")
+    assert source.data["b"] == {"x": 4, "y": [2, 3]}
+    assert source.data["c"] == [{"x": 1, "y": [2, 3]}] * 2
+    # The key that counts, not the one it overrides; and what is merged stands where it was written.
+    assert source.place(("b", "x")) == (("b", "x"), 2, 13)
+    assert source.place(("b", "y")) == (("b", "y"), 1, 14)
+    assert parse_yaml(nested("abcd"), "file").data["d"][8][8][8] == list("xxxxxxxxx")
+
+
+def test_as_much_as_a_study_may_hold_is_read():
+    assert parse_yaml("[" * (DEPTH - 1) + "1" + "]" * (DEPTH - 1), "file").data
+    assert parse_yaml("9" * 100, "file").data == int("9" * 100)
+
+
+FRAGMENTS = (
+    "&a ", "*a ", "!!int ", "!!float ", "!!bool ", "!!timestamp ", "!!binary ", "!!set ", "!!omap ",
+    "!!pairs ", "!!null ", "!!str ", "!!map ", "!!seq ", "!x ", "!<!foo> ", "%YAML 1.1\n---\n", "%TAG ! a",
+    "[", "]", "{", "}", "? ", ": ", "- ", "|", "> ", "|9", '"', "'", "\\U99999999", "\\uD800", '"\\xZZ"',
+    "2024-13-45", "1:99:3", ".inf", ".nan", "0x", "0b", "0o9", "08", "1_", "_", "~", "<<: *a", "<<: [*a, 3]",
+    "=", "\t", "\x85", "\u2028", "\ufeff", "\a", "1e999", "9" * 200, "---", "...", "#", "@", "`", "%FF",
+    "!%FF", "\n", "\n  ", "\n    ", "null: 1", "[a]: 1", "{a: 1}: 2", "a", "b: ", "1", ", ",
+)  # fmt: skip
+
+
+def flaws_in(text: str) -> tuple[FileFlaw, ...]:
+    try:
+        parse_yaml(text, "file")
+    except StudyError as error:
+        return error.flaws
+    return ()
+
+
+def test_any_text_is_data_or_flaws():
+    draw = random.Random(0)
+    for trial in range(500):
+        text = TEXT if trial % 2 else ""
+        for _ in range(draw.randint(1, 10)):
+            place = draw.randint(0, len(text))
+            text = text[:place] + draw.choice(FRAGMENTS) + text[place:]
+        flaws = flaws_in(text)
+        assert all(flaw.line > 0 and "\n" not in str(flaw) for flaw in flaws), text
+
+
 class TestFiles:
     def test_a_file(self, tmp_path: Path):
         file = tmp_path / "some.yaml"
@@ -132,6 +259,15 @@ class TestFiles:
     def test_a_folder(self, tmp_path: Path):
         with pytest.raises(StudyError, match="expected a file, got a folder"):
             read_yaml(tmp_path)
+
+    @pytest.mark.parametrize("name", ["a\0b", "x" * 5000])
+    def test_what_is_no_name_of_a_file(self, name: str):
+        with pytest.raises(StudyError, match="cannot be read"):
+            read_yaml(name)
+
+    def test_a_file_without_end(self):
+        with pytest.raises(StudyError, match="longer than"):
+            read_yaml("/dev/zero")
 
     def test_no_text(self, tmp_path: Path):
         file = tmp_path / "some.yaml"

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from oed.errors import NotFinite
 from oed.evaluation import evaluate
 from oed.problem import Problem
 from oed.trajectory import Trajectory
@@ -99,7 +100,10 @@ def _between(
 
 def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
     # Without the tolerance of `feasible`, which a bisection would use up.
-    margins = evaluate(problem, trajectory).margins
+    try:
+        margins = evaluate(problem, trajectory).margins
+    except NotFinite as error:
+        return frozenset(map(str, error.flaw.key))
     return frozenset(margin.name for margin in margins if margin.violation > 1e-9 * margin.size)
 
 
@@ -109,7 +113,10 @@ def of_length(problem: Problem, shape: Shape, length: float, most: float) -> Tra
     laps = next((laps for laps in range(needed, 1, -1) if shape.fits(laps)), 1)
 
     def reached(size: float) -> float:
-        return evaluate(problem, shape.drive(size, laps)).path_length
+        try:
+            return evaluate(problem, shape.drive(size, laps)).path_length
+        except NotFinite:
+            return 0.0
 
     # In proportion, as a pattern's length is to its size.
     size = shape.largest

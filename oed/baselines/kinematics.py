@@ -17,6 +17,10 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 SPEED_STEPS = 8
+BEYOND = 1e3
+"""How many times the speeds that would do without slip are the most that are tried."""
+SLOWER = 12
+"""Halvings of a move's speeds after which it counts as impossible."""
 SEARCH_STEPS = 40
 STARTS = 9
 """Steering angles from which a move's is searched, per steered wheel."""
@@ -68,11 +72,15 @@ class Kinematics:
 
     def inputs(self, twists: Array, angles: Array) -> Array:
         """Inputs (K, inputs) that give `twists` (K, rows) at steering `angles` (K, steers), by Newton's
-        method on the speeds.
+        method on the speeds; far too fast ones where a robot that slips can make no such twist.
         """
-        speeds, step = np.zeros((len(self.drives), len(twists))), self._newton(len(twists))
-        for _ in range(SPEED_STEPS):
-            speeds = np.array(step(speeds, angles.T, twists.T))
+        step = self._newton(len(twists))
+        first = step(np.zeros((len(self.drives), len(twists))), angles.T, twists.T)
+        speeds = np.nan_to_num(np.array(first))
+        most = BEYOND * np.abs(speeds).max(axis=0)
+        for _ in range(SPEED_STEPS - 1):
+            following = np.array(step(speeds, angles.T, twists.T))
+            speeds = np.where(np.isfinite(following), following.clip(-most, most), speeds)
         values = np.zeros((len(twists), len(self.drives) + len(self.steers)))
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values
@@ -88,14 +96,32 @@ class Kinematics:
         angles, within = np.zeros((len(distinct), 0)), np.ones(len(distinct), dtype=bool)
         if self.steers:
             angles, within = self._steering(wanted, bounds)
-        values = self.inputs(wanted, angles)
-        missed = np.abs(self._linear(values)[0] - wanted).max(axis=1)
+        values, made = self._unhurried(wanted, angles)
         # Slips that hinder Newton's method are no reason to refuse a move.
-        made = self.free | (missed <= MADE * np.abs(wanted).max(axis=1))
+        made |= self.free & values.any(axis=1) & np.isfinite(self._linear(values)[0]).all(axis=1)
         made &= within | ~np.array([move.on_the_spot for move in distinct])
         made &= np.array([self.sideways or move.sideways == 0 for move in distinct])
         order = [distinct.index(move) for move in moves]
         return values[order], made[order]
+
+    def _unhurried(self, wanted: Array, angles: Array) -> tuple[Array, Flags]:
+        # Inputs that make each move in one second, and whether they do. A robot that slips may turn no faster
+        # than so: from the fraction of the speed that it can make, as if it slipped no more.
+        values = self.inputs(wanted, angles)
+        made = self._makes(values, wanted)
+        for slower in 0.5 ** np.arange(1, SLOWER + 1):
+            left = np.flatnonzero(~made)
+            if not len(left):
+                break
+            found = self.inputs(slower * wanted[left], angles[left])
+            made[left] = self._makes(found, slower * wanted[left])
+            found[:, self.drives] /= slower
+            values[left[made[left]]] = found[made[left]]
+        return values, made
+
+    def _makes(self, values: Array, wanted: Array) -> Flags:
+        missed = np.abs(self._linear(values)[0] - wanted).max(axis=1)
+        return np.asarray(missed <= MADE * np.abs(wanted).max(axis=1))
 
     def _linear(self, values: Array) -> tuple[Array, Array]:
         # Twists (K, rows) and their derivatives (K, rows, inputs).

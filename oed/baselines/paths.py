@@ -8,10 +8,10 @@ from oed.baselines.fitting import Shape, largest, of_length
 from oed.baselines.patterns import NAMES, PATTERNS, RANDOM, Move, Pattern
 from oed.baselines.schedule import least_samples, starts, stretched
 from oed.baselines.suitability import largest_size, refusal
-from oed.errors import Flaw, ProblemError
+from oed.errors import Flaw, NotFinite, ProblemError
 from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
-from oed.solution import Solution, Status
+from oed.solution import Solution, Status, unscored
 from oed.trajectory import Trajectory
 
 STREAM = 17
@@ -43,7 +43,10 @@ def baselines(problem: Problem, name: str, *, length: float | None = None, seed:
 
 
 def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> Solution:
-    evaluation = evaluate(problem, trajectory)
+    try:
+        evaluation = evaluate(problem, trajectory)
+    except NotFinite as error:
+        return unscored(name, "baseline", error)
     return Solution(
         name=name,
         kind="baseline",

@@ -44,7 +44,7 @@ class CalibrationOptions(Component):
     segment: Annotated[Duration, Field(gt=0)] | Literal["auto", "log"] = "auto"
     covariance: CovarianceName | Literal["auto"] = "auto"
     block: Annotated[Duration, Field(gt=0)] | Literal["auto"] = "auto"
-    replicates: Annotated[int, Field(ge=100)] = 2000
+    replicates: Annotated[int, Field(ge=100, le=10_000_000)] = 2000
     sensor_place: tuple[PlaceName, ...] = PLACE
     clock_offset: bool = True
     noise: Literal["estimated", "constant", "stated"] = "estimated"

@@ -14,7 +14,7 @@ from oed.exporters.recorded import RecordedMotion
 from oed.models import Input, Model
 from oed.models.model import Integration
 from oed.problem import Problem
-from oed.rollout import roll_out
+from oed.rollout import asked_motion, roll_out
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -111,11 +111,12 @@ def _of_run(model: Model, integration: Integration, run: Trajectory, rate: float
         parameters=np.array(model.nominal),
         period=np.array(1 / rate),
     )
+    asked = asked_motion(model, held, np.array(model.nominal))
     return Commands(
         rate=rate,
         inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
         moving=moving,
-        twists=np.vstack([np.array(drive.motion), np.zeros((1, 3))]),
+        twists=np.vstack([np.array(asked), np.zeros((1, 3))]),
         poses=np.array(drive.poses),
     )
 

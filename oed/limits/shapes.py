@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,8 @@ Point = tuple[float, float]
 
 SLIVER = 1e-9
 """Share of a shape's area (or length) below which a piece of it (or a bend) is rounding."""
+NEAR = 1e-7
+"""Share of the length of two edges within which they meet."""
 SOFT = 1e-6
 """Distance [m] over which the corner of a distance to a point is rounded."""
 
@@ -99,10 +101,27 @@ def walls_and_pockets(points: Sequence[Point]) -> tuple[tuple[Wall, ...], tuple[
         normal = _left_of(begin, end)
         walls.append(Wall((float(normal[0]), float(normal[1])), float(normal @ begin)))
     least = SLIVER * hull.area
-    pockets = [part for part in shapely.get_parts(hull.difference(room)) if part.area > least]
-    return tuple(walls), tuple(
-        piece for part in pockets for piece in seamless(convex_pieces(_opened(part, hull), least))
-    )
+    pockets = _opened_pockets(_corners(room), walls, SLIVER * hull.length)
+    return tuple(walls), tuple(piece for part in pockets for piece in seamless(convex_pieces(part, least)))
+
+
+def _opened_pockets(corners: Array, walls: Sequence[Wall], near: float) -> list[object]:
+    """What lies between a room's corners (G, 2) and the walls of its hull, as polygons.
+
+    Each begins and ends where the outline touches the hull, to a distance `near` [m], and reaches beyond the
+    hull's edge between, so that no point on that is allowed.
+    """
+    import shapely
+
+    distances = [wall.clearance(corners) for wall in walls]
+    touching = np.flatnonzero(np.min(distances, axis=0) <= near)
+    pockets = []
+    for first, last in pairwise([*touching, touching[0] + len(corners)]):
+        begin, *between, end = corners[np.arange(first, last + 1) % len(corners)]
+        tip = (begin + end) / 2 - _left_of(begin, end) * float(np.hypot(*(end - begin))) / 2
+        if between:
+            pockets.append(shapely.Polygon([begin, tip, end, *reversed(between)]))
+    return pockets
 
 
 def hull_farther_out(points: Sequence[Point], by: float) -> Array:
@@ -122,45 +141,58 @@ def seamless(pieces: Sequence[ConvexShape]) -> tuple[ConvexShape, ...]:
 
     A point on such a line is on the edge of both, which alone would let a robot without a body pass along it.
     """
-    import shapely
-
-    shapes = [shapely.Polygon(piece.corners) for piece in pieces]
-    across = []
-    for first, second in combinations(shapes, 2):
-        seam = first.intersection(second)
-        if seam.length <= SLIVER * first.length:
-            continue
-        begin, end = shapely.get_coordinates(seam)[[0, -1]]
-        middle = (begin + end) / 2
-        reach = _left_of(begin, end) * (first.length + second.length)
-        rays = (shapely.LineString([middle, middle + reach]), shapely.LineString([middle, middle - reach]))
-        tips = [ray.intersection(shapely.union(first, second)) for ray in rays]
-        corners = shapely.union_all([seam, *tips]).convex_hull
-        across.append(ConvexShape(tuple((float(x), float(y)) for x, y in _corners(corners))))
+    tables = [np.array(piece.corners) for piece in pieces]
+    across = [
+        _across(first, second, seam)
+        for first, second in combinations(tables, 2)
+        for seam in _common_edges(first, second)
+    ]
     return (*pieces, *across)
+
+
+def _across(first: Array, second: Array, seam: Array) -> ConvexShape:
+    # From its seam (2, 2) with the second piece, the first piece lies to the left, the second to the right.
+    begin, end = seam
+    left, middle = _left_of(begin, end), (begin + end) / 2
+    corners = begin, _far_side(second, middle, -left), end, _far_side(first, middle, left)
+    return ConvexShape(tuple((float(x), float(y)) for x, y in corners))
+
+
+def _far_side(corners: Array, point: Array, direction: Array) -> Array:
+    # Where a ray from a point on the edge of a convex polygon (G, 2) leaves it.
+    begins, ends = corners, np.roll(corners, -1, axis=0)
+    right = -np.array([_left_of(begin, end) for begin, end in zip(begins, ends, strict=True)])
+    speeds, left_over = right @ direction, ((begins - point) * right).sum(axis=1)
+    ahead = speeds > SLIVER
+    return np.asarray(point + max(0.0, (left_over[ahead] / speeds[ahead]).min()) * direction)
+
+
+def _common_edges(first: Array, second: Array) -> list[Array]:
+    # Ends (2, 2) of every stretch along which two polygons lie side by side, in the first one's direction.
+    return [
+        stretch
+        for begin, end in zip(first, np.roll(first, -1, axis=0), strict=True)
+        for other_begin, other_end in zip(second, np.roll(second, -1, axis=0), strict=True)
+        if (stretch := _overlap(begin, end, other_end, other_begin)) is not None
+    ]
+
+
+def _overlap(begin: Array, end: Array, other_begin: Array, other_end: Array) -> Array | None:
+    # What two edges of one direction have in common, to rounding, between corners as they were given.
+    length, ahead = float(np.hypot(*(end - begin))), (end - begin) / np.hypot(*(end - begin))
+    others = np.array([other_begin, other_end]) - begin
+    first, last = others @ ahead
+    near = NEAR * (length + abs(last - first))
+    low = begin if first <= near else other_begin
+    high = end if last >= length - near else other_end
+    meet = np.abs(others @ _left_of(begin, end)).max() <= near
+    return np.array([low, high]) if meet and min(last, length) - max(first, 0.0) > near else None
 
 
 def _left_of(begin: Array, end: Array) -> Array:
     # The unit vector to the left of the way from one point to another.
     ahead = end - begin
     return np.asarray(np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead))
-
-
-def _opened(pocket: object, hull: object) -> object:
-    # Together with something beyond the hull's edges along it, so that no point on them is allowed.
-    import shapely
-
-    edges = shapely.intersection(shapely.boundary(hull), shapely.boundary(pocket))
-    lines = [part for part in shapely.get_parts(edges) if part.length > 0]
-    beyond = []
-    for line in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))):
-        begin, end = shapely.get_coordinates(line)[[0, -1]]
-        inwards = _left_of(begin, end)
-        if inwards @ (shapely.get_coordinates(shapely.centroid(hull))[0] - begin) < 0:
-            inwards = -inwards
-        tip = (begin + end) / 2 - inwards * shapely.length(line) / 2
-        beyond.append(shapely.Polygon([begin, end, tip]))
-    return shapely.union_all([pocket, *beyond])
 
 
 def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
@@ -182,10 +214,11 @@ def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
     for triangle in triangles:
         joined, place = triangle, 0
         while place < len(pieces):
-            union = shapely.union(pieces[place], joined)
+            # They do not overlap; and shapely's union may lose one of them.
+            together = shapely.GeometryCollection([pieces[place], joined])
             place += 1
-            if abs(union.convex_hull.area - union.area) <= 1e-9 * union.area:
-                joined = union.convex_hull
+            if abs(together.convex_hull.area - together.area) <= 1e-9 * together.area:
+                joined = together.convex_hull
                 del pieces[place - 1]
                 place = 0
         pieces.append(joined)

@@ -236,6 +236,19 @@ def _by_run(transposed: Expression, drive: Drive) -> Expression:
     return ca.vertcat(transposed[:size, :], ca.diagcat(*starts), transposed[size + states :, :])
 
 
+def row_times(
+    sensors: Sequence[Sensor], model: Model, samples: int, runs: int
+) -> list[tuple[str, int, float]]:
+    """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods."""
+    return [
+        (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
+        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+        for run in range(runs)
+        for column in sensor.columns(samples)
+        for _ in range(_reading(sensor, model).size1_out(0))
+    ]
+
+
 @lru_cache(maxsize=64)
 def _reading(sensor: Sensor, model: Model) -> ca.Function:
     # One moment: the chain rule through the pose, and what depends on parameters and nuisances directly.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -11,7 +12,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validator
 
 from oed.expression import Expression
-from oed.models.model import Input, Model, Parameter
+from oed.models.model import Input, Model, Parameter, step, twist_flaws
 from oed.models.own_module import own_module
 
 UNMADE = {"robots": "unmade"}
@@ -51,17 +52,22 @@ class PythonRobot(Model):
         """The robot itself.
 
         Raises:
-            ValueError: no such module or class, or keys that it does not take.
+            ValueError: no such module or class, keys that it does not take, or a robot that does not work.
         """
         found = _class_of(self.object, self.folder)
         own = {"body_radius": self.body_radius} if "body_radius" in self.model_fields_set else {}
         try:
-            return found(**own, **(self.model_extra or {}))
+            made = found(**own, **(self.model_extra or {}))
+            _try_out(made)
         except ValidationError as error:
             reasons = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
             raise ValueError(f"{self.object} cannot be made: {'; '.join(reasons)}") from None
-        except TypeError as error:
-            raise ValueError(f"{self.object} cannot be made: {error}") from None
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            # Whatever it is, even one that ends programs without a word.
+            raise ValueError(f"{self.object} cannot be made: {_in_words(error)}") from None
+        return made
 
     @property
     def short_forms(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -153,6 +159,33 @@ def _module(name: str, folder: str | None) -> ModuleType:
             raise ValueError(f"{name} cannot be imported: {error}") from None
         where = f"in {folder} and " if folder is not None else ""
         raise ValueError(f"no module {name} {where}on Python's path") from None
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         # A module that ends the program must not end this one as if all were well.
-        raise ValueError(f"{name} cannot be imported: {type(error).__name__}: {error}") from None
+        raise ValueError(f"{name} cannot be imported: {_in_words(error)}") from None
+
+
+def _in_words(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _try_out(robot: Model) -> None:
+    """Ask a robot once for all that is asked of robots, so that its errors are told where it is named.
+
+    Raises:
+        BaseException: whatever its own methods raise.
+    """
+    for entries, kind in ((robot.inputs, Input), (robot.parameters, Parameter)):
+        if not entries or not all(isinstance(entry, kind) for entry in entries):
+            raise ValueError(f"expected a tuple of oed.{kind.__name__}, got {entries!r}")
+    wrong = [entry.name for entry in robot.parameters if not math.isfinite(entry.nominal)]
+    if wrong:
+        raise ValueError(f"{', '.join(wrong)}: expected a finite nominal value")
+    flaws = twist_flaws(robot)
+    if flaws:
+        raise ValueError(flaws[0].message)
+    moved = step(robot, "arc")(len(robot.states) * [0.0], len(robot.inputs) * [0.0], robot.nominal, 0.1)
+    if moved.shape != (len(robot.states), 1):
+        text = f"expected next values of {len(robot.states) - 3} further states"
+        raise ValueError(f"{text}; a step gives {moved.shape[0]} states of {len(robot.states)}")

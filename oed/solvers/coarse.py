@@ -115,6 +115,9 @@ class Grid:
             return self.design.matrices_of(unknowns)
         seen, _ = self.design.terms.values(unknowns)
         entries = self._shares * np.array(seen).ravel() + np.array(self._added(corrections, unknowns)).ravel()
+        if not np.isfinite(entries).all():
+            # As of any drive that is not finite.
+            entries = np.zeros_like(entries)
         return [[stack[0] for stack in stacks(entries[:, None], self.design.sizes)]]
 
     def _added(self, corrections: Any, unknowns: Any) -> Expression:

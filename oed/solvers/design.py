@@ -21,6 +21,10 @@ from oed.trajectory import Trajectory
 Array = npt.NDArray[np.float64]
 
 
+UNSOUND = 1e3
+"""Violation of every limit, as a share of its size, of a drive that is not finite."""
+
+
 class DesignExpressions:
     """A problem's information and limits as functions of the unknowns z, and z of its drives.
 
@@ -156,4 +160,14 @@ class DesignExpressions:
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
             found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return found, violations.T.reshape(count, -1)
+        return _finite(found, violations.T.reshape(count, -1))
+
+
+def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
+    # A drive that is not finite tells nothing and exceeds all limits, whatever robot it is of.
+    parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
+    sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
+    if sound.all():
+        return robots, violations
+    kept = [[np.where(sound[:, :, None], stack, 0.0) for stack in own] for own in robots]
+    return kept, np.where(sound, violations, UNSOUND)

@@ -46,7 +46,7 @@ class PopulationSearch(Solver):
         time_limit: [s]; None for none. A search that it ends depends on the machine.
     """
 
-    population: Annotated[int, Field(ge=4)] = 200
+    population: Annotated[int, Field(ge=4, le=1_000_000)] = 200
     generations: PositiveInt = 300
     evaluations: PositiveInt | None = None
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
@@ -108,7 +108,7 @@ class CmaEs(PopulationSearch):
     """Covariance matrix adaptation; `sigma` is the first step, as a share of each gene's range."""
 
     kind: Literal["cmaes"] = "cmaes"
-    population: Annotated[int, Field(ge=4)] = 40
+    population: Annotated[int, Field(ge=4, le=1_000_000)] = 40
     sigma: Annotated[float, Field(gt=0, lt=1)] = 0.05
 
     def algorithm(self, sampling: Array) -> Any:

@@ -54,7 +54,7 @@ class Ipopt(Solver):
     """
 
     kind: Literal["ipopt"] = "ipopt"
-    starts: PositiveInt = 12
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
@@ -106,6 +106,7 @@ class _Search:
     stopped: Status | None = None
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
+    _reason: str = ""
 
     def __post_init__(self) -> None:
         options = self.options
@@ -250,6 +251,7 @@ class _Search:
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
             if result is None or result.evaluation is None:
+                self._reason = self._reason or ("" if result is None else result.reason)
                 continue
             # Better than rounding alone could make it: else the first one stays, on every machine.
             if self.best is None or surely_better(result.objective, self.best.objective):
@@ -284,14 +286,16 @@ class _Search:
         if self.best is None:
             if self.stopped is not None:
                 return self.stopped, NOTHING_YET
-            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, "")
+            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
         return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
 
     @cached_property
     def _conflict(self) -> str:
-        # Which limits conflict, in words; "" if they were found to agree.
+        # Which limits conflict, in words; "" if they were found to agree, or something else is in the way.
+        if self._reason:
+            return ""
         self.context.progress.begin("find out which limits conflict", 1)
         points = random_drives(self.design, np.array([0.25, 0.5, 1.0]), self.context.rng(2))
         conflict = describe_conflict(self.design, list(points))

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.errors import NotFinite
 from oed.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.expression import Expression
 from oed.limits.limit import PathLimit
@@ -67,6 +68,8 @@ class Local:
     iterations: int
     evaluations: int
     wall_seconds: float
+    reason: str = ""
+    """Why it has failed, where that is known."""
 
     @property
     def singular(self) -> bool:
@@ -159,7 +162,15 @@ class LocalSearch:
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
+        """Maximise the criterion from a start; the start itself if that is better than where this ends. One
+        that leads to what is not finite fails.
+        """
+        try:
+            return self._maximised(unknowns)
+        except NotFinite as error:
+            return Local(unknowns, None, Status.FAILED, 0, 0, 0.0, str(error))
+
+    def _maximised(self, unknowns: Array) -> Local:
         floors = np.zeros(self._objective.floors.shape[0])
         found = self._best("program", unknowns, floors, self.grid.no_correction)
         better = self.met(unknowns, found.objective)
@@ -172,7 +183,10 @@ class LocalSearch:
         value = float(self.design.objective(self.grid.matrices_of(unknowns, self.grid.no_correction)))
         if not surely_better(value, standing):
             return None
-        found = evaluate(self.problem, self.grid.trajectory(unknowns))
+        try:
+            found = evaluate(self.problem, self.grid.trajectory(unknowns))
+        except NotFinite:
+            return None
         usable = found.feasible and found.identifiable
         return found if usable and surely_better(found.objective, standing) else None
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
-from oed.errors import UserMistake
+from oed.errors import StudyError, UserMistake
+from oed.yaml_source import parse_yaml
 
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D.*)?")
 FORM = "expected KEY=V1,V2,... [UNIT], e.g. 'limits.wheel_speed=5,10,20 rad/s'"
@@ -39,7 +38,7 @@ class Axis:
     @property
     def values(self) -> tuple[Any, ...]:
         """The values as YAML reads them."""
-        return tuple(yaml.safe_load(text) for text in self.texts)
+        return tuple(parse_yaml(text, self.key).data for text in self.texts)
 
 
 def parse_axis(text: str) -> Axis:
@@ -73,8 +72,8 @@ def parse_axis(text: str) -> Axis:
 def _require_values(given: str, texts: list[str]) -> None:
     for text in texts:
         try:
-            yaml.safe_load(text)
-        except yaml.YAMLError:
+            parse_yaml(text, given)
+        except StudyError:
             raise UserMistake(f"--over {given!r}: {text!r} is not a value as a study has them") from None
     twice = [text for index, text in enumerate(texts) if text in texts[:index]]
     if twice:

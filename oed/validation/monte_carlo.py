@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from oed.errors import Flaw, ProblemError
 from oed.estimators import Estimator, EstimatorName, Heading, Loss, make_estimator
 from oed.problem import Problem
 from oed.solvers.parallel import Workers, run_tasks
@@ -121,9 +122,14 @@ def validate(
         progress: told how far it is.
 
     Raises:
-        ProblemError: no noise given, a singular design, or an estimator that does not suit the measurement.
+        ProblemError: no noise given, a singular design, an estimator that does not suit the measurement, or
+            too few replicates for a covariance.
     """
     chosen = make_estimator(problem, trajectory, estimator, heading=heading, loss=loss)
+    least = len(chosen.parameters) + 1
+    if replicates < least:
+        text = f"expected at least {least}, one more than there are parameters, got {replicates}"
+        raise ProblemError([Flaw(("validation", "replicates"), text)])
     listener = progress or Silent()
     size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
     batches = [

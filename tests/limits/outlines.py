@@ -65,3 +65,33 @@ def outlines(draw) -> np.ndarray:
     gaps = np.array(draw(st.lists(st.floats(0.5, 1), min_size=count, max_size=count)))
     angles = 2 * np.pi * np.cumsum(gaps) / gaps.sum()
     return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+
+
+def rectilinear_outline(draw: np.random.Generator) -> np.ndarray:
+    """Corners of a room of right angles, drawn at random and turned by any angle: corners that lie on one
+    line do so to rounding.
+    """
+    while True:
+        sides = [
+            np.cumsum(draw.choice([0.25, 0.3, 0.5, 1, 2], 14) if even else draw.uniform(0.1, 1, 14))
+            for even in draw.random(2) < 0.5
+        ]
+        cells = _adjoining_cells(draw, int(draw.integers(2, 19)))
+        x, y = sides
+        room = shapely.union_all([shapely.box(x[i], y[j], x[i + 1], y[j + 1]) for i, j in cells])
+        if room.geom_type == "Polygon" and not room.interiors and shapely.is_valid(room):
+            break
+    corners = shapely.get_coordinates(shapely.simplify(room, 0))[:-1]
+    angle = draw.uniform(0, 2 * np.pi) if draw.random() < 0.5 else np.deg2rad(draw.integers(360))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return corners @ turn.T
+
+
+def _adjoining_cells(draw: np.random.Generator, count: int) -> list[tuple[int, int]]:
+    # Of a grid of 13 by 13, each beside one before.
+    cells = [(6, 6)]
+    for _ in range(count - 1):
+        i, j = cells[draw.integers(len(cells))]
+        right, up = ((1, 0), (-1, 0), (0, 1), (0, -1))[draw.integers(4)]
+        cells.append((int(np.clip(i + right, 0, 12)), int(np.clip(j + up, 0, 12))))
+    return cells

@@ -22,6 +22,7 @@ from outlines import (
     convex_outlines,
     grid_around,
     outlines,
+    rectilinear_outline,
     signed_distance,
 )
 from pydantic import ValidationError
@@ -259,3 +260,41 @@ def test_nothing_passes_where_pieces_meet(outline):
     assert np.all(room_rows(outline, points).min(axis=0)[truth < -1e-6] < -1e-6)
     distances = values(seamless(pieces_of(outline)), points).min(axis=0)
     assert np.all(distances[truth > 1e-6] < -1e-6)
+
+
+def turned_room(seed: int) -> tuple[np.random.Generator, np.ndarray]:
+    draw = np.random.default_rng([7, seed])
+    outline = rectilinear_outline(draw)
+    while polygon_flaw([tuple(corner) for corner in outline]):
+        outline = rectilinear_outline(draw)
+    return draw, outline
+
+
+@pytest.mark.parametrize("first", range(0, 80, 20))
+def test_turned_rooms_of_right_angles(first: int):
+    for seed in range(first, first + 20):
+        draw, outline = turned_room(seed)
+        # Anywhere, and on straight lines between corners, where pieces meet.
+        anywhere = draw.uniform(outline.min(axis=0) - 0.3, outline.max(axis=0) + 0.3, (50, 2))
+        begins, ends = outline[draw.integers(len(outline), size=(2, 50))]
+        points = np.vstack([anywhere, begins + draw.random((50, 1)) * (ends - begins)])
+        truth, room = signed_distance(outline, points), room_rows(outline, points).min(axis=0)
+        obstacle = values(seamless(pieces_of(outline)), points).min(axis=0)
+        clear, message = np.abs(truth) > 2e-6, f"seed {seed}"
+        np.testing.assert_array_equal(room[clear] > 0, truth[clear] > 0, message)
+        np.testing.assert_array_equal(obstacle[clear] < 0, truth[clear] > 0, message)
+        inside, outside = truth > 2e-6, truth < -2e-6
+        np.testing.assert_allclose(room[inside], truth[inside], atol=1.1e-6, err_msg=message)
+        np.testing.assert_allclose(obstacle[outside], -truth[outside], atol=1.1e-6, err_msg=message)
+
+
+@pytest.mark.slow
+def test_many_turned_rooms():
+    for seed in range(1500):
+        _, outline = turned_room(seed)
+        walls, _ = walls_and_pockets([tuple(corner) for corner in outline])
+        assert len(walls) >= 4, f"seed {seed}"
+        pieces = pieces_of(outline)
+        area = sum(shapely.Polygon(piece.corners).area for piece in pieces)
+        assert area == pytest.approx(shapely.Polygon(outline).area, rel=1e-9), f"seed {seed}"
+        assert len(seamless(pieces)) >= 2 * len(pieces) - 1, f"seed {seed}"

@@ -246,6 +246,9 @@ def test_what_is_not_linear_bounds_nothing():
         ("import numpy_of_tomorrow", "cannot be imported"),
         ("1 / 0", "ZeroDivisionError"),
         ("def (", "SyntaxError"),
+        ("raise SystemExit(0)", "cannot be imported: SystemExit: 0"),
+        ("import sys; sys.exit()", "cannot be imported: SystemExit"),
+        ("class End(BaseException): pass\nraise End('two\\nlines')", "cannot be imported: End: two lines"),
     ],
 )
 def test_a_module_that_fails(folder: Path, text: str, words: str):
@@ -357,3 +360,58 @@ def test_a_module_that_ends_the_program_does_not_end_the_check_as_if_all_were_we
     (folder / "my_robots.py").write_text("import sys\nsys.exit(0)")
     assert main(["check", str(folder / "study.yaml")]) == 2
     assert "my_robots cannot be imported: SystemExit: 0" in capsys.readouterr().err
+
+
+METHODS = """
+import sys
+import casadi as ca
+import oed
+
+
+class Robot(oed.Model):
+    kind: str = "own"
+    gain: float = 1.0
+    inputs = (oed.Input("v", "wheel_speed", "rad/s"), oed.Input("w", "wheel_speed", "rad/s"))
+
+    @property
+    def parameters(self):
+        {parameters}
+        return (oed.Parameter("gain", self.gain, ""),)
+
+    def twist(self, inputs, parameters):
+        {twist}
+        return ca.vertcat(parameters[0] * inputs[0], 0, inputs[1])
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "body", "words"),
+    [
+        ("twist", "sys.exit(0)", "SystemExit: 0"),
+        ("parameters", "sys.exit()", "SystemExit"),
+        ("twist", "raise GeneratorExit", "GeneratorExit"),
+        ("twist", "1 / 0", "ZeroDivisionError: division by zero"),
+        ("twist", "return ca.vertcat(inputs[0], inputs[1])", "ValueError"),
+        ("twist", "return None", "cannot be made: "),
+        ("parameters", "return ()", "expected a tuple of oed.Parameter, got ()"),
+        ("parameters", "return (1, 2)", "expected a tuple of oed.Parameter, got (1, 2)"),
+        ("parameters", "return (oed.Parameter('gain', float('nan'), ''),)", "gain: expected a finite"),
+    ],
+)
+def test_a_robot_that_does_not_work_is_named_where_it_is(folder: Path, method: str, body: str, words: str):
+    bodies = {"parameters": "", "twist": "", method: body}
+    (folder / f"own_{abs(hash(body))}.py").write_text(METHODS.format(**bodies))
+    with pytest.raises(StudyError) as caught:
+        load(folder, f"own_{abs(hash(body))}:Robot")
+    (flaw,) = caught.value.flaws
+    assert flaw.key == "robot"
+    assert flaw.line == 4
+    assert words in flaw.message
+    assert "\n" not in flaw.message
+
+
+def test_a_robot_that_ends_programs_ends_no_check(folder: Path, capsys: pytest.CaptureFixture[str]):
+    (folder / "ender.py").write_text(METHODS.format(parameters="", twist="sys.exit(0)"))
+    (folder / "study.yaml").write_text(STUDY.format(object="ender:Robot"))
+    assert main(["check", str(folder / "study.yaml")]) == 2
+    assert "study.yaml:4: robot: ender:Robot cannot be made: SystemExit: 0" in capsys.readouterr().err

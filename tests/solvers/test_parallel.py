@@ -199,7 +199,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "run_tasks", counting)
     monkeypatch.setattr(population, "WORTH", 0.0)
     problem = make_problem()
-    design = DesignExpressions(problem, refine=2)
+    design = DesignExpressions(problem, refine=2, differentiated=False)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     scored = Population(design, 2, 3)
     for _ in range(2):
@@ -213,7 +213,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "run_tasks", None)
-    design = DesignExpressions(make_problem(), refine=2)
+    design = DesignExpressions(make_problem(), refine=2, differentiated=False)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
     scored = Population(design, 2, 2)
     for _ in range(2):

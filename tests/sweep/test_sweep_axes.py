@@ -48,6 +48,9 @@ def test_a_lists_index_is_a_number():
         ("a=1,2,1", "1 is given twice"),
         ("a=1,2 m,3 cm", "every value its unit"),
         ("a=[1", "not a value"),
+        ("a=!!int x", "not a value"),
+        ("a=2024-13-45", "not a value"),
+        ("a=&a [*a]", "not a value"),
     ],
 )
 def test_mistakes(text: str, message: str):

@@ -376,3 +376,12 @@ class TestMistakes:
         problem = make_problem(measurement=Guesses())
         with pytest.raises(ProblemError, match="no simulation is known for guesses"):
             validate(problem, DRIVE, replicates=100)
+
+
+@pytest.mark.parametrize("replicates", [-1, 0, 1, 4])
+def test_fewer_experiments_than_a_covariance_needs_are_refused(replicates: int):
+    with pytest.raises(
+        ProblemError, match=rf"validation.replicates: expected at least 5, .* got {replicates}$"
+    ):
+        validate(make(), DRIVE, replicates=replicates)
+    assert validate(make(), DRIVE, replicates=5).replicates == 5

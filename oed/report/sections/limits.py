@@ -15,8 +15,6 @@ CONDITIONS = ("duration", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""
 IN_DEGREES = ("steering_angle", "steering_rate", "trailer_angle", "end_heading", "yaw_rate")
 """Limits whose angles are shown in degrees; those of wheels stay in rad/s, as data sheets have them."""
-SIZE_UNITS = {"turning_radius": "m"}
-"""Units of the sizes of limits whose margins are in other ones."""
 MOST_COLUMNS = 7
 """Limits beyond which a table of all drives names only those that a drive touches."""
 
@@ -64,7 +62,7 @@ def _unit(margin: Mapping[str, Any]) -> tuple[str, float]:
 def _size(margin: Mapping[str, Any], factor: float) -> str | None:
     if margin["limit"] in ("start", "rest_to_rest"):
         return None
-    return f"{factor * margin['size']:g} {SIZE_UNITS.get(margin['limit'], '')}".strip()
+    return f"{factor * margin['size']:g}"
 
 
 def _side_by_side(entries: list[Entry]) -> Table:
