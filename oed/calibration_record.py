@@ -13,8 +13,8 @@ import numpy.typing as npt
 from oed.calibration import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
-from oed.files import write_text
-from oed.record import Record, finite, finite_rows
+from oed.record import ESTIMATE, Record, finite, finite_rows, pages, saved_file
+from oed.saving import save_files
 from oed.stored.door import checked, read_object
 from oed.stored.estimate import StoredEstimate
 
@@ -72,10 +72,18 @@ class EstimateRecord:
 
 
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
-    """Write estimate.json into `folder`; returns the file."""
-    path = Path(folder) / FILE
-    write_text(path, Record(record.data).to_json())
-    return path
+    """Write estimate.json into `folder`, where the page of an earlier one goes; returns the file.
+
+    Raises:
+        NotSaved: it could not be written there; says where it is instead.
+    """
+    save_files(Path(folder), estimate_files(record), record, pages(Path(folder), ESTIMATE))
+    return Path(folder) / FILE
+
+
+def estimate_files(record: EstimateRecord) -> dict[str, str]:
+    """The file of an estimate, by its name."""
+    return {FILE: Record(record.data).to_json()}
 
 
 def load_estimate(folder: str | Path) -> EstimateRecord:
@@ -87,8 +95,7 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
     # Imported late, as in `oed.record`.
     from oed.recorded_study import checked_echo
 
-    path = Path(folder)
-    path = path / FILE if path.is_dir() else path
+    path = saved_file(folder, FILE)
     expected = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
     data = read_object(path, "no estimate there; make one with `oed estimate`", expected)
     if data.get("format") != FORMAT or "parameters" not in data:

@@ -35,31 +35,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.errors import FileError, OedError, UserMistake
+    from oed.signals import ending_alike
 
     command: Callable[[argparse.Namespace], int] = options.run
     try:
-        return command(options)
+        with ending_alike():
+            return command(options)
     except OedError as raised:
         error = _located(raised, options)
         flaws = error.flaws if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
-        _report_error(options, str(error), [vars(flaw) for flaw in flaws])
+        _report_error(options, _with_notes(str(error), raised), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
     except SystemError as error:
         # What CasADi's wrappers make of Ctrl-C in the middle of a call.
         if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
             return _defect(options, error)
-        _report_error(options, "interrupted", [])
+        _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
-    except KeyboardInterrupt:
-        _report_error(options, "interrupted", [])
+    except KeyboardInterrupt as error:
+        _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
     except BrokenPipeError:
         # The reader of our output has left (`oed ... | head`): nothing more to say.
         sys.stderr.close()
         return DONE
+    except OSError as error:
+        # A disk that is full, a file that may not be read: no fault of the program's.
+        _report_error(options, _with_notes(str(error), error), [])
+        return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    # What was done before the error, and where it is.
+    return "; ".join([message, *getattr(error, "__notes__", ())])
 
 
 def _located(error: OedError, options: argparse.Namespace) -> OedError:
@@ -86,7 +97,8 @@ def _defect(options: argparse.Namespace, error: BaseException) -> int:
         text = f"something ended the program halfway ({said}), which a robot's own module must not do"
     else:
         text = f"a defect of oed, not of your files ({said})"
-    _report_error(options, f"{text}; with {DEBUG}=1 in the environment the same command shows where", [])
+    text = f"{text}; with {DEBUG}=1 in the environment the same command shows where"
+    _report_error(options, _with_notes(text, error), [])
     return FAILED
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from oed.bounds import bound, bound_on
 from oed.errors import FileFlaw, LogError
 from oed.evaluation import Evaluation
+from oed.folders import in_order
 from oed.logs import Log, read_logs
 from oed.logs.form import is_bag
 from oed.models import Model
@@ -192,7 +193,7 @@ def _bounds(study: Study) -> _Bounds | None:
 
 def _record_of(study: Study, designs: str | Path | None) -> Record | None:
     # A record of another problem says nothing of this one.
-    if designs is None or not (Path(designs) / FILE).is_file():
+    if designs is None or not (in_order(designs) / FILE).is_file():
         return None
     record, own = load_record(designs), study.echo()
     theirs = record.data["study"]

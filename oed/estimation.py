@@ -8,7 +8,7 @@ from pathlib import Path
 from oed.calibration import calibrate
 from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
-from oed.files import require_writable
+from oed.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.runner import package_version, provenance
 from oed.solvers import Progress, Silent
@@ -56,7 +56,7 @@ def estimate(
         StudyError: options that do not suit the robot or the logs, models that cannot be compared.
     """
     if out is not None:
-        require_writable(Path(out))
+        require_usable(out)
     _require_different([*logs, *apart])
     chosen = study.seed if seed is None else seed
     told = _Stages(progress or Silent())

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
-from oed.errors import UserMistake
-from oed.names import name_flaw
+from oed.errors import Failure, UserMistake
+from oed.names import TAKEN, name_flaw
+
+ENDINGS = 55
+"""Bytes that are left for what is added to a folder's name: `.interrupted-2`, `_0.db3`."""
+LEADS_OUT = "a link that leads out of the folder"
+"""What is wrong with a link."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What is wrong with a place that was a good one when the work began."""
 
 
 def write_text(path: Path, text: str) -> None:
@@ -15,12 +24,14 @@ def write_text(path: Path, text: str) -> None:
 
     Raises:
         UserMistake: the folder cannot be written to.
+        Failure: there is no room left for it.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        # A short name, for the file's own may be as long as names can be.
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".oed-")
     except OSError as error:
-        raise UserMistake(f"{path.parent}: cannot write there: {error.strerror}") from None
+        raise unwritten(f"{path.parent}: cannot write there", error) from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
@@ -31,28 +42,60 @@ def write_text(path: Path, text: str) -> None:
         os.replace(temporary, path)
     except OSError as error:
         Path(temporary).unlink(missing_ok=True)
-        raise UserMistake(f"{path}: cannot be written: {error.strerror}") from None
+        raise unwritten(f"{path}: cannot be written", error) from None
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
 
 
-def require_writable(folder: Path) -> None:
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts by file name, each as `write_text` does.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
+    for name, text in files.items():
+        write_text(folder / name, text)
+
+
+def unwritten(text: str, error: OSError) -> UserMistake | Failure:
+    """The error for what could not be written: the user's mistake, unless there is no room left."""
+    kind = Failure if error.errno in FULL else UserMistake
+    return kind(f"{text}: {error.strerror or error}")
+
+
+def require_writable(folder: Path, named: Path | None = None) -> None:
     """Make sure that files can be written into `folder`, before work is done that would be lost.
+
+    Args:
+        folder: which; it need not be there yet.
+        named: what the user calls it.
 
     Raises:
         UserMistake: they cannot.
     """
-    fresh = not folder.exists()
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        if fresh:
-            # Work that fails leaves nothing behind.
-            folder.rmdir()
+        # Work that fails leaves nothing behind.
+        for one in made:
+            one.rmdir()
     except OSError as error:
-        raise UserMistake(f"{folder}: cannot write there: {error.strerror}") from None
+        raise UserMistake(f"{named or folder}: cannot write there: {error.strerror}") from None
+
+
+def require_short(place: Path, name: str) -> None:
+    """Refuse a folder's name that leaves no room for what is added to it.
+
+    Raises:
+        UserMistake: it is too long.
+    """
+    size, most = len(os.fsencode(name)), TAKEN - ENDINGS
+    if size > most:
+        text = f"a name of {size} bytes, and files are named after it: expected at most {most}"
+        raise UserMistake(f"{place}: cannot write there: {text}")
 
 
 def inside(folder: Path, name: str) -> Path:
@@ -62,7 +105,25 @@ def inside(folder: Path, name: str) -> Path:
         UserMistake: no file may have that name, or a link leads out of the folder.
     """
     path = folder / name
-    if name_flaw(name) or path.resolve().parent != folder.resolve():
-        what = name_flaw(name) or "a link that leads out of the folder"
-        raise UserMistake(f"{path}: {what}")
+    flaw = name_flaw(name, TAKEN)
+    if flaw or path.resolve().parent != folder.resolve():
+        raise UserMistake(f"{path}: {flaw or LEADS_OUT}")
     return path
+
+
+def within(folder: Path, name: str) -> Path:
+    """The file of that name, such as `figures/a.svg`, in `folder`, to which no link leads elsewhere.
+
+    Where it is a link itself, it is that which a file takes the place of.
+
+    Raises:
+        UserMistake: no file may have that name, or a link on the way leads out of the folder.
+    """
+    *folders, last = Path(name).parts
+    place = folder
+    for part in folders:
+        place = inside(place, part)
+    flaw = name_flaw(last, TAKEN)
+    if flaw:
+        raise UserMistake(f"{place / last}: {flaw}")
+    return place / last

@@ -7,8 +7,10 @@ import unicodedata
 from oed.errors import UserMistake
 from oed.shown import shown
 
+TAKEN = 255
+"""Bytes of a file's name that every common file system takes."""
 LONGEST = 180
-"""Bytes of a name, so that endings fit into the 255 that file systems take."""
+"""Bytes of a name, so that there is room for endings."""
 SEPARATORS = '/\\:*?"<>|'
 """What divides paths, or cannot stand in the name of a file on some system."""
 DEVICES = frozenset(
@@ -17,8 +19,8 @@ DEVICES = frozenset(
 """What Windows opens instead of a file of that name."""
 
 
-def name_flaw(name: str) -> str:
-    """Why files cannot be named after `name`; "" where they can."""
+def name_flaw(name: str, longest: int = LONGEST) -> str:
+    """Why files cannot be named after `name`, of `longest` bytes at most; "" where they can."""
     if not name.strip():
         return "expected a name, got nothing"
     found = next((char for char in name if char in SEPARATORS or shown(char) != char), "")
@@ -28,8 +30,8 @@ def name_flaw(name: str) -> str:
         return f"expected a name that begins with no dot or dash and ends with no dot, got '{name}'"
     if name.partition(".")[0].strip().lower() in DEVICES:
         return f"expected a name that files can have on every system, got '{name}'"
-    if len(name.encode()) > LONGEST:
-        return f"expected a name of at most {LONGEST} bytes, got {len(name.encode())}"
+    if len(name.encode()) > longest:
+        return f"expected a name of at most {longest} bytes, got {len(name.encode())}"
     return ""
 
 

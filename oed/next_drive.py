@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from oed.calibration_record import EstimateRecord, save_estimate
+from oed.calibration_record import EstimateRecord, estimate_files
 from oed.errors import UserMistake
 from oed.estimation import estimate
-from oed.files import require_writable, write_text
 from oed.quantities import parse_quantity
-from oed.record import FILE, Record
+from oed.record import ESTIMATE, FILE, Record, pages
 from oed.recorded_study import recorded_study
 from oed.runner import run
+from oed.saving import RunFolder, outdated, run_folder
 from oed.solvers import Progress, Workers
 from oed.study import Study, parse_study
 
@@ -43,6 +43,7 @@ class NextDrive:
         gain: share by which the worst standard error falls, in units of what is wanted or of the value.
         stop: whether to stop driving.
         reason: why, or why not.
+        folder: where it is saved, None where it is not.
     """
 
     estimate: EstimateRecord
@@ -52,6 +53,7 @@ class NextDrive:
     gain: float | None
     stop: bool
     reason: str
+    folder: Path | None = None
 
     @property
     def data(self) -> dict[str, Any]:
@@ -100,35 +102,24 @@ def next_drive(
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
         StudyError: a duration that no drive of the study can have.
         LogError: logs that cannot be read, or do not fit the robot.
+        NotSaved: `out` could not be written to in the end; the error has what was found.
     """
     study = recorded_study(saved, trust=trust)
     _require_own_parameters(study)
-    if out is not None:
-        require_writable(Path(out))
-    aims = _aims(study, targets or {})
-    found = estimate(study, logs, seed=seed, progress=progress)
-    wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
-    enough = bool(wanted) and all(_error(found, name) <= size for name, size in wanted.items())
-    # Before anything is written: no such drive may be possible.
-    following = None if enough else _following(study, found, duration)
-    if out is not None:
-        save_estimate(found, out)
-    if following is None:
-        precision = _precision(found, wanted, {})
-        reason = "every parameter is as precise as wanted: no further drive is needed"
-        _forget_design(out)
-        return _written(NextDrive(found, None, None, precision, None, True, reason), out)
-    if out is not None:
-        write_text(Path(out) / STUDY, following.text)
-    record = run(following, out, seed=seed, workers=workers, progress=progress)
-    return _written(_decided(found, following, record, wanted, least_gain), out)
-
-
-def _forget_design(out: str | Path | None) -> None:
-    # A design from before must not pass for the next drive.
-    if out is not None:
-        for name in (STUDY, FILE):
-            (Path(out) / name).unlink(missing_ok=True)
+    with run_folder(out) as folder:
+        aims = _aims(study, targets or {})
+        found = estimate(study, logs, seed=seed, progress=progress)
+        wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
+        enough = bool(wanted) and all(_error(found, name) <= size for name, size in wanted.items())
+        # Before anything is written: no such drive may be possible.
+        following = None if enough else _following(study, found, duration)
+        folder.keep(lambda: estimate_files(found))
+        if following is None:
+            precision = _precision(found, wanted, {})
+            reason = "every parameter is as precise as wanted: no further drive is needed"
+            return _saved(NextDrive(found, None, None, precision, None, True, reason), folder)
+        record = run(following, folder.draft, seed=seed, workers=workers, progress=progress)
+        return _saved(_decided(found, following, record, wanted, least_gain), folder)
 
 
 def _decided(
@@ -285,7 +276,17 @@ def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
     return max(float(entry[when]) / float(size) for entry, size in zip(aimed, sizes, strict=True))
 
 
-def _written(found: NextDrive, out: str | Path | None) -> NextDrive:
-    if out is not None:
-        write_text(Path(out) / SUMMARY, json.dumps(found.data, indent=1, allow_nan=False) + "\n")
-    return found
+def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:
+    if folder.draft is None:
+        return found
+    files = {
+        **estimate_files(found.estimate),
+        SUMMARY: json.dumps(found.data, indent=1, allow_nan=False) + "\n",
+    }
+    if found.study is not None:
+        files[STUDY] = found.study.text
+    # A design from before must not pass for the next drive.
+    target = folder.draft.target
+    drop = {STUDY, FILE} | outdated(target, found.record) | pages(target, ESTIMATE)
+    interrupted = found.record is not None and bool(found.record.data["interrupted"])
+    return replace(found, folder=folder.put(files, found, drop, interrupted=interrupted))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from oed.bounds import LOOSE, Certificate, gap
 from oed.errors import FileFlaw, RecordError
 from oed.evaluation import TOLERANCE, Evaluation
 from oed.files import write_text
+from oed.folders import in_order, interrupted_runs
 from oed.solution import Solution, Start
 from oed.stored.consistency import require_one_study
 from oed.stored.door import checked, read_object
@@ -24,6 +25,8 @@ from oed.trajectory import Trajectory
 from oed.validation import Validation
 
 FILE = "record.json"
+REPORT, ESTIMATE = "report", "estimate"
+"""Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 NOMINAL = "nominal"
 """Name of the result of a robust study's search without any reserve."""
 
@@ -33,11 +36,13 @@ class Record:
     """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none.
 
     `file` is where it was read from, None of a record that was made here: what a file names is data, and
-    code that it names is run only for those who trust it.
+    code that it names is run only for those who trust it. `folder` is where it was saved, None where it was
+    not.
     """
 
     data: Mapping[str, Any]
     file: Path | None = None
+    folder: Path | None = field(default=None, compare=False)
 
     @property
     def results(self) -> list[Mapping[str, Any]]:
@@ -92,16 +97,41 @@ def load_record(folder: str | Path) -> Record:
     # Imported late: studies take priors from records.
     from oed.recorded_study import checked_echo
 
-    path = Path(folder)
-    path = path / FILE if path.is_dir() else path
+    path = saved_file(folder, FILE)
     expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
-    data = read_object(path, "no record there; make one with `oed run`", expected)
+    kept = "" if path.exists() else beside(folder)
+    data = read_object(path, f"no record there; make one with `oed run`{kept}", expected)
     if data.get("format") != FORMAT or "results" not in data:
         raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
     known = checked(StudyRecord, data, path).plain()
     known["study"] = checked_echo(known["study"], path)
     require_one_study(known, path)
     return Record(known, path)
+
+
+def saved_file(folder: str | Path, name: str) -> Path:
+    """The file of that name in a folder, or the file itself where it is given.
+
+    A folder that a process was about to swap when it was killed is put in order first.
+    """
+    path = in_order(folder)
+    return path / name if path.is_dir() else path
+
+
+def beside(folder: str | Path) -> str:
+    """That runs that were cut short are kept beside a folder, in words; "" where there are none."""
+    kept = ", ".join(map(str, interrupted_runs(folder)))
+    return f"; a run that was cut short is kept in {kept}" if kept else ""
+
+
+def pages(folder: Path, name: str = REPORT) -> set[str]:
+    """Names, relative to a folder, of the files of a report (or an estimate's page) that is there."""
+    figures = {
+        path.relative_to(folder).as_posix()
+        for path in folder.glob("figures/*.svg")
+        if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE)
+    }
+    return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
 def finite(value: float | None) -> float | None:

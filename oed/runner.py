@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,20 +17,22 @@ from oed.criteria import A, Criterion, D, E
 from oed.errors import NotFinite
 from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table, state_table
 from oed.experiments import driven_in_physics, simulated
-from oed.files import require_writable
+from oed.folders import Draft
 from oed.names import file_stem
-from oed.path_file import write_trajectory
+from oed.path_file import trajectory_csv
 from oed.record import (
+    FILE,
     FORMAT,
     Record,
     certificate_data,
     finite,
     result_data,
-    save_record,
 )
 from oed.robustness import nominal_search, robustness, safe, tried
+from oed.saving import RunFolder, run_folder
 from oed.solution import Solution, Status, scored, unscored
 from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
+from oed.solvers.interrupts import interrupts_named
 from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
 from oed.trial import require_ready
@@ -39,66 +41,130 @@ PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
 ON_THE_SPOT = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
+CUT_SHORT = "The run was interrupted; this is what had been done by then."
+"""Note in the record of such a run."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
 
 
 def run(
     study: Study,
-    out: str | Path | None = None,
+    out: str | Path | Draft | None = None,
     *,
     seed: int | None = None,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    search_only: bool = False,
 ) -> Record:
     """Do everything the study asks for.
 
     Args:
         study: what to do.
-        out: folder for record.json and the trajectories' CSV files; nothing is written without it.
+        out: folder for record.json and the trajectories' CSV files, which take the place of those of an
+            earlier run when all of them are there; nothing is written without it. An interrupted run does not
+            take the place of any: it is kept beside. The record says where it is.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
+        search_only: leave out all but the searches.
+
+    Raises:
+        UserMistake: `out` cannot be written to, or another process is writing there.
+        NotSaved: it could not be written to in the end; the error has the record.
     """
     chosen, listener = study.seed if seed is None else seed, progress or Silent()
     # What would fail at the end is better known before the work is done.
     paths = study.own_paths()
-    if out is not None:
-        require_writable(Path(out))
-    if study.file.physics is not None:
-        require_ready(study.problem, study.file.physics)
-    solutions, interrupted = search(study, seed=chosen, workers=workers, progress=listener)
-    validation: dict[str, Any] | None = None
+    with run_folder(out) as folder:
+        work = _Run(study, paths, chosen, workers, listener, folder)
+        if search_only:
+            work.search()
+        else:
+            work.everything()
+        return work.finish()
+
+
+@dataclass
+class _Run:
+    study: Study
+    paths: dict[str, Trajectory]
+    seed: int
+    workers: Workers | None
+    progress: Progress
+    folder: RunFolder
+    solutions: list[Solution] = field(default_factory=list)
     certificate: Certificate | None = None
+    validation: dict[str, Any] | None = None
     physics: dict[str, Any] | None = None
-    try:
-        if not interrupted:
-            certificate = _certificate(study, listener)
-            solutions += _lattice_drive(study, certificate)
-            best = best_of(safe(study, solutions), study.problem.criterion)
-            solutions += _baselines(study, paths, best, chosen, listener)
-            solutions = tried(study, solutions, chosen, listener)
-            validation = simulated(study, solutions, chosen, listener, workers)
-            physics = driven_in_physics(study, solutions, chosen, listener, workers)
-            interrupted = physics is not None and physics["interrupted"]
-    except KeyboardInterrupt:
-        interrupted = True
-    return record(
-        study,
-        solutions,
-        chosen,
-        out,
-        certificate=certificate,
-        validation=validation,
-        physics=physics,
-        interrupted=interrupted,
-    )
+    interrupted: bool = False
+
+    def everything(self) -> None:
+        """All that the study asks for; an interrupt leaves what is done."""
+        if self.study.file.physics is not None:
+            require_ready(self.study.problem, self.study.file.physics)
+        self.search()
+        try:
+            with interrupts_named():
+                if not self.interrupted:
+                    self._compare()
+                    self._simulate()
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def search(self) -> None:
+        """The searches."""
+        self.solutions, self.interrupted = search(
+            self.study, seed=self.seed, workers=self.workers, progress=self.progress, found=self._keep
+        )
+
+    def _compare(self) -> None:
+        study, progress = self.study, self.progress
+        self.certificate = _certificate(study, progress)
+        self.solutions += _lattice_drive(study, self.certificate)
+        best = best_of(safe(study, self.solutions), study.problem.criterion)
+        self.solutions += _baselines(study, self.paths, best, self.seed, progress)
+        self.solutions = tried(study, self.solutions, self.seed, progress)
+        self._keep(self.solutions)
+
+    def _simulate(self) -> None:
+        work = (self.study, self.solutions, self.seed, self.progress, self.workers)
+        self.validation = simulated(*work)
+        self.physics = driven_in_physics(*work)
+        self.interrupted = self.physics is not None and self.physics["interrupted"]
+
+    def _keep(self, solutions: Sequence[Solution]) -> None:
+        self.folder.keep(lambda: self._files(solutions, self._record(solutions, interrupted=True)))
+
+    def finish(self) -> Record:
+        """The record, saved."""
+        made = self._record(self.solutions, interrupted=self.interrupted)
+        return self.folder.finish(made, self._files(self.solutions, made))
+
+    def _record(self, solutions: Sequence[Solution], *, interrupted: bool) -> Record:
+        return record(
+            self.study,
+            list(solutions),
+            self.seed,
+            named=self.folder.draft is not None,
+            certificate=self.certificate,
+            validation=self.validation,
+            physics=self.physics,
+            interrupted=interrupted,
+        )
+
+    def _files(self, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
+        return record_files(self.study, solutions, made)
 
 
 def search(
-    study: Study, *, seed: int, workers: Workers | None = None, progress: Progress | None = None
+    study: Study,
+    *,
+    seed: int,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    found: Callable[[Sequence[Solution]], None] | None = None,
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
-    ended them early, with what had been found by then.
+    ended them early, with what had been found by then. `found` is told all solutions after each search.
 
     Raises:
         StudyError: parameters that no drive tells apart.
@@ -107,16 +173,20 @@ def search(
     done: dict[str, Solution] = {}
     for solver in study.solvers:
         try:
-            solution = solve(
-                study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
-            )
+            with interrupts_named():
+                solution = solve(
+                    study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
+                )
+                done[solution.name] = solution
+                if found is not None and solution.status is not Status.INTERRUPTED:
+                    found(list(done.values()))
         except KeyboardInterrupt:
             return list(done.values()), True
-        done[solution.name] = solution
         if solution.status is Status.INTERRUPTED:
             return list(done.values()), True
     try:
-        unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
+        with interrupts_named():
+            unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
     except KeyboardInterrupt:
         return list(done.values()), True
     return [*done.values(), *unreserved], False
@@ -145,16 +215,20 @@ def record(
     seed: int,
     out: str | Path | None = None,
     *,
+    named: bool = False,
     certificate: Certificate | None = None,
     validation: dict[str, Any] | None = None,
     physics: dict[str, Any] | None = None,
     interrupted: bool = False,
 ) -> Record:
-    """The record of solutions, written to `out` where given, with their trajectories."""
+    """The record of solutions, written to `out` where given, with their trajectories.
+
+    Without `out` it names the trajectories' files where `named`: somebody else writes them.
+    """
     judges, best = criteria_of(study), best_of(safe(study, solutions), study.problem.criterion)
     results = [
         {
-            **result_data(solution, _file(solution) if out is not None else None),
+            **result_data(solution, _file(solution) if named or out is not None else None),
             "criteria": _judged(study, judges, solution),
         }
         for solution in solutions
@@ -181,13 +255,18 @@ def record(
             "provenance": provenance(),
         }
     )
-    if out is not None:
-        for solution in solutions:
-            if solution.trajectory is not None and solution.evaluation is not None:
-                path = Path(out) / _file(solution)
-                write_trajectory(path, study.problem, solution.trajectory, solution.evaluation.poses)
-        save_record(made, out)
-    return made
+    with run_folder(out) as folder:
+        return folder.finish(made, record_files(study, solutions, made))
+
+
+def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
+    """The files of a record and of its solutions' trajectories, by name; the most important first."""
+    drives = {
+        _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.poses)
+        for one in solutions
+        if one.trajectory is not None and one.evaluation is not None
+    }
+    return {FILE: made.to_json(), **drives}
 
 
 def criteria_of(study: Study) -> dict[str, Criterion]:
@@ -305,7 +384,7 @@ def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
     # What the study asks for and was not done is said, never passed over.
     unbounded = certificate is not None and not math.isfinite(certificate.upper_bound)
     notes = [f"`bound: true`: {certificate.method}."] if certificate is not None and unbounded else []
-    return notes + (["The run was interrupted; this is what had been done by then."] if interrupted else [])
+    return notes + ([CUT_SHORT] if interrupted else [])
 
 
 def package_version(package: str) -> str:

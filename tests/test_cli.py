@@ -290,6 +290,45 @@ class TestRun:
         assert load_record(folder / "reports" / "infeasible").best is None
 
 
+class TestRefusedAtTheStart:
+    """What would be lost at the end is refused before any work is done."""
+
+    @pytest.fixture(autouse=True)
+    def idle(self, monkeypatch: pytest.MonkeyPatch):
+        def work(*_: object, **__: object) -> None:
+            pytest.fail("work has begun")
+
+        monkeypatch.setattr("oed.runner.solve", work)
+        monkeypatch.setattr("oed.experiments.validate", work)
+        monkeypatch.setattr("oed.estimation.calibrate", work)
+
+    @pytest.mark.parametrize("out", ["path.csv", "path.csv/deeper", "x" * 250], ids=lambda out: out[:15])
+    @pytest.mark.parametrize(
+        "command",
+        [
+            ["run", "quick.yaml"],
+            ["solve", "quick.yaml"],
+            ["sweep", "quick.yaml", "--over", "seed=1"],
+            ["estimate", "quick.yaml", "path.csv"],
+        ],
+        ids=lambda command: command[0],
+    )
+    def test_a_place_that_cannot_be_written_to(self, capsys, folder: Path, command: list[str], out: str):
+        before = sorted(folder.rglob("*"))
+        code, _, err = call(capsys, *command, "--out", out)
+        assert code == 2
+        assert err.startswith(f"{out}: cannot write there: ")
+        assert len(err.splitlines()) == 1
+        assert sorted(folder.rglob("*")) == before
+
+    def test_a_name_that_is_too_long(self, capsys, folder: Path):
+        write_study(folder, small(solvers=f"{GENETIC[:-1]}, name: {'x' * 260}}}"), "long.yaml")
+        for command in ("check", "run"):
+            code, _, err = call(capsys, command, "long.yaml")
+            assert code == 2
+            assert "solvers.0.name: expected a name of at most 180 bytes, got 260" in err
+
+
 class TestEvaluate:
     def test_a_path(self, capsys, folder: Path):
         code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv")
@@ -440,6 +479,18 @@ class TestValidate:
         for found, kept in zip(after["results"], before["results"], strict=True):
             for key in ("mean", "sampled_covariance", "promised_covariance"):
                 np.testing.assert_allclose(found[key], kept[key], rtol=1e-9)
+
+    def test_an_interrupt_leaves_everything_as_it_was(self, folder: Path, monkeypatch, capsys):
+        def strike(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.experiments.validate", strike)
+        (folder / "report.html").write_text("old")
+        before = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert main(["validate", str(folder), "--quiet"]) == 1
+        assert capsys.readouterr().err == "interrupted\n"
+        after = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert after == before
 
     def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from studies import saved_study
 from oed.calibration_record import EstimateRecord, load_estimate
 from oed.errors import LogError
 from oed.estimation import estimate
+from oed.saving import NotSaved
 from oed.study import Study
 
 STUDY = """\
@@ -80,6 +83,31 @@ class TestEstimate:
     def test_is_written_and_read(self, record: EstimateRecord, folder: Path):
         assert load_estimate(folder / "out").data == record.data
         assert load_estimate(folder / "out" / "estimate.json").values == record.values
+
+    def test_what_cannot_be_saved_is_found_all_the_same(
+        self, study: Study, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ):
+        out, spare = tmp_path / "out", tmp_path / "spare"
+        for place in (out, spare):
+            place.mkdir()
+        (out / "estimate.json").write_text("old")
+        real = tempfile.mkstemp
+
+        def full(*arguments: Any, **options: Any) -> Any:
+            if not Path(options["dir"]).is_relative_to(spare):
+                raise OSError(28, "No space left on device")
+            return real(*arguments, **options)
+
+        monkeypatch.setattr(tempfile, "mkstemp", full)
+        monkeypatch.setattr(tempfile, "tempdir", str(spare))
+        with pytest.raises(
+            NotSaved, match=r"No space left on device; what was in .*out is as it was"
+        ) as caught:
+            estimate(study, [folder / "drive_0.csv"], out=out)
+        (saved,) = spare.iterdir()
+        assert str(saved) in str(caught.value)
+        assert load_estimate(saved).values == caught.value.found.values
+        assert (out / "estimate.json").read_text() == "old"
 
     @pytest.mark.slow
     def test_same_seed_same_result(self, folder: Path):

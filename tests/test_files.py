@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from oed.errors import UserMistake
+from oed.errors import Failure, UserMistake
 from oed.files import require_writable, write_text
 
 
@@ -75,6 +75,24 @@ class TestFailing:
         self.assert_untouched(folder, old)
 
 
+def test_a_full_disk_is_no_mistake_of_the_users(tmp_path: Path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(Failure, match=r"a\.txt: cannot be written: No space left on device"):
+        write_text(tmp_path / "a.txt", "new")
+    assert names(tmp_path) == []
+
+
+def test_a_name_as_long_as_names_can_be(tmp_path: Path):
+    write_text(tmp_path / ("a" * 255), "x")
+    assert names(tmp_path) == ["a" * 255]
+    with pytest.raises(UserMistake, match="File name too long"):
+        write_text(tmp_path / ("a" * 256), "x")
+    assert names(tmp_path) == ["a" * 255]
+
+
 def test_a_file_where_the_folder_should_be_is_the_users_mistake(tmp_path: Path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(UserMistake, match="file: cannot write there"):
@@ -90,6 +108,8 @@ def test_a_folder_where_the_file_should_be_is_the_users_mistake(tmp_path: Path):
 
 def test_asking_whether_a_folder_can_be_written_to_leaves_none(tmp_path: Path):
     require_writable(tmp_path / "new")
+    assert names(tmp_path) == []
+    require_writable(tmp_path / "deep" / "new")
     assert names(tmp_path) == []
     require_writable(tmp_path)
     assert tmp_path.is_dir()

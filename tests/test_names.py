@@ -53,7 +53,9 @@ class TestNamesOfFiles:
         (tmp_path / "own" / "here").mkdir()
         assert inside(tmp_path / "own", "here") == tmp_path / "own" / "here"
         assert inside(tmp_path / "none yet", "here").name == "here"
-        for name in ("link", "..", "../own/here"):
+        # A name may be longer than what is named after it.
+        assert inside(tmp_path / "own", f"{'x' * 180}_commands.json").parent == tmp_path / "own"
+        for name in ("link", "..", "../own/here", "x" * 256):
             with pytest.raises(UserMistake):
                 inside(tmp_path / "own", name)
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
-from oed.errors import StudyError, UserMistake
+from oed.calibration_record import load_estimate
+from oed.errors import Failure, StudyError, UserMistake
 from oed.estimation import estimate
 from oed.next_drive import next_drive
-from oed.record import Record, drive_of
+from oed.record import Record, drive_of, save_record
 from oed.runner import run
 from oed.study import Study, load_study, parse_study
 
@@ -39,6 +40,52 @@ def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.ra
 
 def errors(found) -> dict[str, float]:
     return {entry["name"]: entry["standard_error"] / entry["value"] for entry in found.parameters}
+
+
+def all_files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+class TestInterrupted:
+    """The next drive of before stays; what there is of this one is kept beside it."""
+
+    @pytest.fixture
+    def old(self, designed, tmp_path: Path) -> Path:
+        out = tmp_path / "next"
+        out.mkdir()
+        for name in ("next.yaml", "next.json", "estimate.json", "best.csv"):
+            (out / name).write_text("old")
+        save_record(designed, out)
+        return out
+
+    @pytest.mark.parametrize(
+        "error", [KeyboardInterrupt(), Failure("no memory")], ids=["interrupt", "failure"]
+    )
+    def test_the_one_before_stays(self, study, designed, old, tmp_path, monkeypatch, error):
+        def strike(*_: object, **__: object) -> None:
+            raise error
+
+        log = drive(study, designed, None, tmp_path / "log.csv", np.random.default_rng(1))
+        monkeypatch.setattr("oed.runner.solve", strike)
+        before = all_files(old)
+        if isinstance(error, Failure):
+            with pytest.raises(Failure, match="no memory"):
+                next_drive(designed, [log], out=old, workers=1)
+        else:
+            found = next_drive(designed, [log], out=old, workers=1)
+            assert found.folder == tmp_path / "next.interrupted"
+            assert "interrupted" in found.reason
+        assert all_files(old) == before
+        # The estimate, which took its time, too.
+        assert load_estimate(tmp_path / "next.interrupted").values.keys() == TRUTH.keys()
+
+    def test_another_takes_its_place(self, study, designed, old, tmp_path):
+        log = drive(study, designed, None, tmp_path / "log.csv", np.random.default_rng(1))
+        found = next_drive(designed, [log], targets=dict.fromkeys(TRUTH, "50 %"), out=old, workers=1)
+        assert found.stop
+        assert found.folder == old
+        # No design from before passes for the next drive; what is not oed's stays.
+        assert all_files(old).keys() == {"next.json", "estimate.json", "best.csv"}
 
 
 @pytest.mark.slow

@@ -333,6 +333,13 @@ BROKEN = {
         "solvers.1.name",
         "../up",
     ),
+    "long name": (
+        "    starts: 1",
+        f"    starts: 1\n    name: {'ä' * 130}",
+        "name: ä",
+        "solvers.1.name",
+        "expected a name of at most 180 bytes, got 260",
+    ),
     "scale of no parameter": (
         "scaling: none",
         "scaling: {c21: 1, c22: 1, c99: 1}",

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
 if TYPE_CHECKING:
+    from oed.errors import Failure, OedError
     from oed.record import Record
+
+Found = TypeVar("Found")
 
 DONE, FAILED, MISTAKE = 0, 1, 2
 """Exit codes: done, failed (no feasible design, interrupted), the user's mistake."""
@@ -37,19 +39,60 @@ class Command:
     arguments: Callable[[argparse.ArgumentParser], None] = _none
 
 
-@contextmanager
-def saved_in(folder: str | Path) -> Iterator[None]:
-    """Write the report of what is saved in a folder: where Ctrl-C comes meanwhile, that is not lost.
+def saved(work: Callable[[], Found]) -> tuple[Found, Failure | None]:
+    """What work has found; where it could not be saved, found all the same, and the error."""
+    from oed.saving import NotSaved
+
+    try:
+        return work(), None
+    except NotSaved as error:
+        return cast("Found", error.found), error
+
+
+def reported(work: Callable[[], Path], folder: str | Path) -> tuple[Path | None, OedError | None]:
+    """The page that work writes of what is saved in a folder; None, and the error, where it cannot.
 
     Raises:
         Failure: interrupted; says how the report is made.
     """
-    from oed.errors import Failure
+    from oed.errors import Failure, OedError
 
     try:
-        yield
+        return work(), None
     except KeyboardInterrupt:
         raise Failure(f"interrupted; the record is saved: `oed report {folder}` makes the report") from None
+    except OedError as error:
+        return None, error
+
+
+def cut_short(folder: Path | None, out: Path | None) -> str:
+    """Where an interrupted run into `out` is kept, in a line."""
+    from oed.folders import kept_in
+
+    if out is None:
+        return "interrupted: this is what had been done by then"
+    kept = "nothing had been found by then" if folder is None else kept_in(folder)
+    untouched = f"; {out} is as it was" if folder != out else ""
+    return f"interrupted: {kept}{untouched}"
+
+
+def place(folder: Path | None, trouble: Exception | None) -> dict[str, str | None]:
+    """Where results are saved, and what is wrong with that, for JSON."""
+    directory = {"directory": None if folder is None else str(folder)}
+    return directory if trouble is None else {**directory, "error": str(trouble)}
+
+
+def told(notes: Sequence[str], trouble: Exception | None) -> None:
+    """Say on standard error what is to be known of a run."""
+    from oed.messages import say
+    from oed.runner import CUT_SHORT
+    from oed.shown import shown
+
+    for note in notes:
+        if note != CUT_SHORT:
+            say(shown(f"note: {note}"))
+    if trouble is not None:
+        say(str(trouble))
 
 
 def verdict(record: Record) -> int:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_quiet, whole
-from oed.commands.command import DONE, Command, saved_in
+from oed.commands.command import DONE, FAILED, Command, place, reported, saved, told
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,18 +34,20 @@ def _run(options: argparse.Namespace) -> int:
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)
+    more = {"apart": options.apart, "out": out, "seed": options.seed}
     with progress(options.quiet) as listener:
-        record = estimate(
-            study, options.logs, apart=options.apart, out=out, seed=options.seed, progress=listener
-        )
-    with saved_in(out):
-        page = write_estimate(record.data, out)
+        record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
+    page, unwritten = None, None
+    if trouble is None:
+        page, unwritten = reported(lambda: write_estimate(record.data, out), out)
     if options.json:
-        print_json({**record.data, "directory": str(out)})
+        print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
     else:
         print_estimate(record.data)
-        tell(f"report: {page}")
-    return DONE
+        if page is not None:
+            tell(f"report: {page}")
+    told((), trouble or unwritten)
+    return FAILED if trouble or unwritten else DONE
 
 
 ESTIMATE = Command("estimate", "estimate a robot's parameters from logs of its drives", _run, _arguments)

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from oed.commands.arguments import add_trust, add_working, duration, pair, share, workers_of
-from oed.commands.command import DONE, Command, saved_in, verdict
+from oed.commands.command import (
+    DONE,
+    FAILED,
+    Command,
+    cut_short,
+    place,
+    reported,
+    saved,
+    told,
+    verdict,
+)
+
+if TYPE_CHECKING:
+    from oed.next_drive import NextDrive
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,37 +50,48 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_next, progress
     from oed.files import inside
-    from oed.messages import print_json, tell
+    from oed.messages import print_json, say, tell
     from oed.next_drive import LEAST_GAIN, next_drive
     from oed.record import load_record
-    from oed.report import write_estimate, write_report
     from oed.report.animation import folder_of
 
     out = Path(options.out) if options.out else inside(folder_of(options.folder), "next")
     workers = workers_of(options)
+    more = {
+        "targets": dict(options.target),
+        "duration": options.duration,
+        "least_gain": LEAST_GAIN if options.least_gain is None else options.least_gain,
+        "out": out,
+        "seed": options.seed,
+        "workers": workers,
+        "trust": options.trust,
+    }
     with progress(options.quiet) as listener:
-        found = next_drive(
-            load_record(options.folder),
-            options.logs,
-            targets=dict(options.target),
-            duration=options.duration,
-            least_gain=LEAST_GAIN if options.least_gain is None else options.least_gain,
-            out=out,
-            seed=options.seed,
-            workers=workers,
-            progress=listener,
-            trust=options.trust,
-        )
-    with saved_in(out):
-        write_estimate(found.estimate.data, out)
-        page = None if found.record is None else write_report(found.record, out)
+        before = load_record(options.folder)
+        found, trouble = saved(lambda: next_drive(before, options.logs, progress=listener, **more))
+    interrupted = found.record is not None and found.record.data["interrupted"]
+    page, unwritten = None, None
+    if found.folder is not None and not interrupted:
+        page, unwritten = reported(lambda: _pages(found, out), out)
     if options.json:
-        print_json({**found.data, "directory": str(out)})
+        print_json({**found.data, **place(found.folder, trouble or unwritten)})
     else:
         print_next(found.data)
         if page is not None:
             tell(f"report: {page}")
+    told((), trouble or unwritten)
+    if interrupted and trouble is None:
+        say(cut_short(found.folder, out))
+    if trouble or unwritten:
+        return FAILED
     return DONE if found.record is None else verdict(found.record)
+
+
+def _pages(found: NextDrive, out: Path) -> Path:
+    from oed.report import write_estimate, write_report
+
+    estimated = write_estimate(found.estimate.data, out)
+    return estimated if found.record is None else write_report(found.record, out)
 
 
 NEXT = Command(

@@ -16,13 +16,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.calibration_record import FILE as ESTIMATE
     from oed.calibration_record import load_estimate
+    from oed.folders import in_order
     from oed.messages import print_json, tell
     from oed.record import FILE, load_record
     from oed.report import write_comparison, write_estimate, write_report, write_sweep
     from oed.sweep import FILE as SWEEP
     from oed.sweep import load_sweep
 
-    first = Path(options.folders[0])
+    first = in_order(options.folders[0])
     estimated = len(options.folders) == 1 and (first / ESTIMATE).is_file()
     if estimated:
         page = write_estimate(load_estimate(first).data, options.out or first)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_working, workers_of
-from oed.commands.command import Command, saved_in, verdict
+from oed.commands.command import FAILED, Command, cut_short, place, reported, saved, told, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,26 +20,31 @@ def _run(options: argparse.Namespace) -> int:
     from oed.messages import print_json, say, tell
     from oed.report import write_report
     from oed.runner import run
-    from oed.shown import shown
     from oed.study import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)
     workers = workers_of(options)
     with progress(options.quiet) as listener:
-        record = run(study, out, seed=options.seed, workers=workers, progress=listener)
-    with saved_in(out):
-        page = write_report(record, out)
+        record, trouble = saved(
+            lambda: run(study, out, seed=options.seed, workers=workers, progress=listener)
+        )
+    page, unwritten, interrupted = None, None, record.data["interrupted"]
+    # Whoever interrupts waits for nothing that can be made later.
+    if record.folder is not None and not interrupted:
+        page, unwritten = reported(lambda: write_report(record, out), out)
     if options.json:
-        print_json({**record.data, "directory": str(out)})
+        print_json({**record.data, **place(record.folder, trouble or unwritten)})
     else:
         print_results(record.results, record.data["robustness"])
         if record.data["certificate"] is not None:
             print_certificate(record.data["certificate"])
-        tell(f"report: {page}")
-    for note in record.data["notes"]:
-        say(shown(f"note: {note}"))
-    return verdict(record)
+        if page is not None:
+            tell(f"report: {page}")
+    told(record.data["notes"], trouble or unwritten)
+    if interrupted and trouble is None:
+        say(cut_short(record.folder, out))
+    return FAILED if trouble or unwritten else verdict(record)
 
 
 RUN = Command("run", "do everything a study asks for; write the record and the report", _run, _arguments)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.commands.arguments import add_working, workers_of
-from oed.commands.command import Command, verdict
+from oed.commands.command import FAILED, Command, cut_short, place, saved, told, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,24 +17,26 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_results, progress
-    from oed.messages import print_json
-    from oed.runner import record as record_of
-    from oed.runner import search
+    from oed.messages import print_json, say
+    from oed.runner import run
     from oed.study import load_study
 
     study = load_study(options.study)
-    seed = study.seed if options.seed is None else options.seed
     workers = workers_of(options)
-    with progress(options.quiet) as listener:
-        solutions, interrupted = search(study, seed=seed, workers=workers, progress=listener)
     out = Path(options.out) if options.out else None
-    record = record_of(study, solutions, seed, out, interrupted=interrupted)
+    with progress(options.quiet) as listener:
+        more = {"seed": options.seed, "workers": workers, "progress": listener}
+        record, trouble = saved(lambda: run(study, out, search_only=True, **more))
     if options.json:
         kept = ("format", "oed_version", "seed", "parameters", "results")
-        print_json({key: record.data[key] for key in kept})
+        where = {} if out is None else place(record.folder, trouble)
+        print_json({**{key: record.data[key] for key in kept}, **where})
     else:
         print_results(record.results, record.data["robustness"])
-    return verdict(record)
+    told((), trouble)
+    if record.data["interrupted"] and trouble is None:
+        say(cut_short(record.folder, out))
+    return FAILED if trouble else verdict(record)
 
 
 SOLVE = Command("solve", "search for the best drive; write nothing unless --out is given", _run, _arguments)

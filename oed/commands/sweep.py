@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from oed.commands.arguments import add_working, workers_of
-from oed.commands.command import DONE, FAILED, Command
+from oed.commands.command import DONE, FAILED, Command, cut_short, place, reported, saved, told
+
+if TYPE_CHECKING:
+    from oed.solvers import Progress
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,35 +31,47 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_sweep, progress
-    from oed.files import inside
     from oed.messages import print_json, say, tell
-    from oed.record import load_record
-    from oed.report import write_report, write_sweep
-    from oed.sweep import parse_axis, sweep
+    from oed.sweep import parse_axis, swept
 
     out = Path(options.out) if options.out else Path("reports") / f"{Path(options.study).stem}-sweep"
     axes = [parse_axis(text) for text in options.over]
     workers = workers_of(options)
     with progress(options.quiet) as listener:
-        data = sweep(options.study, axes, out, seed=options.seed, workers=workers, progress=listener)
-        if options.reports:
-            folders = [inside(out, row["folder"]) for row in data["points"] if row["record"] is not None]
-            listener.begin("reports", len(folders))
-            for folder in folders:
-                write_report(load_record(folder), folder)
-                listener.advance()
-    page = write_sweep(data, out)
+        more = {"seed": options.seed, "workers": workers, "progress": listener}
+        done, trouble = saved(lambda: swept(options.study, axes, out, **more))
+        data = done.data
+        page, unwritten = None, None
+        if done.folder is not None and not data["interrupted"]:
+            folders = [row["folder"] for row in data["points"] if options.reports and row["record"]]
+            page, unwritten = reported(lambda: _pages(data, out, folders, listener), out)
     if data["kept"]:
         say(f"note: {data['kept']} of {len(data['points'])} points kept as they were found in {out}")
     if options.json:
-        print_json({**data, "directory": str(out)})
+        print_json({**data, **place(done.folder, trouble or unwritten)})
     else:
         print_sweep(data)
-        tell(f"report: {page}")
-    if data["interrupted"]:
-        say("interrupted: the same command goes on where this one stopped")
+        if page is not None:
+            tell(f"report: {page}")
+    told((), trouble or unwritten)
+    if data["interrupted"] and trouble is None:
+        say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
     found = any(row["objective"] is not None for row in data["points"])
-    return DONE if found and not data["interrupted"] else FAILED
+    return DONE if found and not (data["interrupted"] or trouble or unwritten) else FAILED
+
+
+def _pages(data: Mapping[str, Any], out: Path, folders: Sequence[str], listener: Progress) -> Path:
+    # That of the sweep last: it links to those of its points.
+    from oed.files import inside
+    from oed.record import load_record
+    from oed.report import write_report, write_sweep
+
+    if folders:
+        listener.begin("reports", len(folders))
+    for folder in (inside(out, name) for name in folders):
+        write_report(load_record(folder), folder)
+        listener.advance()
+    return write_sweep(data, out)
 
 
 SWEEP = Command(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from oed.commands.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
-from oed.commands.command import DONE, Command, saved_in
+from oed.commands.command import DONE, FAILED, Command, reported, saved, told
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,30 +31,37 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import progress
     from oed.experiments import validated, validation_options
+    from oed.folders import drafted
     from oed.messages import print_json, tell
-    from oed.record import load_record, save_record
+    from oed.record import load_record
     from oed.report import write_report
+    from oed.report.animation import folder_of
+    from oed.saving import save_into
     from oed.shown import shown
 
-    saved = load_record(options.folder)
-    chosen = validation_options(
-        saved, replicates=options.replicates, estimators=options.estimator, heading=options.heading
-    )
     workers = workers_of(options)
-    with progress(options.quiet) as listener:
-        record = validated(
-            saved, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
+    with drafted(folder_of(options.folder)) as draft:
+        before = load_record(options.folder)
+        chosen = validation_options(
+            before, replicates=options.replicates, estimators=options.estimator, heading=options.heading
         )
-    save_record(record, options.folder)
-    with saved_in(options.folder):
-        page = write_report(record, options.folder)
+        with progress(options.quiet) as listener:
+            record = validated(
+                before, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
+            )
+        record, trouble = saved(lambda: save_into(draft, record))
+    page, unwritten = None, None
+    if record.folder is not None:
+        page, unwritten = reported(lambda: write_report(record, draft.target), draft.target)
     if options.json:
         print_json(record.data["validation"])
     else:
         for entry in record.data["validation"]["results"]:
             tell(shown(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}"))
-        tell(f"report: {page}")
-    return DONE
+        if page is not None:
+            tell(f"report: {page}")
+    told((), trouble or unwritten)
+    return FAILED if trouble or unwritten else DONE
 
 
 VALIDATE = Command("validate", "simulate a saved record's drives; update record and report", _run, _arguments)

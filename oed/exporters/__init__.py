@@ -14,6 +14,7 @@ from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
+from oed.folders import in_order
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record
 
@@ -69,7 +70,7 @@ def export(
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
     require_rate(rate)
-    place = Path(record_folder)
+    place = in_order(record_folder)
     record = _record_in(place, to)
     request = Request(
         folder=place if place.is_dir() else place.parent,

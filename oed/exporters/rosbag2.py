@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +13,7 @@ from oed.errors import UserMistake
 from oed.exporters.commands import Commands, joint_name
 from oed.exporters.request import Request
 from oed.extras import extra
+from oed.folders import drafted
 
 STORAGES = ("sqlite3", "mcap")
 PURPOSE = "writing ROS 2 bags"
@@ -48,10 +45,16 @@ def write_bag(request: Request) -> Path:
     path, runs = request.path("bag"), request.runs
     messages = _Messages()
     _require_free(path, request.force)
-    with _written_whole(path) as fresh:
-        for number, run in enumerate(runs, start=1):
-            bag = fresh / f"run{number}" if len(runs) > 1 else fresh
-            _write_run(bag, request, run, messages)
+    with drafted(path, keep=False) as draft:
+        # A bag makes its own folder, and names its files after it.
+        draft.discard()
+        try:
+            for number, run in enumerate(runs, start=1):
+                bag = draft.path / f"run{number}" if len(runs) > 1 else draft.path
+                _write_run(bag, request, run, messages)
+        except OSError as error:
+            raise UserMistake(f"{path}: cannot be written: {error.strerror}") from None
+        draft.publish(carry=False)
     return path
 
 
@@ -135,37 +138,3 @@ def _require_free(path: Path, force: bool) -> None:
     # What is no bag is not deleted, whatever was asked for.
     if not any((path / part / "metadata.yaml").is_file() for part in ("", "run1")):
         raise UserMistake(f"{path} exists and is no bag; it is left as it is")
-
-
-@contextmanager
-def _written_whole(path: Path) -> Iterator[Path]:
-    """A new folder beside `path` to write into, which takes its name at the end, or is removed.
-
-    Its last part is the final one already: a bag's files are named after their folder.
-    """
-    place = path.resolve()
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}."))
-    except OSError as error:
-        raise UserMistake(f"{place.parent}: cannot write there: {error.strerror}") from None
-    try:
-        fresh = scratch / "new" / place.name
-        yield fresh
-        _replace(place, fresh, scratch / "old")
-    except OSError as error:
-        raise UserMistake(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _replace(place: Path, fresh: Path, old: Path) -> None:
-    # A folder cannot be renamed onto one that is not empty.
-    if place.exists():
-        os.replace(place, old)
-    try:
-        os.replace(fresh, place)
-    except OSError:
-        if old.exists():
-            os.replace(old, place)
-        raise

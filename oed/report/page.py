@@ -12,14 +12,14 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from oed.files import inside, write_text
-from oed.record import Record
+from oed.folders import updated
+from oed.record import REPORT, Record, pages
 from oed.report.animation import with_film
 from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
 
-NAME = "report"
+NAME = REPORT
 """Of a report's files, without suffix."""
 HTML, MARKDOWN = "report.html.jinja", "report.md.jinja"
 FIGURES = "figures"
@@ -58,10 +58,10 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = _environment()
     html, markdown = (templates.get_template(template).render(content) for template in (HTML, MARKDOWN))
-    for figure, text in drawings.items():
-        write_text(inside(inside(target, FIGURES), f"{figure}.svg"), text)
-    write_text(target / f"{name}.md", markdown)
-    write_text(target / f"{name}.html", html)
+    files = {f"{FIGURES}/{figure}.svg": text for figure, text in drawings.items()}
+    with updated(target) as draft:
+        draft.write({**files, f"{name}.md": markdown, f"{name}.html": html})
+        draft.publish(pages(target, name))
     return target / f"{name}.html"
 
 

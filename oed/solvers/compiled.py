@@ -31,13 +31,17 @@ def compiled(function: ca.Function) -> ca.Function:
     tool = compiler()
     if tool is None:
         return function
-    with tempfile.TemporaryDirectory(prefix="oed-") as folder:
-        generator = ca.CodeGenerator("generated.c")
-        generator.add(function)
-        source = Path(generator.generate(folder + os.sep))
-        library = _kept(source.read_bytes(), tool)
-        if not library.exists() and not _compile(tool, source, library):
-            return function
+    try:
+        with tempfile.TemporaryDirectory(prefix="oed-") as folder:
+            generator = ca.CodeGenerator("generated.c")
+            generator.add(function)
+            source = Path(generator.generate(folder + os.sep))
+            library = _kept(source.read_bytes(), tool)
+            if not library.exists() and not _compile(tool, source, library):
+                return function
+    except OSError:
+        # No room for the source.
+        return function
     return ca.external(function.name(), str(library))
 
 

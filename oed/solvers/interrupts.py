@@ -2,33 +2,51 @@
 
 from __future__ import annotations
 
+import io
 import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr
 from types import FrameType
+from typing import Any
+
+from oed.signals import answered
 
 
 @contextmanager
 def interrupts_kept() -> Iterator[None]:
     """Raise KeyboardInterrupt at the end of the context if one was signalled, and lost, inside it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     signalled = False
-    previous = signal.getsignal(signal.SIGINT)
+    # An ignored signal (a worker's) is not ours to answer.
+    previous = answered()
 
-    def note(number: int, frame: FrameType | None) -> None:
-        nonlocal signalled
-        signalled = True
-        if callable(previous):
-            previous(number, frame)
+    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+        def note(number: int, frame: FrameType | None) -> None:
+            nonlocal signalled
+            signalled = True
+            # CasADi says of the exception what it is called, and in which line of its own it met it.
+            quiet.enter_context(redirect_stderr(io.StringIO()))
+            answer(number, frame)
 
-    signal.signal(signal.SIGINT, note)
+        return note
+
+    with ExitStack() as quiet:
+        for number, answer in previous.items():
+            signal.signal(number, noting(answer))
+        try:
+            yield
+        finally:
+            for number, answer in previous.items():
+                signal.signal(number, answer)
+    if signalled:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def interrupts_named() -> Iterator[None]:
+    """Raise KeyboardInterrupt for what CasADi's wrappers make of it in the middle of a call."""
     try:
         yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
-    # An ignored signal (a worker's) is not ours to answer.
-    if signalled and previous is not signal.SIG_IGN:
-        raise KeyboardInterrupt
+    except SystemError as error:
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        raise KeyboardInterrupt from None

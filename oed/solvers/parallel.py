@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from oed.errors import Failure
+from oed.signals import end_with, interrupts_blocked
 from oed.solvers.cluster import Cluster
 
 Task = TypeVar("Task")
@@ -86,14 +87,20 @@ def _outputs(
 
     from oed.solvers.cluster_backend import ClusterBackend
 
-    # A cluster is given everything at once, so that workers that join later find some.
-    pool = joblib.Parallel(
-        n_jobs=at_once(workers),
-        backend="loky" if isinstance(workers, int) else ClusterBackend(workers.connect()),
-        pre_dispatch="2 * n_jobs" if isinstance(workers, int) else "all",
-        return_as="generator_unordered",
-    )
-    outputs = pool([joblib.delayed(_Job(function, index, task))() for index, task in tasks.items()])
+    jobs = [joblib.delayed(_Job(function, index, task))() for index, task in tasks.items()]
+    if isinstance(workers, int):
+        begun = {"initializer": end_with, "initargs": (os.getpid(),)}
+        pool = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered", **begun)
+        # Processes are started here, and hear no Ctrl-C from their first moment.
+        with interrupts_blocked():
+            outputs = pool(jobs)
+    else:
+        # A cluster is given everything at once, so that workers that join later find some.
+        backend = ClusterBackend(workers.connect())
+        pool = joblib.Parallel(
+            n_jobs=workers.size, backend=backend, pre_dispatch="all", return_as="generator_unordered"
+        )
+        outputs = pool(jobs)
     try:
         yield outputs
     finally:

@@ -2,6 +2,6 @@
 
 from oed.sweep.axes import Axis, parse_axis
 from oed.sweep.points import Point, grid
-from oed.sweep.run import FILE, load_sweep, sweep
+from oed.sweep.run import FILE, Swept, load_sweep, sweep, swept
 
-__all__ = ["FILE", "Axis", "Point", "grid", "load_sweep", "parse_axis", "sweep"]
+__all__ = ["FILE", "Axis", "Point", "Swept", "grid", "load_sweep", "parse_axis", "sweep", "swept"]

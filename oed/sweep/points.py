@@ -147,8 +147,9 @@ def _folder(label: str) -> str:
     # The values make the name, so that a sweep with more of them finds its earlier points again.
     name = re.sub(r"[^\w.+-]+", "_", label).strip("_.")
     digest = hashlib.sha256(label.encode()).hexdigest()[:8]
-    plain = re.fullmatch(r"[\w.+\- ,/]+", label) and len(name.encode()) <= LONG
-    return name if plain else f"{name.encode()[:LONG].decode(errors='ignore')}_{digest}"
+    short = name.encode()[:LONG].decode(errors="ignore")
+    plain = re.fullmatch(r"[\w.+\- ,/]+", label) and short == name
+    return name if plain else f"{short}_{digest}"
 
 
 def _flaws(error: FileError | ProblemError, source: YamlSource) -> Iterable[FileFlaw]:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from oed.errors import FileFlaw, OedError, RecordError
-from oed.files import inside, require_writable, write_text
+from oed.files import inside
+from oed.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.record import FILE as RECORD
-from oed.record import Record, load_record
+from oed.record import Record, load_record, pages, saved_file
 from oed.runner import package_version, run
+from oed.saving import NotSaved
 from oed.solvers import Progress, Silent, Workers, default_workers
+from oed.solvers.interrupts import interrupts_named
 from oed.solvers.parallel import run_tasks
 from oed.stored.door import checked, read_object
 from oed.stored.sweep import StoredSweep
@@ -41,27 +45,52 @@ def sweep(
 ) -> dict[str, Any]:
     """Run a study at every combination of values; returns what sweep.json holds.
 
-    Points that `out` has a finished record of, of the same study and seed, are kept. Several points are
-    shared out among the workers, each searched by one of them; the results are the same.
+    As `swept`, which says where it is saved.
+    """
+    return swept(file, axes, out, seed=seed, workers=workers, progress=progress).data
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep: what sweep.json holds, and the folder where it is; None where it is nowhere."""
+
+    data: dict[str, Any]
+    folder: Path | None = None
+
+
+def swept(
+    file: str | Path,
+    axes: Sequence[Axis],
+    out: str | Path,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> Swept:
+    """Run a study at every combination of values.
+
+    Points that `out`, or a sweep into it that was cut short, has a finished record of, of the same study and
+    seed, are kept. Several points are shared out among the workers, each searched by one of them; the results
+    are the same.
 
     Args:
         file: the study.
         axes: what to vary.
-        out: folder for sweep.json and a folder for each point, with record.json and the trajectories.
+        out: folder for sweep.json and a folder for each point, with record.json and the trajectories. Those
+            of an earlier sweep stay as they are until all of the new ones are there.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far it is.
 
     Raises:
         UserMistake, StudyError: anything wrong with any of the combinations; then nothing is run.
+        NotSaved: `out` could not be written to in the end; the error has what was found.
     """
-    points, folder, listener = grid(str(file), axes), Path(out), progress or Silent()
-    require_writable(folder)
-    done = _Sweep(points, folder, seed)
-    done.run(default_workers() if workers is None else workers, listener)
-    data = done.data(Path(file), axes)
-    write_text(folder / FILE, json.dumps(data, indent=1, allow_nan=False) + "\n")
-    return data
+    points, listener = grid(str(file), axes), progress or Silent()
+    with drafted(out) as draft:
+        done = _Sweep(points, draft, seed, lambda sweep: sweep.data(Path(file), axes))
+        done.run(default_workers() if workers is None else workers, listener)
+        return done.finish()
 
 
 def load_sweep(folder: str | Path) -> dict[str, Any]:
@@ -70,7 +99,7 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
     Raises:
         RecordError: none there, or not one of this format.
     """
-    path = Path(folder) / FILE
+    path = saved_file(folder, FILE)
     expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
     data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
     if data.get("format") != FORMAT:
@@ -96,22 +125,27 @@ def _run_point(task: _Task) -> _Result:
     with tempfile.TemporaryDirectory(prefix="oed-") as folder:
         try:
             run(task.study, folder, seed=task.seed, workers=task.workers)
-        except OedError as error:
+        except (OedError, OSError) as error:
             return _Result({}, str(error))
         return _Result({path.name: path.read_text(encoding="utf-8") for path in Path(folder).iterdir()})
 
 
 class _Sweep:
-    def __init__(self, points: Sequence[Point], folder: Path, seed: int | None) -> None:
-        self.points, self.folder = points, folder
+    def __init__(
+        self,
+        points: Sequence[Point],
+        draft: Draft,
+        seed: int | None,
+        data: Callable[[_Sweep], dict[str, Any]],
+    ) -> None:
+        self.points, self.draft, self._data = points, draft, data
         self.seeds = [point.study.seed if seed is None else seed for point in points]
         self.records: dict[int, Record] = {}
         self.failures: dict[int, str] = {}
         self.interrupted = False
-        for index in range(len(points)):
-            record = self._kept(index)
-            if record is not None:
-                self.records[index] = record
+        self.unsaved: OedError | None = None
+        for place in (draft.target, *reversed(interrupted_runs(draft.target))):
+            self._keep(place)
         self.kept = sorted(self.records)
 
     def run(self, workers: Workers, progress: Progress) -> None:
@@ -128,7 +162,8 @@ class _Sweep:
 
         progress.begin("points", len(left))
         try:
-            run_tasks(_run_point, tasks, workers, take)
+            with interrupts_named():
+                run_tasks(_run_point, tasks, workers, take)
         except KeyboardInterrupt:
             self.interrupted = True
 
@@ -136,22 +171,72 @@ class _Sweep:
         if result.failure:
             self.failures[index] = result.failure
             return
-        place = inside(self.folder, self.points[index].folder)
-        # The record last: where it is, everything is.
-        for name in sorted(result.files, key=lambda name: name == RECORD):
-            write_text(inside(place, name), result.files[name])
-        self.records[index] = load_record(place)
-        if self.records[index].data["interrupted"]:
+        record = Record(json.loads(result.files[RECORD]))
+        self.records[index] = record
+        try:
+            folder = self.points[index].folder
+            # The record last: where it is, everything is.
+            names = sorted(result.files, key=lambda name: name == RECORD)
+            self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
+            # Lest the process be killed: what is there by now is a sweep that was cut short.
+            self.draft.write(_file({**self._data(self), "interrupted": True}))
+        except OedError as error:
+            # Without room for this one there is none for the others.
+            self.unsaved = error
+            raise KeyboardInterrupt from None
+        if record.data["interrupted"]:
             raise KeyboardInterrupt
 
-    def _kept(self, index: int) -> Record | None:
+    def _keep(self, place: Path) -> None:
+        for index, point in enumerate(self.points):
+            folder = inside(place, point.folder)
+            record = None if index in self.records else self._finished(index, folder)
+            if record is not None:
+                self.records[index] = record
+                self.draft.adopt(folder)
+
+    def _finished(self, index: int, folder: Path) -> Record | None:
+        if not folder.is_dir():
+            return None
         try:
-            record = load_record(inside(self.folder, self.points[index].folder))
+            record = load_record(folder)
         except RecordError:
             return None
         data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
         same = data["study"] == study and data["seed"] == self.seeds[index]
         return record if same and not data["interrupted"] and data["oed_version"] == _version() else None
+
+    def finish(self) -> Swept:
+        """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
+        finished one.
+        """
+        data, draft = self._data(self), self.draft
+        if self.unsaved is not None:
+            raise self._not_saved(self.unsaved, data)
+        if self.interrupted and self._in_the_way():
+            if len(self.records) == len(self.kept):
+                draft.discard()
+                return Swept(data)
+            draft.write(_file(data))
+            return Swept(data, draft.put_aside())
+        try:
+            draft.write(_file(data))
+            return Swept(data, draft.publish(pages(draft.target)))
+        except OedError as error:
+            raise self._not_saved(error, data) from None
+
+    def _in_the_way(self) -> bool:
+        # Whether there is a finished sweep, or a finished point that is another one now.
+        with suppress(RecordError, KeyError):
+            if not load_sweep(self.draft.target)["interrupted"]:
+                return True
+        fresh = [self.points[index].folder for index in self.records if index not in self.kept]
+        return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
+
+    def _not_saved(self, error: OedError, data: dict[str, Any]) -> NotSaved:
+        kept = self.draft.put_aside()
+        text = f"{str(error).replace(str(self.draft.path), str(self.draft.target))}: make room"
+        return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(data))
 
     def data(self, file: Path, axes: Sequence[Axis]) -> dict[str, Any]:
         """What sweep.json holds."""
@@ -215,6 +300,16 @@ class _Sweep:
             messages = (f"{entry['name']}: {entry['message']}" for entry in record.results)
             return {"status": "no feasible drive", "message": next(messages, "")}
         return {"status": str(record.best["status"]), "message": str(record.best["message"])}
+
+
+def _is_finished(folder: Path) -> bool:
+    with suppress(RecordError, KeyError):
+        return folder.is_dir() and not load_record(folder).data["interrupted"]
+    return False
+
+
+def _file(data: Mapping[str, Any]) -> dict[str, str]:
+    return {FILE: json.dumps(data, indent=1, allow_nan=False) + "\n"}
 
 
 def _comparable(axis: Axis) -> bool:

@@ -106,6 +106,16 @@ def test_a_place_that_cannot_be_written_to(tmp_path: Path):
         write_frames(squares(2), tmp_path / "film.gif", 10)
 
 
+def test_a_full_disk_is_said(tmp_path: Path):
+    def frames() -> Iterator[Frame]:
+        yield from squares(3)
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(Failure, match=r"film\.gif: cannot be written: No space left on device"):
+        write_frames(frames(), tmp_path / "film.gif", 10)
+    assert list(tmp_path.iterdir()) == []
+
+
 def interrupted() -> Iterator[Frame]:
     yield from squares(3)
     raise KeyboardInterrupt

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
 
 import pytest
 
-from oed.solvers.interrupts import interrupts_kept
+from oed.signals import ending_alike
+from oed.solvers.interrupts import interrupts_kept, interrupts_named
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -31,6 +33,31 @@ def test_a_swallowed_interrupt_is_raised_at_the_end():
         work()
     assert reached == [True]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_every_signal_that_ends_the_program_is_answered_alike(number: int, capsys):
+    def work() -> None:
+        with interrupts_kept():
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(number)
+            sys.stderr.write("what CasADi says of it")
+
+    before = signal.getsignal(signal.SIGTERM)
+    with ending_alike():
+        with pytest.raises(KeyboardInterrupt):
+            work()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert capsys.readouterr().err == ""
+
+
+def test_what_casadi_makes_of_an_interrupt_in_a_call_is_one():
+    with pytest.raises(KeyboardInterrupt), interrupts_named():
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+    with pytest.raises(SystemError), interrupts_named():
+        raise SystemError("something else")
 
 
 def test_nothing_happens_without_an_interrupt():

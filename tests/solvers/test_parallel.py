@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -53,6 +55,61 @@ def test_a_worker_killed_loses_nothing(tmp_path: Path):
     tasks = [(tmp_path / "died", number) for number in range(4)]
     assert done_by(dying_once, tasks, 2) == {number: number**2 for number in range(4)}
     assert (tmp_path / "died").exists()
+
+
+def sleeping(task: Path) -> None:
+    """Says which process does it, and takes for ever."""
+    (task / str(os.getpid())).touch()
+    time.sleep(600)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_workers_end_with_their_parent_and_say_nothing(tmp_path: Path, number: int):
+    program = (
+        "import signal, sys, pathlib; from oed.signals import ending_alike\n"
+        "from oed.solvers.parallel import run_tasks; from test_parallel import sleeping\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "try:\n"
+        "    with ending_alike():\n"
+        "        run_tasks(sleeping, [pathlib.Path(sys.argv[1])] * 4, 2, print)\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(7)\n"
+    )
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": paths},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    give_up = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < give_up:
+        time.sleep(0.05)
+    pids = [int(path.name) for path in tmp_path.iterdir()]
+    assert len(pids) == 2
+    # A terminal sends Ctrl-C to all of them.
+    send = os.killpg if number == signal.SIGINT else os.kill
+    send(process.pid, number)
+    _, err = process.communicate(timeout=10)
+    if number != signal.SIGKILL:
+        assert (process.returncode, err) == (7, "")
+    give_up = time.monotonic() + 5
+    while any(map(alive, pids)) and time.monotonic() < give_up:
+        time.sleep(0.05)
+    assert not any(map(alive, pids))
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    # Whom nobody has waited for yet has ended all the same.
+    stat = Path(f"/proc/{pid}/stat")
+    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 @pytest.mark.slow

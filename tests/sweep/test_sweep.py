@@ -12,8 +12,10 @@ from studies import INFEASIBLE, small, without_seconds, write_study
 
 from oed.cli import main
 from oed.errors import Failure, RecordError
+from oed.folders import Draft
 from oed.record import Record, load_record, save_record
 from oed.runner import run as real_run
+from oed.saving import NotSaved
 from oed.study import load_study
 from oed.sweep import Axis, load_sweep, parse_axis, sweep
 from oed.sweep import run as running
@@ -103,6 +105,77 @@ def test_an_interrupt_keeps_what_is_done(swept, tmp_path: Path, monkeypatch: pyt
     assert without_seconds({**whole, "kept": 0}) == without_seconds(data)
 
 
+def all_files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_finished_sweep_stays_until_another_is_finished(
+    swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder, _ = swept
+    out = tmp_path / "out"
+    shutil.copytree(folder / "out", out)
+    before = all_files(out)
+
+    def second_interrupted(study: Any, *arguments: Any, **options: Any) -> Any:
+        if "10 rad/s" in study.name:
+            raise KeyboardInterrupt
+        return real_run(study, *arguments, **options)
+
+    monkeypatch.setattr(running, "run", second_interrupted)
+    cut = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
+    assert all_files(out) == before
+    assert cut.folder == tmp_path / "out.interrupted"
+    assert load_sweep(cut.folder) == cut.data
+    # The same command goes on where it stopped.
+    monkeypatch.setattr(running, "run", real_run)
+    whole = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
+    assert whole.folder == out
+    assert (whole.data["kept"], whole.data["interrupted"]) == (1, False)
+    assert all_files(out).keys() == before.keys()
+    assert {load_record(out / row["record"]).data["seed"] for row in whole.data["points"]} == {9}
+
+
+def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    class Killed(BaseException):
+        pass
+
+    def second_killed(study: Any, *arguments: Any, **options: Any) -> Any:
+        if "10 rad/s" in study.name:
+            raise Killed
+        return real_run(study, *arguments, **options)
+
+    monkeypatch.setattr(running, "run", second_killed)
+    with monkeypatch.context() as patch:
+        # Nothing is tidied up by a process that is killed.
+        patch.setattr("oed.folders.Draft.put_in_order", lambda _: None)
+        with pytest.raises(Killed):
+            sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+    monkeypatch.setattr(running, "run", real_run)
+    whole = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+    assert whole["kept"] == 1
+    assert load_sweep(tmp_path / "out.interrupted")["interrupted"]
+
+
+def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder, _ = swept
+    real = Draft.write
+
+    def full(draft: Draft, files: dict[str, str]) -> None:
+        if any(name.startswith("wheel_speed_10") for name in files):
+            raise Failure(f"{draft.path}/record.json: cannot be written: No space left on device")
+        real(draft, files)
+
+    monkeypatch.setattr(Draft, "write", full)
+    with pytest.raises(
+        NotSaved, match=r"out/record.json: .* No space left .* kept in .*out\.interrupted"
+    ) as caught:
+        sweep(folder / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+    found = caught.value.found.data
+    assert [row["objective"] is not None for row in found["points"]] == [True, True]
+    assert [path.name for path in tmp_path.iterdir()] == ["out.interrupted"]
+
+
 def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, _ = swept
 
@@ -166,6 +239,11 @@ class TestCommand:
         for row in data["points"]:
             assert f'href="{row["folder"]}/report.html"' in page
         (out / "report.html").unlink()
+        assert main(["report", str(out)]) == 0
+        assert (out / "report.html").read_text() == page
+        # A process was killed between the old folder's leaving and the new one's coming.
+        (out.parent / f".{out.name}.oed").mkdir()
+        out.rename(out.parent / f".{out.name}.oed" / "old")
         assert main(["report", str(out)]) == 0
         assert (out / "report.html").read_text() == page
 

@@ -44,6 +44,11 @@ def test_values_that_make_no_names_get_folders_of_their_own(tmp_path: Path):
     assert all(point.folder.startswith("wheel_speed_") and "/" not in point.folder for point in points)
 
 
+def test_long_names_are_cut_to_what_file_systems_hold(tmp_path: Path):
+    (point,) = points_of(tmp_path, f"name={chr(0x20000) * 90}")
+    assert len(point.folder.encode()) <= 100
+
+
 def test_more_values_leave_the_folders_as_they_were(tmp_path: Path):
     few = points_of(tmp_path, "limits.wheel_speed=5,8 rad/s")
     more = points_of(tmp_path, "limits.wheel_speed=4,5,8,9 rad/s")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from oed.record import ESTIMATE
 from oed.report.estimate.along import along
 from oed.report.estimate.certainty import certainty
 from oed.report.estimate.fit import fit
@@ -18,7 +19,7 @@ from oed.report.estimate.summary import summary
 from oed.report.page import render
 from oed.report.section import Section
 
-NAME = "estimate"
+NAME = ESTIMATE
 """Of the page's files, without suffix."""
 SECTIONS: tuple[Callable[[Data], Section | None], ...] = (
     summary,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from oed.errors import UserMistake
+from oed.files import unwritten
 from oed.report.film.frame import Frame
 from oed.report.film.gif import FASTEST, write_gif
 from oed.report.film.mp4 import require_ffmpeg, write_mp4
@@ -41,22 +42,22 @@ def write_frames(
     Raises:
         UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4, a place
             that cannot be written to.
-        Failure: ffmpeg could not write it.
+        Failure: ffmpeg could not write it, or there is no room left.
     """
     target = Path(file)
     require_format(target, fps)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        place = tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.")
+        place = tempfile.TemporaryDirectory(dir=target.parent, prefix=".oed-")
     except OSError as error:
-        raise UserMistake(f"{target.parent}: cannot write there: {error.strerror}") from None
+        raise unwritten(f"{target.parent}: cannot write there", error) from None
     with place as folder:
         part = Path(folder) / target.name
-        count = WRITERS[target.suffix.lower()](frames, part, fps, colours, comment)
         try:
+            count = WRITERS[target.suffix.lower()](frames, part, fps, colours, comment)
             os.replace(part, target)
         except OSError as error:
-            raise UserMistake(f"{target}: cannot be written: {error.strerror}") from None
+            raise unwritten(f"{target}: cannot be written", error) from None
     return count
 
 

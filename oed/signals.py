@@ -1,0 +1,117 @@
+"""Signals that end the program: answered alike, held back for a moment, and what workers make of them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+]
+"""Ctrl-C, a polite request to end, and a terminal that is closed."""
+WATCH = 0.5
+"""Time [s] between looks at whether the parent is still there, where the system does not tell."""
+PARENT_DIED = 1
+"""Of Linux's `prctl`: the signal that a process gets when its parent ends."""
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextmanager
+def ending_alike() -> Iterator[None]:
+    """Answer every signal that ends a program as Ctrl-C is answered, while the context lasts."""
+    if not _in_main_thread():
+        yield
+        return
+    # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
+    before = {number: signal.getsignal(number) for number in ENDING}
+    taken = [number for number, handler in before.items() if handler is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+@contextmanager
+def noted() -> Iterator[list[int]]:
+    """Only note the signals that something in this process answers, while the context lasts."""
+    caught: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        caught.append(number)
+
+    before = answered()
+    for number in before:
+        signal.signal(number, note)
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def answered() -> dict[int, Any]:
+    """The handlers, by signal, of those that this thread answers in Python."""
+    if not _in_main_thread():
+        return {}
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    return {number: handler for number, handler in handlers.items() if callable(handler)}
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let signals that end the program wait for the end of the context."""
+    with noted() as caught:
+        yield
+    if caught:
+        signal.raise_signal(caught[0])
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Start processes that never hear Ctrl-C: a terminal sends it to them too, and only their parent answers.
+
+    In this process it waits for the end of the context.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # It lets Ctrl-C through again when it is started, which is with the first process otherwise.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with(parent: int) -> None:
+    """End this process, whatever it is doing, when its parent has ended, however that ended."""
+    if sys.platform == "linux":
+        # A thread that watches would have to wait for compiled code that does not let go of Python.
+        ctypes.CDLL(None).prctl(PARENT_DIED, signal.SIGKILL)
+    else:
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(WATCH)
+    os._exit(1)

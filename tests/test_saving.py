@@ -1,0 +1,261 @@
+"""Nothing that a run has found is lost: not what an earlier run found, not what cannot be saved."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studies import GENETIC, saved_study, small, write_study
+
+from oed import files
+from oed.cli import main
+from oed.errors import Failure, UserMistake
+from oed.folders import interrupted_runs
+from oed.record import load_record
+from oed.runner import run
+from oed.study import Study
+
+TEXT = small(solvers=GENETIC, baselines="[circle]")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    return saved_study(tmp_path_factory.mktemp("study"), TEXT)
+
+
+@pytest.fixture
+def finished(study: Study, tmp_path: Path) -> Path:
+    """The folder of a finished run, with a report and something of the user's own."""
+    out = tmp_path / "out"
+    run(study, out, workers=1, seed=1)
+    (out / "figures").mkdir()
+    for name in ("report.html", "report.md", "figures/paths.svg", "figures/estimate_paths.svg", "notes.txt"):
+        (out / name).write_text("old")
+    return out
+
+
+class Striking:
+    """A listener that raises as a stage begins."""
+
+    def __init__(self, stage: str, error: BaseException) -> None:
+        self.stage, self.error = stage, error
+
+    def begin(self, description: str, total: int) -> None:
+        if description.startswith(self.stage):
+            raise self.error
+
+    def advance(self, note: str = "") -> None:
+        pass
+
+
+class TestAgain:
+    def test_a_complete_run_takes_the_place_of_the_old_one(self, finished: Path, tmp_path: Path):
+        other = saved_study(tmp_path, TEXT.replace("kind: genetic,", "kind: genetic, name: another,"))
+        record = run(other, finished, workers=1)
+        assert record.folder == finished
+        # Neither the old run's drives nor its report; what is not the run's stays.
+        assert set(contents(finished)) == {
+            "record.json",
+            "another.csv",
+            "circle.csv",
+            "circle_same_length.csv",
+            "notes.txt",
+            "figures/estimate_paths.svg",
+        }
+        assert load_record(finished).data == json.loads(record.to_json())
+
+    @pytest.mark.parametrize("stage", ["genetic", "score everyday paths"])
+    def test_an_interrupted_one_leaves_it_bit_for_bit(self, study: Study, finished: Path, stage: str):
+        before = contents(finished)
+        record = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
+        assert contents(finished) == before
+        if stage == "genetic":
+            assert record.folder is None
+            assert [path.name for path in finished.parent.iterdir()] == ["out"]
+            return
+        assert record.folder == finished.with_name("out.interrupted")
+        kept = load_record(record.folder)
+        assert kept.data["interrupted"]
+        assert [entry["name"] for entry in kept.results] == ["genetic"]
+        assert (record.folder / "genetic.csv").is_file()
+        # Nor does one that is cut short take the place of another such.
+        again = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
+        assert again.folder == finished.with_name("out.interrupted-2")
+
+    def test_one_that_fails_leaves_it_too_and_keeps_what_it_has(self, study: Study, finished: Path):
+        before = contents(finished)
+        with pytest.raises(Failure, match="no memory") as caught:
+            run(study, finished, workers=1, progress=Striking("score", Failure("no memory")))
+        assert contents(finished) == before
+        kept = finished.with_name("out.interrupted")
+        assert str(kept) in caught.value.__notes__[0]
+        assert load_record(kept).best["name"] == "genetic"
+
+    @pytest.mark.slow
+    def test_what_is_kept_has_a_report(self, study: Study, finished: Path, capsys):
+        record = run(study, finished, workers=1, progress=Striking("score", KeyboardInterrupt()))
+        assert main(["report", str(record.folder)]) == 0
+        assert "The run was interrupted" in (record.folder / "report.md").read_text()
+        assert not (finished.parent / ".out.oed").exists()
+
+    def test_only_one_at_a_time(self, study: Study, tmp_path: Path):
+        class Second(Striking):
+            def begin(self, description: str, total: int) -> None:
+                with pytest.raises(UserMistake, match=rf"out: process {os.getpid()} .* is writing there"):
+                    run(study, tmp_path / "out", workers=1)
+
+        run(study, tmp_path / "out", workers=1, progress=Second("", KeyboardInterrupt()))
+        assert load_record(tmp_path / "out").best is not None
+
+
+@pytest.fixture
+def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
+    """The places that still have room, once there is one in this list."""
+    real, room = files.tempfile.mkstemp, list[Path]()
+
+    def mkstemp(*arguments: Any, **options: Any) -> Any:
+        if room and not any(Path(options["dir"]).is_relative_to(place) for place in room):
+            raise OSError(28, "No space left on device")
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(files.tempfile, "mkstemp", mkstemp)
+    return room
+
+
+class TestNoRoom:
+    def test_printed_all_the_same(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, TEXT)
+        before = contents(finished)
+        spare = tmp_path / "spare"
+        spare.mkdir()
+        monkeypatch.setattr(tempfile, "tempdir", str(spare))
+        full.append(spare)
+        assert main(["run", "study.yaml", "--out", "out", "--quiet", "--workers", "1"]) == 1
+        out, err = capsys.readouterr()
+        assert "genetic" in out
+        assert contents(finished) == before
+        (line,) = err.splitlines()
+        assert line.startswith(
+            "out: cannot write there: No space left on device; what was in out is as it was"
+        )
+        (place,) = re.findall(r"The results are in (\S+) instead", line)
+        assert load_record(place).best["name"] == "genetic"
+        assert (Path(place) / "genetic.csv").is_file()
+
+    def test_nowhere_at_all(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, TEXT)
+        full.append(tmp_path / "nowhere")
+        assert main(["solve", "study.yaml", "--out", "out", "--quiet", "--workers", "1", "--json"]) == 1
+        out, err = capsys.readouterr()
+        data = json.loads(out)
+        assert data["results"][0]["feasible"]
+        assert data["directory"] is None
+        assert data["error"] == err.strip()
+        assert "nowhere else either" in err
+        assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+    def test_no_room_for_the_report_alone(self, tmp_path: Path, full, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, TEXT)
+
+        def report(*_: object) -> None:
+            raise Failure("there/report.html: cannot be written: No space left on device")
+
+        monkeypatch.setattr("oed.report.write_report", report)
+        assert main(["run", "study.yaml", "--out", "there", "--quiet", "--workers", "1"]) == 1
+        out, err = capsys.readouterr()
+        assert "genetic" in out
+        assert err == "there/report.html: cannot be written: No space left on device\n"
+        assert load_record("there").best is not None
+
+
+def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[str]:
+    """`oed` as a process, whose Ctrl-C is answered even where the tests' is not."""
+    program = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from oed.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        **options,
+    )
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits and signals are POSIX's")
+class TestProcess:
+    def test_files_that_may_not_grow(self, finished: Path):
+        import resource
+
+        write_study(finished.parent, TEXT)
+        before = contents(finished)
+
+        def limited() -> None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+        process = started(
+            finished.parent,
+            "run",
+            "study.yaml",
+            "--out",
+            "out",
+            "--workers",
+            "1",
+            "--quiet",
+            preexec_fn=limited,
+        )
+        out, err = process.communicate(timeout=60)
+        assert process.returncode == 1
+        assert re.search(r"genetic .*yes", out)
+        assert "File too large; what was in out is as it was" in err
+        assert "Traceback" not in err
+        assert contents(finished) == before
+
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+    def test_stopped_in_the_middle(self, finished: Path, number: int):
+        slow = "{kind: genetic, population: 20, generations: 100000}"
+        write_study(finished.parent, small(solvers=f"{GENETIC}, {slow[:-1]}, name: slow}}"))
+        before = contents(finished)
+        process = started(finished.parent, "run", "study.yaml", "--out", "out", "--workers", "1", "--quiet")
+        kept = finished.parent / ".out.oed" / "draft" / "out" / "record.json"
+        give_up = time.monotonic() + 60
+        while not kept.exists() and time.monotonic() < give_up:
+            time.sleep(0.02)
+        began = time.monotonic()
+        process.send_signal(number)
+        out, err = process.communicate(timeout=60)
+        assert time.monotonic() - began < 10
+        assert contents(finished) == before
+        beside = finished.with_name("out.interrupted")
+        if number == signal.SIGTERM:
+            assert process.returncode == 1
+            assert re.search(r"genetic .*yes", out)
+            assert err == (
+                "interrupted: what had been done by then is kept in out.interrupted: `oed report "
+                "out.interrupted` makes its report; out is as it was\n"
+            )
+        else:
+            # Whoever looks there next puts it in order.
+            assert interrupted_runs(finished) == [beside]
+        assert load_record(beside).results[0]["name"] == "genetic"
+        assert not list(finished.parent.glob(".*"))
