@@ -92,7 +92,7 @@ class _Run:
         # Rows of another clock have no time of the inputs; rows that have only a pose have no inputs.
         block, rows = self.sheet.inputs, self.rows
         if self.sheet.own_clock and self.sheet.same_rows:
-            rows = rows[~np.isnan(block.series.times[rows])]
+            rows = _with_anything(block.series, rows)
         first, last = _ends_needed(self.sheet, self.model)
         rows = _with_inputs(block.series.values[rows], rows, bool(first.any()), bool(last.any()))
         series = block.series.rows(rows)
@@ -113,8 +113,9 @@ class _Run:
         else:
             rows = np.arange(len(block.series))
         if self.sheet.own_clock:
-            rows = rows[~np.isnan(block.series.times[rows])]
-        rows = rows[~np.isnan(block.series.values[rows]).all(axis=1)]
+            rows = _with_anything(block.series, rows)
+        else:
+            rows = rows[~np.isnan(block.series.values[rows]).all(axis=1)]
         series = block.series.rows(rows)
         block.require_filled(series, rows)
         return series.without_repeats() if self.sheet.own_clock else series
@@ -132,6 +133,11 @@ class _Run:
             _cut(whole, start, end, f"{whole.name}.{number}" if many else whole.name)
             for number, (start, end) in enumerate(spans, start=1)
         ]
+
+
+def _with_anything(series: Series, rows: Rows) -> Rows:
+    # Rows of another clock have neither time nor values; those that have one of them lack the other.
+    return rows[~(np.isnan(series.times[rows]) & np.isnan(series.values[rows]).all(axis=1))]
 
 
 def _ends_needed(sheet: Sheet, model: Model) -> tuple[Mask, Mask]:

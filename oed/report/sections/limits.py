@@ -27,9 +27,9 @@ def limits(record: Record) -> Section | None:
     winner = record.best or entries[0]
     tables = [_by_limit(winner)] + ([_side_by_side(entries)] if len(entries) > 1 else [])
     text = (
-        f"Margins are the distance to the limit where the drive comes closest, {_looked_at(entries)}. A limit "
-        "is active where the drive touches it, within 0.1 % of its size, and kept unless it is exceeded by "
-        "more than that."
+        f"Margins are the distance to the limit where the drive comes closest, {_looked_at(entries)}. "
+        "A limit is active where the drive touches it, within 0.1 % of its size, and kept unless it is "
+        "exceeded by more than that."
     )
     return Section("Limits", paragraphs=(text,), tables=tuple(tables))
 
