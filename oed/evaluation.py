@@ -359,8 +359,8 @@ def _margin(
         # One thing after the other, asked of all points of the path.
         points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
         stretches = near(problem, limit, rows.size, trajectory, points, speeds)
-    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept.
-    found = float(excess.max(initial=-np.inf))
+    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
+    found = float(excess.max()) if excess.size else -rows.size
     most, certain = most_exceeded(problem, limit, trajectory, found, stretches)
     return Margin(limit.name, spare - most, rows.size, rows.unit, certain)
 

@@ -221,6 +221,7 @@ def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
                 "unit": margin.unit,
                 "active": margin.active,
                 "kept": margin.kept,
+                "certain": margin.certain,
             }
             for margin in evaluation.margins
         ],

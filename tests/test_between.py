@@ -160,6 +160,17 @@ def test_held_steps_begin_and_end_at_rest(coefficients: int):
     assert margin(problem, drive, "wheel_acceleration").margin == pytest.approx(2 - largest)
 
 
+def test_held_steps_move_as_they_are_held():
+    # Of many coefficients in a period one is held; nobody drives the others.
+    space = {"spline": Spline(degree=0, coefficients=40)}
+    problem = moving(YawRate(bounds=1.0), duration=4.0, samples=4, space=space)
+    table = np.random.default_rng(2).uniform(-3, 3, (40, 2))
+    drive = problem.design.trajectory(table, np.zeros(3))
+    rates = RADIUS * (drive.inputs[:, 0] - drive.inputs[:, 1]) / TRACK
+    assert np.abs(table[:, 0] - table[:, 1]).max() > np.abs(drive.inputs[:, 0] - drive.inputs[:, 1]).max()
+    assert margin(problem, drive, "yaw_rate").margin == pytest.approx(1 - np.abs(rates).max())
+
+
 LAGGING = SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.5)
 
 

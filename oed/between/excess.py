@@ -98,7 +98,7 @@ class Excess:
     def whole(self, periods: Periods) -> Stretches:
         """All periods; cut where splines have knots, if the rows look at them."""
         drive = periods.trajectory
-        if not self.by_splines:
+        if not self.by_splines or drive.degree == 0:
             rows = np.arange(len(periods.states))
             return Stretches(rows, np.zeros(len(rows)), np.ones(len(rows)))
         cuts = [_cuts(one) for one in drive.each]
@@ -142,6 +142,10 @@ class Excess:
         tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
         if not self.by_splines:
             return list(tables)
+        if drive.degree == 0:
+            # Steps are what is held: nobody drives a value between two periods' middles.
+            tables[:4] = drive.inputs[place]
+            return list(tables)
         each = drive.samples // drive.runs
         for run, one in enumerate(drive.each):
             own = place // each == run
@@ -149,9 +153,8 @@ class Excess:
                 (place % each + side)[own] * drive.period for side in (stretches.begin, stretches.end)
             )
             low, high, least, most = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
-            # A piecewise constant spline has its value of the stretch at both its ends.
-            ends = [low, low] if one.degree == 0 else [one.inputs_at(begin), one.inputs_at(end)]
-            tables[:, own] = [*ends, low, high, least * drive.period, most * drive.period]
+            slopes = [least * drive.period, most * drive.period]
+            tables[:, own] = [one.inputs_at(begin), one.inputs_at(end), low, high, *slopes]
         return list(tables)
 
     def _call(self, name: str, function: ca.Function, arguments: list[Array]) -> list[Array]:

@@ -78,6 +78,7 @@ class Margin(Stored):
     unit: str
     active: bool
     kept: bool
+    certain: bool | None = None
 
 
 class StartPoint(Stored):

@@ -105,7 +105,15 @@ def _peak() -> int:
 
 
 def run_cases(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
-    """All cases, as they end. What they say does not depend on the number of processes."""
+    """All cases, as they end. What they say does not depend on the number of processes: those that are timed
+    come last, one at a time.
+    """
+    timed = [task for task in tasks if task.sort == "signal"]
+    yield from _shared([task for task in tasks if task.sort != "signal"], workers)
+    yield from _shared(timed, 1)
+
+
+def _shared(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
     chunks = list(_chunks(tasks))[::-1]
     while chunks:
         lost: list[list[Task]] = []

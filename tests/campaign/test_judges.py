@@ -53,7 +53,8 @@ def test_the_oracle_sees_splines_peak_between_the_samples() -> None:
 
 def test_the_oracle_sees_the_jump_from_rest_of_held_steps() -> None:
     study = {**POST, "trajectory": {"rest_to_rest": True}, "limits": {"wheel_acceleration": 1.0}}
-    run = clamped_run(4.0, 0, np.full((4, 2), 2.0), np.zeros(3), 4)
+    steps = np.vstack([np.zeros((1, 2)), np.full((6, 2), 2.0), np.zeros((1, 2))])
+    run = clamped_run(4.0, 0, steps, np.zeros(3), 4)
     (found,) = excesses(study, [run])
     assert found.amount == pytest.approx(3.0)
 

@@ -27,11 +27,20 @@ def limits(record: Record) -> Section | None:
     winner = record.best or entries[0]
     tables = [_by_limit(winner)] + ([_side_by_side(entries)] if len(entries) > 1 else [])
     text = (
-        "Margins are the distance to the limit where the drive comes closest, checked on a grid ten times "
-        "finer than the samples. A limit is active where the drive touches it, within 0.1 % of its size, and "
-        "kept unless it is exceeded by more than that."
+        f"Margins are the distance to the limit where the drive comes closest, {_looked_at(entries)}. A limit "
+        "is active where the drive touches it, within 0.1 % of its size, and kept unless it is exceeded by "
+        "more than that."
     )
     return Section("Limits", paragraphs=(text,), tables=tuple(tables))
+
+
+def _looked_at(entries: list[Entry]) -> str:
+    # When; records of before say nothing of it.
+    margins = [margin for entry in entries for margin in entry["margins"]]
+    if any(margin.get("certain") is None for margin in margins):
+        return "checked on a grid ten times finer than the samples"
+    points = list(dict.fromkeys(words(one["limit"]) for one in margins if not one["certain"]))
+    return "at all times" + (f" (of {', '.join(points)} at the points checked only)" if points else "")
 
 
 def _by_limit(entry: Entry) -> Table:
@@ -112,7 +121,8 @@ def _state(margin: Mapping[str, Any]) -> str:
         return "exceeded"
     if margin["limit"] in CONDITIONS and margin["active"]:
         return "met"
-    return "active" if margin["active"] else "kept with room"
+    state = "active" if margin["active"] else "kept with room"
+    return f"{state} (checked at points only)" if margin.get("certain") is False else state
 
 
 def _amount(margin: Mapping[str, Any], factor: float) -> str:

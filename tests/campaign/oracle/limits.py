@@ -57,16 +57,13 @@ def excesses(study: Mapping[str, Any], runs: Sequence[Run], points: int = 200) -
 
 def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> Iterator[Excess]:
     limits, space = study["limits"], study["trajectory"]
-    rest = space.get("rest_to_rest", True)
     track = Track(robot, run, space.get("integration", "arc"))
     for name, checked in (("wheel_speed", 0), ("wheel_acceleration", 1), ("wheel_jerk", 2)):
         if name in limits:
-            yield _inputs(name, limits[name], robot, _values(run, checked, points, rest=rest), "wheel_speed")
+            yield _inputs(name, limits[name], robot, _values(run, checked, points), "wheel_speed")
     for name, checked in (("steering_angle", 0), ("steering_rate", 1)):
         if name in limits:
-            yield _inputs(
-                name, limits[name], robot, _values(run, checked, points, rest=rest), "steering_angle"
-            )
+            yield _inputs(name, limits[name], robot, _values(run, checked, points), "steering_angle")
     twists = None
     for name, check in _BODY.items():
         if name in limits:
@@ -76,20 +73,18 @@ def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> It
     yield from _ends(limits, robot, run, track)
 
 
-def _values(run: Run, order: int, points: int, *, rest: bool) -> Array:
-    # What bounds an input or a derivative of it: of held inputs their jumps, with rest at both ends.
+def _values(run: Run, order: int, points: int) -> Array:
+    # What bounds an input or a derivative of it; of what has no derivative, how it changes from the first
+    # value to the first period's middle, from middle to middle, and on to the last value.
     if order == 0:
         return run.held if run.degree == 0 else np.vstack([run.dense(0, points), run.held])
-    if run.degree == 0:
-        jumps = np.diff(run.held, axis=0) / run.period
-        if order == 2:
-            return np.diff(jumps, axis=0) / run.period
-        # Half a period from rest to the middle of the first one, and from that of the last.
-        return np.vstack([jumps, run.held[[0, -1]] / (run.period / 2)]) if rest else jumps
-    if order == 2 and run.degree == 1:
-        slopes = run.at(1, (run.knots[2:-3] + run.knots[3:-2]) / 2)
-        return np.diff(slopes, axis=0) / run.period
-    return run.dense(order, points)
+    if order <= run.degree:
+        return run.dense(order, points)
+    times = np.concatenate([[0.0], (np.arange(run.samples) + 0.5) * run.period, [run.duration]])
+    values = np.vstack([run.coefficients[:1], run.held, run.coefficients[-1:]])
+    rates = np.diff(values, axis=0) / np.diff(times)[:, None]
+    # A trapezoid's jerk is how its acceleration jumps over a period, from the first middle on.
+    return rates if order == 1 else np.diff(rates[1:], axis=0) / run.period
 
 
 def pair(bounds: Any) -> tuple[float, float]:

@@ -155,7 +155,9 @@ class _Estimate:
         told = sandwich(self.block.rows[:, self.places] / (noise or 1.0), self.block.spread, every)
         rows = np.vstack([told.root, self.prior])
         reduced = eliminated(rows, range(kept), range(kept, rows.shape[1]), scales)
-        return Told(reduced.root, np.minimum(reduced.strengths, told.weakest), reduced.clear)
+        # Estimates of nothing have no covariance that a prior could be added to.
+        clear = reduced.clear and (told.weakest > FAINT or not len(self.prior))
+        return Told(reduced.root, np.minimum(reduced.strengths, told.weakest), clear)
 
 
 def _prior_rows(prior: Mapping[str, Any] | None, names: Sequence[str], block: Block) -> Array:
