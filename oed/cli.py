@@ -35,11 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.errors import FileError, OedError, UserMistake
-    from oed.signals import ending_alike
+    from oed.signals import ending_alike, interrupts_named
 
     command: Callable[[argparse.Namespace], int] = options.run
     try:
-        with ending_alike():
+        with ending_alike(), interrupts_named():
             return command(options)
     except OedError as raised:
         error = _located(raised, options)
@@ -47,12 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         mistake = isinstance(error, UserMistake)
         _report_error(options, _with_notes(str(error), raised), [vars(flaw) for flaw in flaws])
         return MISTAKE if mistake else FAILED
-    except SystemError as error:
-        # What CasADi's wrappers make of Ctrl-C in the middle of a call.
-        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
-            return _defect(options, error)
-        _report_error(options, _with_notes("interrupted", error), [])
-        return FAILED
     except KeyboardInterrupt as error:
         _report_error(options, _with_notes("interrupted", error), [])
         return FAILED

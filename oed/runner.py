@@ -30,9 +30,9 @@ from oed.record import (
 )
 from oed.robustness import nominal_search, robustness, safe, tried
 from oed.saving import RunFolder, run_folder
+from oed.signals import interrupts_named
 from oed.solution import Solution, Status, scored, unscored
 from oed.solvers import SOLVERS, Progress, Silent, Workers, solve
-from oed.solvers.interrupts import interrupts_named
 from oed.study import PathFile, Study
 from oed.trajectory import Trajectory
 from oed.trial import require_ready

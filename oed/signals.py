@@ -8,10 +8,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
+
+from oed.errors import OedError
 
 ENDING = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
@@ -69,6 +71,50 @@ def answered() -> dict[int, Any]:
         return {}
     handlers = {number: signal.getsignal(number) for number in ENDING}
     return {number: handler for number, handler in handlers.items() if callable(handler)}
+
+
+@contextmanager
+def interrupts_named() -> Iterator[None]:
+    """Raise KeyboardInterrupt for whatever compiled wrappers make of one that is signalled in the context.
+
+    They take it for an argument that does not fit, and complain of that, or for an error of the system.
+    """
+    signalled: list[int] = []
+
+    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+        def note(number: int, frame: FrameType | None) -> None:
+            signalled.append(number)
+            answer(number, frame)
+
+        return note
+
+    before = answered()
+    for number, answer in before.items():
+        signal.signal(number, noting(answer))
+    try:
+        yield
+    except (OedError, OSError):
+        raise
+    except Exception as error:
+        if not (signalled or _tells_of_interrupt(error)):
+            raise
+        raise _interrupt(error) from None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _tells_of_interrupt(error: Exception) -> bool:
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt)
+
+
+def _interrupt(error: Exception) -> KeyboardInterrupt:
+    # With what has been said of what was done by then.
+    interrupt = KeyboardInterrupt()
+    for note in getattr(error, "__notes__", ()):
+        interrupt.add_note(note)
+    return interrupt
 
 
 @contextmanager

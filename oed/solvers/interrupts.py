@@ -39,14 +39,3 @@ def interrupts_kept() -> Iterator[None]:
                 signal.signal(number, answer)
     if signalled:
         raise KeyboardInterrupt
-
-
-@contextmanager
-def interrupts_named() -> Iterator[None]:
-    """Raise KeyboardInterrupt for what CasADi's wrappers make of it in the middle of a call."""
-    try:
-        yield
-    except SystemError as error:
-        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
-            raise
-        raise KeyboardInterrupt from None

@@ -17,8 +17,8 @@ from oed.record import FILE as RECORD
 from oed.record import Record, load_record, pages, saved_file
 from oed.runner import package_version, run
 from oed.saving import NotSaved
+from oed.signals import interrupts_named
 from oed.solvers import Progress, Silent, Workers, default_workers
-from oed.solvers.interrupts import interrupts_named
 from oed.solvers.parallel import run_tasks
 from oed.stored.door import checked, read_object
 from oed.stored.sweep import StoredSweep

@@ -9,8 +9,9 @@ import threading
 
 import pytest
 
-from oed.signals import ending_alike
-from oed.solvers.interrupts import interrupts_kept, interrupts_named
+from oed.errors import UserMistake
+from oed.signals import ending_alike, interrupts_named
+from oed.solvers.interrupts import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -58,6 +59,26 @@ def test_what_casadi_makes_of_an_interrupt_in_a_call_is_one():
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
     with pytest.raises(SystemError), interrupts_named():
         raise SystemError("something else")
+
+
+def mistaken(error: Exception) -> None:
+    """What compiled wrappers do: an interrupt while they read an argument makes it one that does not fit."""
+    swallow_interrupt()
+    raise error
+
+
+def test_an_interrupt_taken_for_a_wrong_argument_is_one():
+    before, error = signal.getsignal(signal.SIGINT), TypeError("Wrong number or type of arguments")
+    error.add_note("kept")
+    with pytest.raises(KeyboardInterrupt) as caught, interrupts_named():
+        mistaken(error)
+    assert caught.value.__notes__ == ["kept"]
+    assert signal.getsignal(signal.SIGINT) is before
+    # What is told on purpose is told all the same, and what has nothing to do with an interrupt.
+    with pytest.raises(UserMistake), interrupts_named():
+        mistaken(UserMistake("no room"))
+    with pytest.raises(TypeError), interrupts_named():
+        raise error
 
 
 def test_nothing_happens_without_an_interrupt():
