@@ -63,12 +63,18 @@ def _locked(hidden: Path, target: Path, *, wait: bool) -> IO[str]:
                 break
         # Its holder has just removed it.
         handle.close()
-    with suppress(OSError):
-        handle.truncate(0)
-        since = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
-        handle.write(f"process {os.getpid()} on {socket.gethostname()} (since {since})")
-        handle.flush()
+    _sign(handle.fileno())
     return handle
+
+
+def _sign(holder: int) -> None:
+    # At once: what waited in the handle would fail again when that is closed.
+    since = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    text = f"process {os.getpid()} on {socket.gethostname()} (since {since})".encode()
+    with suppress(OSError):
+        os.ftruncate(holder, 0)
+        if os.write(holder, text) < len(text):
+            os.ftruncate(holder, 0)
 
 
 def _opened(holder: Path) -> IO[str]:

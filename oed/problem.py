@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -29,7 +28,7 @@ from oed.models.coefficient_robot import CoefficientRobot
 from oed.models.model import Input, Model, twist_flaws
 from oed.prior import Prior
 from oed.robust import Robust, robust_rows
-from oed.rollout import Drive, roll_out
+from oed.rollout import Drive, drive_shape
 from oed.square_root import SquareRoot
 from oed.trajectory import DesignSpace
 from oed.uncertainty import Spread, Uncertainty, spread_of
@@ -239,27 +238,26 @@ class Problem:
 
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
         """What each block of a drive's readings says about the parameters to estimate."""
-        return tuple(
-            self._estimation(block) for block in self.measurement.blocks(drive) if self._judged(block)
-        )
+        return self._estimations(self.measurement.blocks(drive))
+
+    def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
+        return tuple(self._estimation(block) for block in blocks if self._judged(block))
 
     @cached_property
     def any_estimations(self) -> tuple[Estimation, ...]:
         """The same of a drive without values: for parameters, noise and nuisances."""
-        return self.estimations(self._any_drive)
+        return self._estimations(self._any_blocks)
+
+    @cached_property
+    def _any_blocks(self) -> tuple[Block, ...]:
+        return self.measurement.blocks(self._any_drive)
 
     @cached_property
     def _any_drive(self) -> Drive:
-        # A drive of the problem's shape without values: enough to ask which parameters there are.
-        model, space = self.robot, self.design
-        return roll_out(
-            model,
-            space.integration,
-            inputs=ca.MX.sym("inputs", space.all_samples, len(model.inputs)),
-            start=ca.MX.sym("start", space.runs, len(model.states)),
-            parameters=ca.MX(ca.DM(model.nominal)),
-            period=ca.MX(space.period),
-            runs=space.runs,
+        # Enough to ask which parameters there are.
+        space = self.design
+        return drive_shape(
+            self.robot, space.integration, samples=space.samples, runs=space.runs, period=space.period
         )
 
     def _estimated(self, block: Block) -> tuple[str, ...]:
@@ -400,7 +398,7 @@ def _robust_flaws(problem: Problem) -> list[Flaw]:
 
 
 def _estimation_flaws(problem: Problem) -> list[Flaw]:
-    blocks = problem.measurement.blocks(problem._any_drive)
+    blocks = problem._any_blocks
     known = [name for block in blocks for name in block.parameters]
     strangers = [name for name in problem.estimate or () if name not in known]
     if strangers:

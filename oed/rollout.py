@@ -148,6 +148,46 @@ class Drive:
         return ca.sum1(speed - softening) * self.period
 
 
+@dataclass(frozen=True)
+class DriveShape(Drive):
+    """A drive of symbols that nothing is said of: its shape alone, which costs little however long it is."""
+
+    @cached_property
+    def sensitivities(self) -> Expression:
+        """Symbols."""
+        states = len(self.model.states)
+        count = (self.samples + 1) * self.runs
+        return ca.MX.sym("sensitivities", states, count * (len(self.model.parameters) + states))
+
+
+def drive_shape(
+    model: Model, integration: Integration, *, samples: int, runs: int, period: float
+) -> DriveShape:
+    """The shape of a robot's drives of so many samples in each run, at its nominal parameters."""
+    count, states = samples * runs, len(model.states)
+    inputs, twist = ca.MX.sym("inputs", count, len(model.inputs)), ca.MX.sym("twist", count, 3)
+    poses = ca.MX.sym("poses", count + runs, states)
+    columns = _sample(model, integration).size1_out(1)
+    return DriveShape(
+        model=model,
+        integration=integration,
+        parameters=ca.MX(ca.DM(model.nominal)),
+        period=ca.MX(period),
+        inputs=inputs,
+        effective_inputs=ca.MX.sym("effective_inputs", count, columns),
+        twist=twist,
+        gain=ca.MX.sym("gain", count),
+        direction=ca.MX.sym("direction", count),
+        poses=poses,
+        path=poses,
+        motion=ca.repmat(twist, 2 if follows_state(model) else 1, 1),
+        input_values=inputs,
+        input_rates=inputs,
+        input_jerks=inputs,
+        runs=runs,
+    )
+
+
 @lru_cache(maxsize=32)
 def _sample(model: Model, integration: Integration) -> ca.Function:
     # Everything a measurement may need of one period, as one function to map over the periods.

@@ -36,7 +36,7 @@ FLOORS: tuple[set[str], ...] = (
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},
     {"problem"},
-    {"between", "finiteness"},
+    {"between", "finiteness", "coarser"},
     {"evaluation"},
     {"departures", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},

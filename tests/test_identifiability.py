@@ -13,6 +13,7 @@ from builders import RADIUS, SPEED, TRACK, input_limits, make_problem, random_dr
 from robots import ROBOTS, Example
 
 import oed
+from oed.coarser import OFTEN, as_well_read
 from oed.criteria import D, E
 from oed.errors import ProblemError
 from oed.evaluation import evaluate
@@ -314,6 +315,92 @@ class TestSubset:
         # The outer slip does change what is measured; it is the radii that undo it.
         (found,) = ambiguities(problem_of(SKID, criterion=E(subset=("slip_outer", "track"))))
         assert "slip_outer changes nothing that is measured" not in str(found)
+
+
+class Hasty(DifferentialDrive):
+    """A state that follows the yaw rate by explicit steps, which more than 0.5 s make grow without bound."""
+
+    kind: Literal["hasty"] = "hasty"
+    states: ClassVar = ("x", "y", "heading", "state")
+    state_units: ClassVar = ("m", "m", "rad", "rad/s")
+
+    def mean_twist(self, state, twist, parameters, period):
+        return ca.vertcat(twist[:2], state[3])
+
+    def internal_step(self, state, twist, parameters, period):
+        asked = (parameters[0] + parameters[1]) / parameters[2]
+        return state[3] + period * 4 * (asked - state[3])
+
+
+class TestManySamples:
+    """Drives of many samples are tried on fewer, with the same verdict."""
+
+    @staticmethod
+    def tried(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[list[tuple[str, ...]], set[int]]:
+        """The combinations that no drive tells, and the numbers of samples that drives were scored with."""
+        seen = set()
+
+        def counted(problem: Problem, drive: Trajectory) -> oed.Evaluation:
+            seen.add(drive.samples)
+            return evaluate(problem, drive)
+
+        monkeypatch.setattr("oed.identifiability.evaluate", counted)
+        return names_of(problem), seen
+
+    @staticmethod
+    def long(model: Model, measurement: Measurement = POSES, samples: int = 20_000, **parts) -> Problem:
+        space = DesignSpace(duration=300, samples=samples, spline=Spline(coefficients=8))
+        return problem_of(model, measurement, design=space, **parts)
+
+    @pytest.mark.parametrize(
+        ("model", "measurement", "parts", "expected"),
+        [
+            (DIFFERENTIAL, POSES, {}, []),
+            (DIFFERENTIAL, GYRO, {}, [SKID_NAMES[:3]]),
+            (
+                DIFFERENTIAL,
+                Displacements(regressor="both", segments="samples"),
+                {"criterion": E(scaling="none")},
+                [],
+            ),
+            (DIFFERENTIAL, Several(sensors=(GYRO, RANGES)), {"estimate": C}, []),
+            (SKID, POSES, {"estimate": SKID_NAMES[1:]}, []),
+        ],
+        ids=["poses", "gyro", "regression", "two sensors", "slip"],
+    )
+    def test_the_verdict(self, model, measurement, parts, expected, monkeypatch):
+        found, seen = self.tried(self.long(model, measurement, **parts), monkeypatch)
+        assert found == expected
+        assert max(seen) < 1000
+
+    @pytest.mark.parametrize(("every", "told"), [(8000, True), (25_000, False)])
+    def test_rare_readings_are_as_many(self, every: int, told: bool, monkeypatch: pytest.MonkeyPatch):
+        # Of a drive with one position nothing is known but where it began.
+        rare = Poses(quantities=("x", "y"), noise={"position": 0.01}, every=every)
+        problem = self.long(DIFFERENTIAL, rare, estimate=SKID_NAMES[:2])
+        found, seen = self.tried(problem, monkeypatch)
+        assert (found == []) == told
+        assert max(seen) < 1000
+        monkeypatch.setattr("oed.identifiability.as_well_read", lambda problem: problem)
+        assert found == names_of(problem)
+
+    @pytest.mark.parametrize("every", [1, 3, 399, 401, 3333, 6667, 19_999, 20_000])
+    def test_sensors_read_no_less_and_no_more_where_they_read_little(self, every: int):
+        problem = self.long(DIFFERENTIAL, Several(sensors=(POSES.model_copy(update={"every": every}), GYRO)))
+        own = as_well_read(problem)
+        sensor, fewer = problem.measurement.sensors[0], own.measurement.sensors[0]
+        wanted, found = 20_000 // every + 1, len(fewer.columns(own.design.samples))
+        assert len(sensor.columns(20_000)) == wanted
+        assert own.design.samples < 1000
+        assert found == wanted or min(found, wanted) >= OFTEN
+
+    def test_a_state_that_goes_astray_in_long_steps_is_tried_on_all_samples(self, monkeypatch):
+        problem = self.long(Hasty(wheel_radius=RADIUS, track=TRACK), samples=2000)
+        assert as_well_read(problem).design.period > 0.5
+        found, seen = self.tried(problem, monkeypatch)
+        assert 2000 in seen
+        monkeypatch.setattr("oed.identifiability.as_well_read", lambda problem: problem)
+        assert found == names_of(problem)
 
 
 class TestWords:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import casadi as ca
 import numpy as np
 import oracle
@@ -9,7 +11,7 @@ import pytest
 from robots import PLANAR, ROBOTS, Example, cases, draw_inputs
 
 from oed.models.coefficient_robot import CoefficientRobot
-from oed.rollout import FINE, Drive, roll_out
+from oed.rollout import FINE, Drive, drive_shape, roll_out
 
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
 FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")
@@ -223,3 +225,23 @@ def test_sensitivities_at_rest_are_finite(rule: str):
     example = ROBOTS[0]
     _, found = sensitivities(example.model, rule, np.zeros((SAMPLES, 2)))
     assert not found[:, :, : len(example.model.parameters)].any()
+
+
+@pytest.mark.parametrize("example", cases(ROBOTS))
+@pytest.mark.parametrize("runs", [1, 2])
+def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example, runs: int):
+    model, count = example.model, 6 * runs
+    shape = drive_shape(model, "arc", samples=6, runs=runs, period=PERIOD)
+    drive = roll_out(
+        model,
+        "arc",
+        inputs=ca.MX.sym("inputs", count, len(model.inputs)),
+        start=ca.MX.sym("start", runs, len(model.states)),
+        parameters=ca.MX(ca.DM(model.nominal)),
+        period=ca.MX(PERIOD),
+        runs=runs,
+    )
+    names = [entry.name for entry in fields(drive) if isinstance(getattr(drive, entry.name), ca.MX)]
+    assert len(names) == 13
+    for name in (*names, "sensitivities"):
+        assert getattr(shape, name).shape == getattr(drive, name).shape, name

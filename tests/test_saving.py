@@ -204,14 +204,15 @@ def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[s
 
 @pytest.mark.skipif(os.name != "posix", reason="limits and signals are POSIX's")
 class TestProcess:
-    def test_files_that_may_not_grow(self, finished: Path):
+    @pytest.mark.parametrize("most", [21, 4096])
+    def test_files_that_may_not_grow(self, finished: Path, most: int):
         import resource
 
         write_study(finished.parent, TEXT)
         before = contents(finished)
 
         def limited() -> None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
         process = started(
             finished.parent,

@@ -179,7 +179,7 @@ def _lattice_cap(problem: Problem, value: float, found: LatticeBound) -> Cap:
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     # The best speeds found, or the same the other way round: whichever keeps best to the room.
     space = problem.design
-    start = (0.0, 0.0, 0.0) if problem.fixed_starts is None else problem.fixed_starts[0]
+    start = problem.start_states((0.0, 0.0, 0.0)) if problem.fixed_starts is None else problem.fixed_starts
     speeds = found.speeds
     candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
     low, high = problem.input_bounds.T

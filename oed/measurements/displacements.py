@@ -15,7 +15,7 @@ from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
 from oed.measurements.measurement import Block, Measurement, regression
-from oed.models.model import Model
+from oed.models.model import Model, nominal_coefficients
 from oed.quantities import Angle, Length
 from oed.rollout import Drive
 
@@ -125,7 +125,7 @@ class Displacements(Measurement):
             "position": (slice(1, None), "m", self.noise.position, 2),
         }[name]
         model = drive.model
-        nominal = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))))[rows].ravel()
+        nominal = nominal_coefficients(model)[rows].ravel()
         return regression(
             name,
             matrix,

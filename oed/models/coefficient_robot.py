@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import model_validator
 
 from oed.expression import Expression
-from oed.models.model import Input, Model, Parameter, coefficient_twist
+from oed.models.model import Input, Model, Parameter, coefficient_twist, nominal_coefficients
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class CoefficientRobot(Model):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m]."""
-        nominal = np.asarray(ca.evalf(self.base.coefficients(ca.DM(self.base.nominal))))
+        nominal = nominal_coefficients(self.base)
         return tuple(
             Parameter(name, float(value), unit)
             for names, values, unit in zip(self.coefficient_names, nominal, ("", "m", "m"), strict=False)

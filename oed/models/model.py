@@ -15,6 +15,8 @@ from math import inf
 from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from oed.component import Component
@@ -23,6 +25,9 @@ from oed.expression import Expression
 from oed.quantities import Length
 
 Integration = Literal["arc", "midpoint"]
+
+ROUNDING = 1e-12
+"""Share of the largest coefficient of its row below which one is rounding of the geometry."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +202,13 @@ def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) 
     """
     product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
     return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])
+
+
+def nominal_coefficients(model: Model) -> npt.NDArray[np.float64]:
+    """The matrix c at the nominal parameter values; what is 0 by the robot's geometry is exactly 0."""
+    values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
+    largest = np.abs(values).max(axis=1, keepdims=True)
+    return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
 
 
 def sinc(angle: Expression) -> Expression:

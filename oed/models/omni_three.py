@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+from math import sqrt
 from typing import ClassVar, Literal
 
 import casadi as ca
@@ -11,8 +11,8 @@ from oed.expression import Expression
 from oed.models.model import Input, Model, Parameter, coefficient_twist
 from oed.models.wheels import PositiveLength
 
-PLACES = {"front_left": pi / 3, "rear": pi, "front_right": -pi / 3}
-"""Where the wheels stand: angle from the heading [rad], to the left."""
+PLACES = {"front_left": (0.5, sqrt(0.75)), "rear": (-1.0, 0.0), "front_right": (0.5, -sqrt(0.75))}
+"""Where the wheels stand, ahead of the origin and to its left: cosine and sine of 60, 180 and -60 degrees."""
 
 
 class OmniThree(Model):
@@ -44,8 +44,8 @@ class OmniThree(Model):
     def coefficients(self, parameters: Expression) -> Expression:
         """C (3, 3) of yaw rate, forward and lateral speed: the inverse of r w = J (forward, lateral, yaw)."""
         radius, distance = parameters[0], parameters[1]
-        angles = PLACES.values()
-        ahead, left = ca.DM([[-sin(angle) for angle in angles]]), ca.DM([[cos(angle) for angle in angles]])
+        cosines, sines = zip(*PLACES.values(), strict=True)
+        ahead, left = -ca.DM([sines]), ca.DM([cosines])
         yaw = radius / (3 * distance) * ca.DM.ones(1, 3)
         return ca.vertcat(yaw, 2 * radius / 3 * ahead, 2 * radius / 3 * left)
 

@@ -32,7 +32,8 @@ NARROWED = 0.9
 class Frame:
     """How a program sees the limits: bounds of single unknowns as bounds, all others as weighed rows.
 
-    With `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation.
+    Bounds of single unknowns that contradict each other stay rows, for those Ipopt calls infeasible. With
+    `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation.
     """
 
     def __init__(self, terms: Terms, *, relaxing: bool) -> None:
@@ -42,10 +43,12 @@ class Frame:
         self._owner = np.repeat(np.arange(len(terms.rows)), [len(rows.lower) for rows in terms.rows])
         self._lower = np.concatenate([rows.lower for rows in terms.rows])
         self._upper = np.concatenate([rows.upper for rows in terms.rows])
-        alone, self._unknown, self._slope, self._constant = terms.bounded_unknowns
-        simple = np.zeros(len(self._owner), dtype=bool)
-        simple[alone] = not relaxing
-        self._simple, self._rest = np.flatnonzero(simple), np.flatnonzero(~simple)
+        self._simple, self._unknown, self._slope, self._constant = terms.bounded_unknowns
+        least, most = self._ranges(self._lower, self._upper)
+        kept = (least <= most)[self._unknown] & (not relaxing)
+        self._simple, self._unknown = self._simple[kept], self._unknown[kept]
+        self._slope, self._constant = self._slope[kept], self._constant[kept]
+        self._rest = np.setdiff1d(np.arange(len(self._owner)), self._simple)
         weights = np.where(np.array(terms.linear) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
         self._weights = weights[self._owner[self._rest]]
 
@@ -67,17 +70,31 @@ class Frame:
         # Something is left between two bounds, however narrow: a robot may all but fill its room.
         shift = np.minimum(shift, NARROWED * (self._upper - self._lower) / 2)
         lower, upper = self._lower + shift, self._upper - shift
-        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        if not self.relaxing:
-            ends = np.array([lower[self._simple], upper[self._simple]])
-            ends = np.sort((ends - self._constant) / self._slope, axis=0)
-            np.maximum.at(low, self._unknown, ends[0])
-            np.minimum.at(high, self._unknown, ends[1])
+        low, high = self._unknowns_within(lower, upper)
         least, most = lower[self._rest] * self._weights, upper[self._rest] * self._weights
         if self.relaxing:
             unbounded = np.full(len(least), np.inf)
             least, most = np.concatenate([-unbounded, least]), np.concatenate([most, unbounded])
         return (low, high), (least, most)
+
+    def _unknowns_within(self, lower: Array, upper: Array) -> Interval:
+        # What tightened rows of single unknowns leave of these.
+        low, high = self._ranges(lower, upper)
+        least, most = self._ranges(self._lower, self._upper)
+        # So it is of what several limits together leave of one unknown.
+        spare = np.zeros(self.size)
+        bounded = np.isfinite(most - least)
+        spare[bounded] = (1 - NARROWED) * (most - least)[bounded] / 2
+        return np.minimum(low, most - spare), np.maximum(high, least + spare)
+
+    def _ranges(self, lower: Array, upper: Array) -> Interval:
+        # Of every unknown, where all its own rows lie between such bounds.
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        ends = np.array([lower[self._simple], upper[self._simple]])
+        ends = np.sort((ends - self._constant) / self._slope, axis=0)
+        np.maximum.at(low, self._unknown, ends[0])
+        np.minimum.at(high, self._unknown, ends[1])
+        return low, high
 
 
 class ChainRule:

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.coarser import coarse_samples, coarsened
 from oed.expression import Expression
-from oed.measurements.displacements import Displacements
 from oed.problem import Problem
 from oed.rollout import roll_out
 from oed.solvers.design import DesignExpressions
@@ -28,34 +28,6 @@ from oed.solvers.terms.base import stacks, symmetric_all, upper_half
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
-
-MOST = 600
-"""Samples per run up to which all of them are searched on."""
-USUAL = 400
-"""Samples per run of a coarse grid: so many that paths hardly leave the limits between them."""
-PER_COEFFICIENT = 12
-"""Samples that a spline coefficient needs for a coarse grid to see its shape."""
-
-
-def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
-    """Samples per run of the grid to search on: as many as wanted, or all where they are few, else about 400;
-    a few more where segments would not be equally long.
-    """
-    space, measurement = problem.design, problem.measurement
-    usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
-    if wanted is None and space.samples <= usual * MOST // USUAL:
-        return space.samples
-    segments = measurement.segments if isinstance(measurement, Displacements) else 1
-    return usual if segments == "samples" else -(-usual // segments) * segments
-
-
-def coarsened(problem: Problem, samples: int) -> Problem:
-    """The problem on so many samples per run; itself where its measurement or criterion needs all of them."""
-    space = problem.design
-    measurement = problem.measurement.coarser(space.samples / samples)
-    if measurement is None or samples >= space.samples or len(problem.judged_robots) > 1:
-        return problem
-    return replace(problem, measurement=measurement, design=space.model_copy(update={"samples": samples}))
 
 
 class Grid:
@@ -76,7 +48,9 @@ class Grid:
         per sample. With `differentiated` False it serves for values alone.
         """
         self.problem = problem
-        own = coarsened(problem, coarse_samples(problem, samples))
+        # Corrections are of one robot.
+        alone = len(problem.judged_robots) == 1
+        own = coarsened(problem, coarse_samples(problem, samples)) if alone else problem
         self.coarse = own is not problem
         self.design = DesignExpressions(own, refine, differentiated=differentiated)
         self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)

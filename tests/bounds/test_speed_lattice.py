@@ -15,7 +15,8 @@ from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, 
 from oed.evaluation import evaluate
 from oed.limits import WheelAcceleration, WheelSpeed
 from oed.measurements import Displacements
-from oed.trajectory import DesignSpace
+from oed.models import TractorTrailer
+from oed.trajectory import DesignSpace, Spline
 
 Array = npt.NDArray[np.float64]
 
@@ -246,3 +247,15 @@ def test_the_certificate_hands_back_a_drive_of_its_own_value(integration: Any, l
     assert certificate.complete
     assert 0 <= certificate.gap(found.objective) <= loss
     assert not certificate.loose(found.objective)
+
+
+def test_the_lattices_drive_of_a_robot_with_further_states() -> None:
+    problem = make_problem(
+        model=TractorTrailer(wheel_radius=0.05, track=0.2, trailer_length=0.4),
+        design=DesignSpace(duration=1, samples=8, spline=Spline(coefficients=6), start="free"),
+        measurement=Displacements(segments="samples", noise_model="increments"),
+        limits=(WheelSpeed(bounds=5), WheelAcceleration(bounds=20)),
+    )
+    drive = bound(problem, nodes=5).drive
+    assert drive.starts.shape == (1, 4)
+    assert evaluate(problem, drive).objective > 0

@@ -8,12 +8,28 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
+from builders import SPEED, make_problem
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 from robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
 
-from oed.models import MODELS, DifferentialDrive, SkidSteer, chord, sinc, step
+from oed.criteria import E
+from oed.errors import ProblemError
+from oed.measurements import Displacements, Poses
+from oed.models import (
+    MODELS,
+    DifferentialDrive,
+    Mecanum,
+    OffsetDrive,
+    OmniThree,
+    SkidSteer,
+    SkidSteerIcr,
+    chord,
+    sinc,
+    step,
+)
+from oed.models.coefficient_robot import CoefficientRobot
 
 robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
 coefficient_robots = pytest.mark.parametrize("example", COEFFICIENT_ROBOTS, ids=lambda example: example.name)
@@ -60,6 +76,35 @@ def test_names_and_units(example: Example):
     assert len(model.state_units) == len(model.states)
     assert len(model.nominal) == len(model.parameters)
     assert model.states[:3] == ("x", "y", "heading")
+
+
+@pytest.mark.parametrize(
+    ("model", "zeros"),
+    [
+        (OmniThree(wheel_radius=0.04, centre_distance=0.18), ["c22"]),
+        (OmniThree(wheel_radius=0.0401, centre_distance=3.1), ["c22"]),
+        # A sensor above a wheel does not move ahead with the other one.
+        (OffsetDrive(wheel_radius=RADIUS, track=0.3, sensor_offset=0.15), ["c21"]),
+        (OffsetDrive(wheel_radius=0.03, track=0.07, sensor_offset=-0.035), ["c22"]),
+        (Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.3), []),
+        (SkidSteerIcr(wheel_radius=0.1, y_icr_left=0.7, y_icr_right=-0.4, x_icr=1e-6), []),
+        (SkidSteerIcr(wheel_radius=0.1, y_icr_left=0.7, y_icr_right=-0.4), ["c31", "c32"]),
+    ],
+)
+def test_coefficients_that_are_0_by_geometry_are_exactly_0(model, zeros: list[str]):
+    found = CoefficientRobot(base=model).parameters
+    assert [one.name for one in found if one.nominal == 0] == zeros
+    written = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal)))).ravel()
+    np.testing.assert_allclose([one.nominal for one in found], written, rtol=0, atol=1e-15)
+    poses = Poses(noise={"position": 0.01, "heading": 0.02})
+    regression = Displacements(segments=8, regressor="both", noise={"position": 0.01, "heading": 0.02})
+    for measurement in (poses, regression):
+        parts = {"limits": (SPEED,), "estimate": tuple(one.name for one in found), "criterion": E()}
+        if zeros:
+            with pytest.raises(ProblemError, match=f"{', '.join(zeros)} is nominally 0"):
+                make_problem(model=model, measurement=measurement, **parts)
+        else:
+            make_problem(model=model, measurement=measurement, **parts)
 
 
 @robots

@@ -10,8 +10,11 @@ from builders import SPEED, make_problem
 
 from oed.criteria import A, D, E, G, ModifiedE
 from oed.criteria.prediction import Leg
+from oed.limits import WheelAcceleration, WheelSpeed
 from oed.measurements import Displacements, Poses
 from oed.robust import Robust
+from oed.solution import Status
+from oed.solvers import Ipopt, solve
 from oed.solvers.chain import ChainRule, Frame
 from oed.solvers.design import DesignExpressions
 from oed.solvers.epigraph import objective_of
@@ -114,6 +117,32 @@ def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
     np.testing.assert_allclose(high, np.full(design.size, 0.75))
     np.testing.assert_allclose(low, -high)
     assert len(least) == 0
+
+
+def test_tightening_leaves_something_of_what_several_limits_leave_of_an_unknown():
+    """Speeds and accelerations of at least 0 leave the last speeds before rest nothing but 0."""
+    limits = (WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=(0, 20)))
+    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=limits))
+    frame = Frame(design.terms, relaxing=False)
+    (least, most), _ = frame.bounds(np.zeros(2))
+    assert (least == most).any()
+    for backoff in ((0.01, 0.01), (0.6, 0.0), (0.0, 0.6), (0.6, 0.6)):
+        (low, high), _ = frame.bounds(np.array(backoff))
+        assert (low <= high).all()
+        assert (least <= low).all()
+        assert (high <= most).all()
+
+
+def test_bounds_of_an_unknown_that_contradict_each_other_stay_rows():
+    """From rest to rest accelerations of at least 1 ask the last speeds to be below 0."""
+    limits = (WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=(1, 20)))
+    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=limits))
+    (low, high), (least, most) = Frame(design.terms, relaxing=False).bounds(np.zeros(2))
+    assert (low <= high).all()
+    assert (least <= most).all()
+    assert np.isinf(low).sum() == 2
+    solution = solve(design.problem, Ipopt(starts=1, perturbations=0), seed=0, workers=1)
+    assert solution.status is Status.INFEASIBLE
 
 
 class TestSharedTerms:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from builders import make_problem
 
+from oed.coarser import MOST, USUAL, coarse_samples
 from oed.criteria import D, E
 from oed.evaluation import evaluate
 from oed.measurements import Displacements, Poses, Several, YawRate
 from oed.problem import Problem
 from oed.robust import Robust
 from oed.solvers import Ipopt, solve
-from oed.solvers.coarse import MOST, USUAL, Grid, coarse_samples
+from oed.solvers.coarse import Grid
 from oed.solvers.starts import random_drives
 from oed.trajectory import DesignSpace, Spline
 from oed.uncertainty import Uncertainty

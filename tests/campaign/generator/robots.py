@@ -98,7 +98,9 @@ def _differential(rng: Rng, size: float) -> dict[str, Any]:
 
 
 def _offset(rng: Rng, size: float) -> dict[str, Any]:
-    return {**_geometry(rng, size), "sensor_offset": _length(one_of(rng, (0.0, rng.uniform(-1, 1) * size)))}
+    # Above a wheel, too, where a coefficient is 0 but for rounding.
+    offset = one_of(rng, (0.0, rng.uniform(-1, 1) * size, size / 2))
+    return {**_geometry(rng, size), "sensor_offset": _length(offset)}
 
 
 def _skid_steer(rng: Rng, size: float) -> dict[str, Any]:
