@@ -93,7 +93,7 @@ def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str,
         for limit, amount in entry["violations"].items():
             how = ", reserve for other robots included" if limit in reserved else ""
             _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
-        points = [one["limit"] for one in entry["margins"] or () if one.get("certain") is False]
+        points = [one["limit"] for one in entry.get("margins") or () if one.get("certain") is False]
         if points and entry["feasible"]:
             _print_line(console, f"  checked at points only, not between them: {', '.join(points)}")
 

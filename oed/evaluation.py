@@ -362,7 +362,7 @@ def _margin(
     # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
     found = float(excess.max()) if excess.size else -rows.size
     most, certain = most_exceeded(problem, limit, trajectory, found, stretches)
-    return Margin(limit.name, spare - most, rows.size, rows.unit, certain)
+    return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:

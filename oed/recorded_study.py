@@ -61,7 +61,7 @@ def _in_record(error: ValidationError | ProblemError | StudyError, data: Any, fi
     if isinstance(error, ValidationError):
         flaws = [
             (one.key, one.message)
-            for one in explain(error, StudyFile, parse_yaml(json.dumps(data, ensure_ascii=False), ""))
+            for one in explain(error, StudyFile, parse_yaml(json.dumps(data), str(file)))
         ]
     elif isinstance(error, StudyError):
         flaws = [(one.key, one.message) for one in error.flaws]

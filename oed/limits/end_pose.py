@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.component import Component
-from oed.limits.limit import Limit, Rows, magnitude
+from oed.limits.limit import Limit, Rows
 from oed.quantities import Angle, Length
 from oed.rollout import Drive
 
@@ -42,15 +42,22 @@ class EndPosition(Limit):
         return value if isinstance(value, dict) else {"at": value}
 
     def rows(self, drive: Drive) -> Rows:
-        """Distance from the place, of every run."""
+        """(d^2 + tolerance^2) / (2 tolerance) of the distance d from the place, of every run: smooth at the
+        place, and at the tolerance what the distance is.
+        """
         first, last = drive.ends_of(drive.path)
         if isinstance(self.at, Place):
             offset = last[:, :2] - ca.repmat(ca.DM([[self.at.x, self.at.y]]), drive.runs, 1)
         else:
             offset = last[:, :2] - first[:, :2]
-        away = magnitude(offset[:, 0], offset[:, 1], self.tolerance)
+        square = offset[:, 0] ** 2 + offset[:, 1] ** 2
+        away = (square + self.tolerance**2) / (2 * self.tolerance)
         bound = np.full(drive.runs, self.tolerance)
         return Rows(away, np.full(drive.runs, -np.inf), bound, self.tolerance, "m")
+
+    def amount(self, excess: float) -> float:
+        """The distance beyond the tolerance [m]."""
+        return float(np.sqrt(max(self.tolerance * (2 * excess + self.tolerance), 0.0))) - self.tolerance
 
 
 class EndHeading(Limit):

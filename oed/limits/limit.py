@@ -68,6 +68,12 @@ class Limit(Component, ABC):
     def rows(self, drive: Drive) -> Rows:
         """The limit on `drive`, for all the times that the drive's values stand for."""
 
+    def amount(self, excess: float) -> float:
+        """By how much the limit is exceeded where its rows are by `excess`, both in its unit: the same, unless
+        rows that an optimiser can follow measure it otherwise.
+        """
+        return excess
+
     def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
         """What makes this limit impossible for the robot or the design space; [] if nothing."""
         return []

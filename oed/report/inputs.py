@@ -157,7 +157,8 @@ def rates_of(entry: Entry, group: Group) -> Series:
     assert drive is not None
     clock, periods = _Clock(drive.duration, drive.runs), drive.samples // drive.runs
     if drive.degree == 0:
-        times = [own[1:-1] for own in clock.times(periods)]
+        # From rest, from each period to the next, and to rest.
+        times = clock.times(periods)
         jumps = np.split(drive.rates_at(np.concatenate(times)), drive.runs)
         return _series(entry, group, clock, times, jumps, steps=True)
     times = clock.times(_drawn(periods, drive.runs))

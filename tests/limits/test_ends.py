@@ -190,7 +190,7 @@ def test_ends_of_a_drive(seed: int):
     drive = random_drive(problem, seed)
     x, y, heading = fine_path(example, drive)[-1]
     margin = margin_of(problem, drive, "end_position")
-    assert margin.margin == pytest.approx(0.2 - np.hypot(x - 0.3, y + 0.1), abs=2e-4)
+    assert margin.margin == pytest.approx(0.2 - np.hypot(x - 0.3, y + 0.1), abs=1e-9)
     assert (margin.size, margin.unit) == (0.2, "m")
     off = abs(np.angle(np.exp(1j * (heading - 0.5))))
     margin = margin_of(problem, drive, "end_heading")
@@ -207,7 +207,7 @@ def test_a_tolerance_is_a_distance_in_any_direction(direction: float, share: flo
     place = {"x": x + 0.1 * np.cos(direction) * share, "y": y + 0.1 * np.sin(direction) * share}
     problem = limited(example, EndPosition(at=place, tolerance=0.1))
     assert margin_of(problem, drive, "end_position").kept == kept
-    assert margin_of(problem, drive, "end_position").margin == pytest.approx(0.1 - 0.1 * share, abs=1e-6)
+    assert margin_of(problem, drive, "end_position").margin == pytest.approx(0.1 - 0.1 * share, abs=1e-9)
 
 
 def turning(angles, begins=None) -> Trajectory:
@@ -242,12 +242,14 @@ def test_ends_of_every_run():
     )
     expected = 2 * np.abs(np.sin((np.array([0.2, 0.5 + 2 * np.pi, 2.1]) - 0.5) / 2))
     np.testing.assert_allclose(np.abs(row_values(EndHeading(at=0.5), drive)), expected, atol=1e-9)
-    np.testing.assert_allclose(row_values(EndPosition(at="start"), drive), 0, atol=1e-5)
+    limit = EndPosition(at="start")
+    np.testing.assert_allclose(row_values(limit, drive), 0.005, atol=1e-9)
+    assert limit.amount(row_values(limit, drive).max() - 0.01) == pytest.approx(-0.01)
     first, last = drive.ends_of(drive.path)
     assert first.shape == last.shape == (3, 3)
-    place = row_values(EndPosition(at={"x": 1, "y": -2}), drive)
-    # Rounded at the place itself, so a little less than the distance far from it.
-    np.testing.assert_allclose(place, np.sqrt(5), atol=2e-5)
+    limit = EndPosition(at={"x": 1, "y": -2})
+    away = [limit.amount(value - 0.01) + 0.01 for value in row_values(limit, drive)]
+    np.testing.assert_allclose(away, np.sqrt(5))
 
 
 @pytest.mark.parametrize("key", ["end_position", "path_length", "turning_radius", "body_speed"])
