@@ -69,8 +69,9 @@ class Limit(Component, ABC):
         """The limit on `drive`, for all the times that the drive's values stand for."""
 
     def amount(self, excess: float) -> float:
-        """By how much the limit is exceeded where its rows are by `excess`, both in its unit: the same, unless
-        rows that an optimiser can follow measure it otherwise.
+        """By how much the limit is exceeded where its rows are by `excess`, both in its unit.
+
+        The same, unless rows that an optimiser can follow measure it otherwise.
         """
         return excess
 
