@@ -15,10 +15,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.between import most_exceeded, near
+from oed.between import most_exceeded
 from oed.errors import Flaw, NotFinite
 from oed.finiteness import require_finite
-from oed.limits.limit import Limit, PathLimit, Rows
+from oed.limits.limit import Limit, Rows
 from oed.problem import Problem
 from oed.rollout import FINE, roll_out
 from oed.square_root import SquareRoot
@@ -254,7 +254,7 @@ class _Scorer:
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
-            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
+            [drive.path_length(), drive.poses, drive.path],
             # Of sensors the jacobian's first columns: they are not asked for twice.
             [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
@@ -303,7 +303,7 @@ class _Scorer:
         results = self.function(drive.inputs, drive.starts, problem.robot.nominal, drive.period, *extremes)
         arrays = [np.array(result) for result in results]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
+        (length, poses, path), regressors, responses, jacobians, limits = groups
         require_finite(problem, drive, path, responses, jacobians)
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians)
@@ -315,7 +315,7 @@ class _Scorer:
         ]
         names = [one.block.name for one in self.estimations]
         margins = [
-            _margin(problem, limit, trajectory, rows, row_values.ravel(), speeds.ravel())
+            _margin(problem, limit, trajectory, poses, rows, row_values.ravel())
             for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
@@ -347,21 +347,16 @@ def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, 
 
 
 def _margin(
-    problem: Problem, limit: Limit, trajectory: Trajectory, rows: Rows, values: Array, speeds: Array
+    problem: Problem, limit: Limit, trajectory: Trajectory, poses: Array, rows: Rows, values: Array
 ) -> Margin:
     if np.isnan(values).any():
         raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
     spare = problem.excess * rows.size
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
-    stretches = None
-    if problem.robust is None and isinstance(limit, PathLimit):
-        # One thing after the other, asked of all points of the path.
-        points = excess.reshape(-1, FINE * trajectory.samples + trajectory.runs).max(axis=0)
-        stretches = near(problem, limit, rows.size, trajectory, points, speeds)
     # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
     found = float(excess.max()) if excess.size else -rows.size
-    most, certain = most_exceeded(problem, limit, trajectory, found, stretches)
+    most, certain = most_exceeded(problem, limit, trajectory, poses, found)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 

@@ -9,12 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+
+ROUNDING = 1e-12
+"""Share of the duration below which two times are one."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,9 @@ def basis(knots: Array, degree: int, times: Array) -> Band:
     """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4]."""
     count = len(knots) - degree - 1
     inside = np.clip(times, knots[degree], knots[-degree - 1])
+    if degree == 0:
+        # A time at a knot, to rounding, is at the knot: the middle of a period may be.
+        inside = inside + ROUNDING * knots[-1]
     place = np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1)
     values = np.zeros((degree + 1, len(inside)))
     values[0] = 1.0
@@ -120,15 +128,23 @@ def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) ->
     if degree - order < 2:
         return ends
     middles, halves = (inner[1:] + inner[:-1]) / 2, np.diff(inner) / 2
-    series = _series(knots, degree, coefficients, middles)[order + 1 :]
+    shape = coefficients.shape
+    series = _series(knots.tobytes(), degree, np.ascontiguousarray(coefficients).tobytes(), shape)[
+        order + 1 :
+    ]
     # In units of half a piece, for numbers of one size.
     scaled = [(part.T * halves**power).T / factorial(power) for power, part in enumerate(series)]
     roots = np.clip(_real_roots(scaled), -1.0, 1.0)
     return np.concatenate([ends, (middles[:, None, None] + halves[:, None, None] * roots).ravel()])
 
 
-def _series(knots: Array, degree: int, coefficients: Array, times: Array) -> list[Array]:
-    # All derivatives (len(times), curves) at times inside the pieces, from the curves themselves on.
+@lru_cache(maxsize=8)
+def _series(knots_bytes: bytes, degree: int, table: bytes, shape: tuple[int, int]) -> list[Array]:
+    # All derivatives (pieces, curves) in the middles of the pieces, from the curves themselves on: kept, for
+    # values, rates and jerks are asked for one after the other.
+    knots, coefficients = np.frombuffer(knots_bytes), np.frombuffer(table).reshape(shape)
+    inner = np.unique(knots)
+    times = (inner[1:] + inner[:-1]) / 2
     found = [basis(knots, degree, times) @ coefficients]
     for lower in range(degree - 1, -1, -1):
         steps, knots = derivative(knots, lower + 1)

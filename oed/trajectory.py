@@ -201,6 +201,9 @@ class Trajectory:
         or 2 those of its rates or jerks. K depends on knots and degree alone.
         """
         at = (Trajectory.inputs_at, Trajectory.rates_at, Trajectory.jerks_at)[order]
+        if order == self.degree == 0:
+            # Of steps, what is held: nobody drives a value between two periods' middles.
+            return self.inputs
         if order > self.degree:
             return at(self, np.zeros(0))
         runs = [

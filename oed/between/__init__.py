@@ -7,4 +7,3 @@ from oed.between.search import change_per_metre as change_per_metre
 from oed.between.search import excess_of as excess_of
 from oed.between.search import largest as largest
 from oed.between.search import most_exceeded as most_exceeded
-from oed.between.search import near as near

@@ -42,16 +42,25 @@ class Excess:
         model: Model,
         integration: Integration,
         *,
+        per_metre: float = np.inf,
         sensitive: bool = False,
         run: int = 0,
     ) -> None:
         """Write the rows of an instant and bound them.
 
+        Args:
+            rows_of: an instant's.
+            model: the robot.
+            integration: rule by which its poses follow from its twist.
+            per_metre: what the rows change by at most per metre that the mean speed of a period tells.
+            sensitive: whether the rows look at sensitivities.
+            run: of which run the instants are.
+
         Raises:
             NotEnclosed: an operation that no bounds are known for.
         """
         states, parameters, inputs = len(model.states), len(model.parameters), len(model.inputs)
-        self.sensitive = sensitive
+        self.sensitive, self._per_metre = sensitive, per_metre
         self._given = [
             ca.SX.sym("state", states),
             ca.SX.sym("inputs", inputs),
@@ -75,11 +84,13 @@ class Excess:
         rows = rows_of(instant)
         self.size, excess = rows.size, ca.cse(exceeded(rows))
         self.by_splines = bool(ca.depends_on(excess, asked))
-        self._at = ca.Function("at", [*self._given, asked, fraction], [excess])
-        self._over = self._bounded(inputs)
+        arguments = [*self._given, asked, fraction]
+        speed = ca.hypot(instant.twist[0], instant.twist[1])
+        self._at = ca.Function("at", arguments, [excess, speed])
+        self._over = self._bounded(ca.Function("excess", arguments, [excess]), inputs)
         self._mapped: dict[tuple[str, int], ca.Function] = {}
 
-    def _bounded(self, inputs: int) -> ca.Function:
+    def _bounded(self, excess: ca.Function, inputs: int) -> ca.Function:
         asked = [ca.SX.sym(name, inputs) for name in ("low", "high", "slope_low", "slope_high")]
         begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
         each = zip(*(ca.vertsplit(one) for one in asked), strict=True)
@@ -87,7 +98,7 @@ class Excess:
         points = [[Enclosure(number(one)) for one in ca.vertsplit(given)] for given in self._given]
         if not self.by_splines:
             entries = [Enclosure(number(0.0))] * inputs
-        found = enclosed(self._at, [*points, entries, [Enclosure(Interval(begin, end), ONE)]])
+        found = enclosed(excess, [*points, entries, [Enclosure(Interval(begin, end), ONE)]])
         results = [
             ca.vertcat(*(one.value.high for one in found)),
             ca.vertcat(*(one.slope.low for one in found)),
@@ -107,16 +118,19 @@ class Excess:
         rows = np.concatenate([run * each + row for run, (row, _, _) in enumerate(cuts)])
         return Stretches(rows, begins, ends)
 
-    def over(self, periods: Periods, stretches: Stretches) -> tuple[Array, Array]:
-        """The larger excess of both ends, and the largest there may be between, (K,) each."""
+    def over(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
+        """The larger excess of both ends, and the largest there may be between, (K,) each.
+
+        Nobody needs to know how much less than `enough` (K,) that is: the cheapest bound will do.
+        """
         parts = [
-            self._some(periods, stretches.chosen(slice(first, first + AT_ONCE)))
-            for first in range(0, len(stretches), AT_ONCE)
+            self._some(periods, stretches.chosen(own), enough[own])
+            for own in (slice(first, first + AT_ONCE) for first in range(0, len(stretches), AT_ONCE))
         ]
         found, bounds = zip(*parts, strict=True)
         return np.concatenate(found), np.concatenate(bounds)
 
-    def _some(self, periods: Periods, stretches: Stretches) -> tuple[Array, Array]:
+    def _some(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
         count, place = len(stretches), periods.place_of(stretches.row)
         given = [
             periods.states[stretches.row],
@@ -127,15 +141,24 @@ class Excess:
         ]
         splines = self._splines(periods.trajectory, place, stretches)
         fractions = [stretches.begin[:, None], stretches.end[:, None]]
-        first, last = (
-            self._call("at", self._at, [*given, asked, fraction])[0]
-            for asked, fraction in zip(splines[:2], fractions, strict=True)
+        both = [np.concatenate([one, one]) for one in given]
+        values, speeds = self._call(
+            "at", self._at, [*both, np.concatenate(splines[:2]), np.concatenate(fractions)]
         )
-        high, least, most = self._call("over", self._over, [*given, *splines[2:], *fractions])
-        peaks = _peak(first, last, least, most, fractions[1] - fractions[0])
+        (first, last), speed = np.split(values, 2), speeds[:count]
         found = np.maximum(first, last).max(axis=1)
-        bounds = np.fmin(peaks, np.where(np.isnan(high), np.inf, high)).max(axis=1)
-        return np.where(np.isnan(found), np.inf, found), np.maximum(bounds, found)
+        found = np.where(np.isnan(found), np.inf, found)
+        width = fractions[1] - fractions[0]
+        bounds = found + np.inf
+        if np.isfinite(self._per_metre):
+            bounds = found + self._per_metre * (speed * width)[:, 0] * periods.trajectory.period / 2
+        near = ~(bounds <= np.maximum(enough, found))
+        if near.any():
+            table = [one[near] for one in (*given, *splines[2:], *fractions)]
+            high, least, most = self._call("over", self._over, table)
+            peaks = _peak(first[near], last[near], least, most, width[near])
+            bounds[near] = np.fmin(peaks, np.where(np.isnan(high), np.inf, high)).max(axis=1)
+        return found, np.maximum(bounds, found)
 
     def _splines(self, drive: Trajectory, place: Places, stretches: Stretches) -> list[Array]:
         # The splines' values at both ends, and bounds of values and slopes (by the fraction) between.

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.between.excess import NARROWEST, Excess
-from oed.between.periods import Periods, Stretches, periods_of
+from oed.between.periods import Periods, periods_of
 from oed.enclosures import NotEnclosed
 from oed.limits.limit import Limit, PathLimit, Rows
 from oed.models.model import Integration, Model, follows_state
@@ -37,32 +37,32 @@ PATIENCE = 200_000
 
 
 def most_exceeded(
-    problem: Problem, limit: Limit, drive: Trajectory, found: float, stretches: Stretches | None = None
+    problem: Problem, limit: Limit, drive: Trajectory, poses: Array, found: float
 ) -> tuple[float, bool]:
-    """The most that a drive exceeds a problem's limit at any time, given what it does at some of them, and
-    whether that is sure.
-
-    `stretches` are those to look at of the nominal robot's drive; all by default.
+    """The most that a drive exceeds a problem's limit at any time, given its states at the samples (N + runs,
+    states) and what it does at some times, and whether that is sure.
     """
     if limit.looks_at != "state":
         return found, limit.looks_at is not None
     certain = True
     try:
-        for excess, periods in _looked_at(problem, limit, drive):
-            (found,), (sure,) = largest(excess, periods, np.array([found]), stretches=stretches)
+        for excess, periods in _looked_at(problem, limit, drive, poses):
+            (found,), (sure,) = largest(excess, periods, np.array([found]))
             certain = certain and bool(sure)
     except NotEnclosed:
         return found, False
     return float(found), certain
 
 
-def _looked_at(problem: Problem, limit: Limit, drive: Trajectory) -> Iterator[tuple[Excess, Periods]]:
+def _looked_at(
+    problem: Problem, limit: Limit, drive: Trajectory, poses: Array
+) -> Iterator[tuple[Excess, Periods]]:
     # The nominal robot, with what is kept in reserve; and the other robots that are to keep the limit.
     robust, spread, rule = problem.robust, problem.spread, problem.design.integration
     if robust is None or spread is None or not isinstance(limit, PathLimit):
-        robot = problem.robot
-        nominal = _of_one(robot, rule, drive, np.array(robot.nominal), drive.starts)
-        yield excess_of(limit, robot, rule), nominal
+        begins = np.concatenate([run[:-1] for run in np.split(poses, drive.runs)])
+        own = Periods(drive, begins, np.array([problem.robot.nominal]), np.zeros((len(begins), 0)))
+        yield excess_of(limit, problem.robot, rule), own
         return
     robot = spread.robot
     if robust.kind != "scenarios":
@@ -93,7 +93,8 @@ def _of_one(
 @lru_cache(maxsize=128)
 def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
     """A limit's excess as it stands."""
-    return Excess(limit.rows, robot, rule)
+    change = change_per_metre(limit, robot, rule) if isinstance(limit, PathLimit) else np.inf
+    return Excess(limit.rows, robot, rule, per_metre=change)
 
 
 @lru_cache(maxsize=32)
@@ -114,7 +115,6 @@ def largest(
     found: Array,
     *,
     enough: Array | float = np.inf,
-    stretches: Stretches | None = None,
 ) -> tuple[Array, Bools]:
     """The largest excess of each drive at any time, (drives,), and whether it is sure, to `GAP`.
 
@@ -123,15 +123,15 @@ def largest(
         periods: of the drives.
         found: excess found before, (drives,): stretches that cannot hold more are left alone.
         enough: excess above which a drive's is not looked for any further.
-        stretches: to look at; the whole drives by default.
     """
     found = np.array(found, dtype=float)
     sure = np.ones(len(found), dtype=bool)
     left = PATIENCE + 20 * len(periods.states)
-    stretches = excess.whole(periods) if stretches is None else stretches
+    stretches = excess.whole(periods)
     while len(stretches):
-        values, bounds = excess.over(periods, stretches)
         drives = periods.drive_of(stretches.row)
+        ceiling = (found + gap_of(excess.size, found))[drives]
+        values, bounds = excess.over(periods, stretches, ceiling)
         np.maximum.at(found, drives, values)
         left -= len(stretches)
         ceiling = (found + gap_of(excess.size, found))[drives]
@@ -157,35 +157,3 @@ def change_per_metre(limit: PathLimit, robot: Model, rule: Integration) -> float
     from its chords: there a part of the path may be longer than the speed tells.
     """
     return limit.per_metre if rule == "arc" and not follows_state(robot) else np.inf
-
-
-def near(
-    problem: Problem, limit: Limit, size: float, drive: Trajectory, points: Array, speeds: Array
-) -> Stretches | None:
-    """The stretches of a drive that may exceed a limit on its path by more than its points do.
-
-    Args:
-        problem: whose limit.
-        limit: on the path.
-        size: its own.
-        drive: with equally many points in every period.
-        points: excess at each of them, (G,), both ends of every run included.
-        speeds: of the robot's origin in every period [m/s], (N,).
-
-    Returns:
-        None where the limit does not say how much it changes along the path, or the robot how long that is.
-    """
-    if not isinstance(limit, PathLimit) or problem.robust is not None:
-        return None
-    change = change_per_metre(limit, problem.robot, problem.design.integration)
-    if not np.isfinite(change):
-        return None
-    runs = points.reshape(drive.runs, -1)
-    each = drive.samples // drive.runs
-    refine = (runs.shape[1] - 1) // each
-    reach = np.repeat(speeds, refine) * change * drive.period / refine / 2
-    highest = np.maximum(runs[:, :-1], runs[:, 1:]).ravel() + reach
-    found = points.max()
-    (chosen,) = np.nonzero(~(highest <= found + gap_of(size, found)))
-    part = chosen % refine
-    return Stretches(chosen // refine, part / refine, (part + 1) / refine)

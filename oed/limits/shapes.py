@@ -25,7 +25,7 @@ SLIVER = 1e-9
 NEAR = 1e-7
 """Share of the length of two edges within which they meet."""
 SOFT = 1e-6
-"""Distance [m] over which the corner of a distance to a point is rounded."""
+"""Share of a shape's longest edge over which the corner of a distance to a point is rounded."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class ConvexShape:
             # Beyond the ends of both edges that meet there, the corner is closest.
             offset = point - ca.DM(corner)
             closest = ca.logic_and(ca.dot(offset, ca.DM(edge)) < 0, ca.dot(offset, ca.DM(before)) > 0)
-            radius = ca.sqrt(ca.sumsqr(offset) + SOFT**2)
+            radius = ca.sqrt(ca.sumsqr(offset) + (SOFT * lengths.max()) ** 2)
             found = ca.if_else(closest, radius, found)
         return found
 

@@ -42,8 +42,9 @@ class Run:
 
     @cached_property
     def held(self) -> Array:
-        """Inputs (N, inputs) in each period: the spline in its middle."""
-        return self.spline((np.arange(self.samples) + 0.5) * self.period)
+        """Inputs (N, inputs) in each period: the spline in its middle; where a step is there, after it."""
+        middles = (np.arange(self.samples) + 0.5) * self.period
+        return self.spline(middles + (1e-12 * self.duration if self.degree == 0 else 0.0))
 
     @cached_property
     def spline(self) -> BSpline:
