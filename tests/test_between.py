@@ -316,3 +316,19 @@ def test_the_tolerance_is_the_only_one():
         start = (1 + share * TOLERANCE, 0.0, np.pi / 2)
         drive = steady(problem, 0.05, 0.0, start)
         assert evaluate(problem, drive).feasible == kept
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_thin_walls_of_large_rooms_are_not_tolerated_away(angle: float):
+    # A wall of 4 mm that is a part of the outline of a room of 12 m, or an obstacle, however they are turned.
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    comb = (
+        np.array([[-6, -6], [6, -6], [6, 6], [1.014, 6], [1.014, -3], [1.01, -3], [1.01, 6], [-6, 6]]) @ turn
+    )
+    wall = np.array([[1.01, -3], [1.014, -3], [1.014, 5], [1.01, 5]]) @ turn
+    obstacle = Obstacles.model_validate([{"kind": "polygon", "points": wall.tolist()}])
+    for limit in (Polygon(points=comb.tolist()), obstacle):
+        problem = moving(limit)
+        drive = steady(problem, 0.3, 0.0, (0.0, 0.0, angle))
+        assert not evaluate(problem, drive).feasible
+        assert evaluate(problem, steady(problem, 0.09, 0.0, (0.0, 0.0, angle))).feasible

@@ -225,6 +225,21 @@ def convex_pieces(shape: object, least: float = 0.0) -> tuple[ConvexShape, ...]:
     return tuple(ConvexShape(tuple((float(x), float(y)) for x, y in _corners(piece))) for piece in pieces)
 
 
+def half_thickness(points: Sequence[Point]) -> float:
+    """Half the shorter side of the narrowest rectangle around a polygon, or half its shortest edge if less.
+
+    A wall that is drawn thin has an edge as short at its end: what is tolerated of this must not let a robot
+    through it.
+    """
+    import shapely
+
+    shape = shapely.Polygon(points)
+    corners, around = _corners(shape), np.asarray(shapely.get_coordinates(shapely.oriented_envelope(shape)))
+    edges = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
+    sides = np.hypot(*np.diff(around, axis=0).T)
+    return float(min(edges.min(), sides.min())) / 2
+
+
 def middle_of(points: Sequence[Point]) -> Point:
     """The point of a polygon that is farthest from its outline."""
     import shapely

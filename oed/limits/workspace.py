@@ -20,6 +20,7 @@ from oed.limits.shapes import (
     Point,
     Wall,
     convex_pieces,
+    half_thickness,
     hull_farther_out,
     middle_of,
     polygon_flaw,
@@ -214,23 +215,26 @@ class Polygon(Workspace):
         return float(x.min()), float(x.max()), float(y.min()), float(y.max())
 
     @cached_property
+    def _size(self) -> float:
+        return half_thickness(self.points)
+
+    @cached_property
     def _parts(self) -> tuple[tuple[Wall, ...], tuple[ConvexShape, ...]]:
         return walls_and_pockets(self.points)
 
     def rows_for(self, points: Expression, radius: float) -> Rows:
-        """Distance of every point from every wall and pocket; the size is half the bounding box's shorter
-        side.
+        """Distance of every point from every wall and pocket; the size is half the room's thickness, of its
+        thinnest ends as well.
         """
         walls, pockets = self._parts
         count = points.shape[0]
         clearances = [wall.clearance(points) for wall in walls]
         clearances += [pocket.clearance(points) for pocket in pockets]
-        x_min, x_max, y_min, y_max = self.extent
         return Rows(
             ca.vertcat(*clearances),
             np.full(count * len(clearances), radius),
             np.full(count * len(clearances), np.inf),
-            min(x_max - x_min, y_max - y_min) / 2,
+            self._size,
             "m",
         )
 
@@ -289,8 +293,8 @@ class PolygonalObstacle(Obstacle):
 
     @property
     def size(self) -> float:
-        """Half the shorter side of its bounding box [m]."""
-        return float(np.ptp(np.array(self.points), axis=0).min()) / 2
+        """Half its thickness [m], of its ends as well."""
+        return half_thickness(self.points)
 
 
 OBSTACLES: tuple[type[Obstacle], ...] = (CircularObstacle, PolygonalObstacle)

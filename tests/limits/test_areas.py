@@ -150,7 +150,7 @@ def test_margins_along_a_drive(name: str, seed: int):
     if clearance(points).min() > 0:
         found = margin_of(problem, drive, "obstacles")
         assert found.margin == pytest.approx(clearance(points).min(), abs=1e-6)
-        assert (found.size, found.unit) == (pytest.approx(0.2), "m")
+        assert (found.size, found.unit) == (pytest.approx(0.1), "m")
 
 
 def straight(distance: float, start=(0.0, 0.0, 0.0), samples: int = 4) -> Trajectory:

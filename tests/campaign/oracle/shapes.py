@@ -44,12 +44,18 @@ def inside_distance(corners: Array, x: Array, y: Array) -> Array:
 
 
 def room_size(room: Mapping[str, Any]) -> float:
-    """Half the shorter side of a room's bounding box [m]; a circle's radius."""
+    """Half the shorter side of a room's bounding box, or of its outline if less [m]; a circle's radius."""
     if room["kind"] == "circle":
         return float(room["radius"])
     if room["kind"] == "rectangle":
         return float(min(np.diff(room["x"])[0], np.diff(room["y"])[0])) / 2
-    return float(np.ptp(np.array(room["points"], dtype=float), axis=0).min()) / 2
+    return min(thickness(room["points"]), shortest_edge(room["points"])) / 2
+
+
+def shortest_edge(points: Sequence[Sequence[float]]) -> float:
+    """Of a polygon [m]."""
+    corners = np.array(points, dtype=float)
+    return float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).min())
 
 
 def thickness(points: Sequence[Sequence[float]]) -> float:
@@ -69,4 +75,6 @@ def thickness(points: Sequence[Sequence[float]]) -> float:
 
 def obstacle_size(obstacle: Mapping[str, Any]) -> float:
     """Half an obstacle's smaller extent [m]."""
-    return float(obstacle["radius"]) if obstacle["kind"] == "circle" else thickness(obstacle["points"]) / 2
+    if obstacle["kind"] == "circle":
+        return float(obstacle["radius"])
+    return min(thickness(obstacle["points"]), shortest_edge(obstacle["points"])) / 2
