@@ -42,13 +42,13 @@ class Status(Enum):
 
 
 _SENTENCES = {
-    Status.CONVERGED: "Converged to a local optimum that keeps every limit on the fine grid.",
+    Status.CONVERGED: "Converged to a local optimum that keeps every limit.",
     Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
     "raise max_iterations to go on.",
     Status.TIME_LIMIT: "Stopped at the time limit; raise time_limit to go on.",
     Status.INTERRUPTED: "Interrupted before the search was done.",
-    Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit on the fine grid, "
+    Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit, "
     "but nothing says that it is an optimum.",
     Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
     "is returned; nothing says that it is an optimum: try more starts or another seed.",

@@ -141,10 +141,13 @@ def test_no_feasible_drive_of_many_coefficients_beats_its_bound():
         criterion=E(scaling="none"),
     )
     # At full speed in the middle of every period, at rest in between.
-    pulses = np.where(np.abs((np.arange(602) / 100) % 1 - 0.5) < 0.1, 10.0, 0.0)
-    drive = space.trajectory(np.column_stack([pulses, pulses * np.resize([1, -1], 602)]), np.zeros(3))
+    place = np.arange(602) / 601 * 6
+    pulses = np.where(np.abs(place % 1 - 0.5) < 0.1, 10.0, 0.0)
+    turned = np.where(place.astype(int) % 2, -1, 1)
+    drive = space.trajectory(np.column_stack([pulses, pulses * turned]), np.zeros(3))
     evaluation = evaluate(problem, drive)
-    assert evaluation.objective > bound(problem).upper_bound or evaluation.lambda_min < 1
+    assert evaluation.objective == pytest.approx(600)
+    assert bound(problem, nodes=10).upper_bound < 100
     assert not evaluation.feasible
 
 

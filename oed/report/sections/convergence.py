@@ -42,7 +42,7 @@ def convergence(record: Record) -> Section | None:
 def _caption(apart: bool) -> str:
     of = "all searches by the same criterion, in efficiency by it" if apart else "all searches"
     return (
-        f"Best objective so far below the best of {of}, re-scored on the fine grid, against the "
+        f"Best objective so far below the best of {of}, re-scored at all times, against the "
         f"search's own time on one machine. Below {FLOOR:g} % it is drawn at that level. A search that "
         "settles among equal optima gives up a little of its objective afterwards; that is not drawn."
     )
