@@ -105,7 +105,8 @@ def test_piecewise_constant_runs_break_as_well() -> None:
     assert inputs.steps
     assert np.isnan(inputs.values).any(axis=1).sum() == np.isnan(jumps.values).any(axis=1).sum() == 1
     assert len(inputs.times) == 2 * 41 + 1
-    assert len(jumps.times) == 2 * 39 + 1
+    # From rest, between the periods, and to rest.
+    assert len(jumps.times) == 2 * 41 + 1
 
 
 def test_player_plays_runs_one_by_one() -> None:
