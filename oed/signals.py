@@ -21,6 +21,10 @@ ENDING = [
 """Ctrl-C, a polite request to end, and a terminal that is closed."""
 WATCH = 0.5
 """Time [s] between looks at whether the parent is still there, where the system does not tell."""
+WRAPPERS = "casadi.casadi"
+"""Module of CasADi's wrappers."""
+SOON = 1e-3
+"""Time [s] after which a signal that would have been lost is answered again."""
 PARENT_DIED = 1
 """Of Linux's `prctl`: the signal that a process gets when its parent ends."""
 
@@ -37,14 +41,63 @@ def ending_alike() -> Iterator[None]:
         return
     # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
     before = {number: signal.getsignal(number) for number in ENDING}
-    taken = [number for number, handler in before.items() if handler is signal.SIG_DFL]
+    own = (signal.SIG_DFL, signal.default_int_handler)
+    taken = [number for number, handler in before.items() if handler in own]
+    ending = Ending()
     for number in taken:
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, ending)
     try:
         yield
     finally:
+        ending.forget()
         for number in taken:
             signal.signal(number, before[number])
+
+
+class Ending:
+    """The answer to a signal: KeyboardInterrupt, raised where it is not lost.
+
+    What CasADi's wrappers call while they look at their arguments may raise what it likes: they try another
+    way. There the signal waits until the program is out of them.
+    """
+
+    def __init__(self) -> None:
+        """Without a signal."""
+        self._waiting: threading.Timer | None = None
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Raise it, or see again very soon."""
+        if not _within(WRAPPERS, frame):
+            raise KeyboardInterrupt
+        self.forget()
+        self._waiting = threading.Timer(SOON, _send, [number])
+        self._waiting.daemon = True
+        self._waiting.start()
+
+    def forget(self) -> None:
+        """Let no signal wait any longer."""
+        if self._waiting is not None:
+            self._waiting.cancel()
+
+    def at_once(self, number: int, frame: FrameType | None) -> None:
+        """Raise it: for solvers, which end by it."""
+        raise KeyboardInterrupt
+
+
+def _send(number: int) -> None:
+    # To the thread that answers signals: it may be asleep.
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
+
+
+def _within(module: str, frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == module:
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextmanager

@@ -74,8 +74,12 @@ class Log:
     def integrals_at(self, times: Array, offset: float = 0.0) -> Array:
         """The integrals at times on the poses' clock, (len(times), inputs); held outside of the log."""
         moments = np.asarray(times) + offset
-        columns = [np.interp(moments, self.input_times, column) for column in self.integrals.T]
-        return np.column_stack(columns)
+        # Of a long log only the rows around these times: a look at all of them for each of its parts is long.
+        clock = self.input_times
+        first = np.searchsorted(clock, moments.min(initial=clock[-1]), side="right") - 1
+        last = np.searchsorted(clock, moments.max(initial=clock[0])) + 1
+        rows = slice(max(0, min(int(first), int(last) - 1)), int(last))
+        return np.column_stack([np.interp(moments, clock[rows], column) for column in self.integrals[rows].T])
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
         """The same log with one finding more."""

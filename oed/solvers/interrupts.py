@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, redirect_stderr
 from types import FrameType
 from typing import Any
 
-from oed.signals import answered
+from oed.signals import Ending, answered
 
 
 @contextmanager
@@ -25,7 +25,9 @@ def interrupts_kept() -> Iterator[None]:
             signalled = True
             # CasADi says of the exception what it is called, and in which line of its own it met it.
             quiet.enter_context(redirect_stderr(io.StringIO()))
-            answer(number, frame)
+            # A solver ends by the exception, whatever its wrapper then makes of it.
+            at_once = answer.at_once if isinstance(answer, Ending) else answer
+            at_once(number, frame)
 
         return note
 

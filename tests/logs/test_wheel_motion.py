@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged import INPUTS, ROBOT, form, read_one, write
@@ -102,3 +103,24 @@ def test_means_over_intervals_add_up(ticks: np.ndarray, data: st.DataObject):
     edges = np.unique([0.0, *inner, end])
     turned = (log.inputs_between(edges) * np.diff(edges)[:, None]).sum(axis=0)
     np.testing.assert_allclose(turned, log.integrals[-1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "times", [(-3, -1), (-1, 0), (0, 0.7), (0.31, 0.32), (2.2, 9.9), (9.7, 12), (11, 12), (-5, 15)]
+)
+def test_integrals_within_a_long_log_are_found_from_its_rows_around(times, monkeypatch: pytest.MonkeyPatch):
+    rng, interp, looked_at = np.random.default_rng(0), np.interp, []
+    at = np.sort(rng.uniform(0, 10, 5000))
+    log = Log("a", "a.csv", at, np.cumsum(rng.normal(size=(5000, 2)), axis=0), at[:2], np.zeros((2, 3)))
+    moments = np.linspace(*times, 7)
+    whole = np.column_stack([interp(moments + 0.1, at, column) for column in log.integrals.T])
+
+    def counted(x: np.ndarray, known: np.ndarray, column: np.ndarray) -> np.ndarray:
+        looked_at.append(len(known))
+        return interp(x, known, column)
+
+    monkeypatch.setattr("numpy.interp", counted)
+    np.testing.assert_array_equal(log.integrals_at(moments, 0.1), whole)
+    within = np.count_nonzero((at > times[0] + 0.1) & (at < times[1] + 0.1))
+    assert max(looked_at) <= within + 2
+    assert log.integrals_at(moments[:0]).shape == (0, 2)

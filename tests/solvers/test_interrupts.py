@@ -6,7 +6,9 @@ import contextlib
 import signal
 import sys
 import threading
+import time
 
+import casadi as ca
 import pytest
 
 from oed.errors import UserMistake
@@ -116,3 +118,43 @@ def test_other_threads_are_left_alone():
     thread.start()
     thread.join()
     assert seen == [before]
+
+
+class Odd:
+    """A number that CasADi's wrappers ask for its value; a signal comes at that moment."""
+
+    def __init__(self, number: int) -> None:
+        self.number, self.asked = number, 0
+
+    def __DM__(self) -> ca.DM:
+        self.asked += 1
+        signal.raise_signal(self.number)
+        return ca.DM(1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_casadis_wrappers_lose_no_signal(number: int):
+    odd, reached = Odd(number), []
+
+    def work() -> None:
+        reached.append(ca.DM(2) + odd)
+        time.sleep(5)
+
+    before = time.monotonic()
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert time.monotonic() - before < 1
+    assert odd.asked
+    assert reached == [3]
+
+
+def test_a_solver_hears_of_it_at_once():
+    def work() -> None:
+        with interrupts_kept(), contextlib.suppress(KeyboardInterrupt, TypeError):
+            # As the wrapper has it, that is no number then.
+            ca.DM(2) + Odd(signal.SIGTERM)
+
+    before = time.monotonic()
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert time.monotonic() - before < 1

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[Any]
 
-FAINT, NOTHING = 1e-6, 1e-13
+FAINT, NOTHING = 1e-6, 1e-14
 """Singular values of the Jacobian with columns of unit length: above the first they are found well, below the
 second they are rounding; between, nobody can say."""
 

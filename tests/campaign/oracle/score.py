@@ -155,8 +155,10 @@ class _Estimate:
         told = sandwich(self.block.rows[:, self.places] / (noise or 1.0), self.block.spread, every)
         rows = np.vstack([told.root, self.prior])
         reduced = eliminated(rows, range(kept), range(kept, rows.shape[1]), scales)
-        # Estimates of nothing have no covariance that a prior could be added to.
-        clear = reduced.clear and (told.weakest > FAINT or not len(self.prior))
+        # Estimates of nothing have no covariance that a prior could be added to; nor do they keep some of the
+        # estimates from being told where the others are not.
+        alone = kept == len(self.names) and not len(self.prior)
+        clear = reduced.clear and (told.weakest > FAINT or alone)
         return Told(reduced.root, np.minimum(reduced.strengths, told.weakest), clear)
 
 

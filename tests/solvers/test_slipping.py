@@ -1,0 +1,77 @@
+"""Walls thinner than a step: searches do not slip through them between the points that they look at."""
+
+from __future__ import annotations
+
+import pytest
+from builders import make_problem
+
+from oed.criteria import E
+from oed.evaluation import evaluate
+from oed.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
+from oed.measurements import Poses
+from oed.problem import Problem
+from oed.solvers import Genetic, Ipopt, solve
+from oed.trajectory import DesignSpace, Spline
+
+IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
+GENETIC = Genetic(population=40, generations=30)
+THIN, THICK = 0.02, 0.4
+"""Of walls across the way [m]; steps are up to half a metre long."""
+BEHIND_THICK = 13_100
+"""More than Ipopt finds behind a thick wall 1 m wide."""
+
+
+def behind_a_wall(thickness: float, width: float) -> Problem:
+    """Ten steps of a second to a place behind a wall, at whose ends there is room."""
+    near, far, half = 0.3, 0.3 + thickness, width / 2
+    corners = [(near, -half), (far, -half), (far, half), (near, half)]
+    return make_problem(
+        design=DesignSpace(duration=10, samples=10, spline=Spline(coefficients=6)),
+        measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
+        limits=(
+            WheelSpeed(bounds=10),
+            Rectangle(x=(-0.3, 1.2), y=(-1, 1)),
+            EndPosition(x=0.9, y=0, tolerance=0.3),
+            Obstacles(shapes=[{"kind": "polygon", "points": corners}]),
+        ),
+        criterion=E(),
+    )
+
+
+def found_by(solver: Ipopt | Genetic, seed: int, thickness: float, width: float) -> float | None:
+    """The objective of a design that all times say is feasible; None where none is found."""
+    problem = behind_a_wall(thickness, width)
+    solution = solve(problem, solver, seed=seed, workers=1)
+    if solution.trajectory is None:
+        return None
+    evaluation = evaluate(problem, solution.trajectory)
+    assert evaluation.feasible
+    return evaluation.objective
+
+
+@pytest.fixture
+def at_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches never ask for more points than they begin with."""
+    for module in ("local", "genetic"):
+        monkeypatch.setattr(f"oed.solvers.{module}.FINEST", 1)
+
+
+def test_ipopt_drives_around():
+    assert found_by(IPOPT, 3, THIN, 1.0) >= BEHIND_THICK
+
+
+@pytest.mark.slow
+def test_as_well_as_around_a_thick_wall():
+    assert 0 < found_by(IPOPT, 3, THICK, 1.0) < BEHIND_THICK
+
+
+def test_ipopt_at_few_points_finds_nothing_but_slips(at_few_points: None):
+    assert found_by(IPOPT, 3, THIN, 1.0) is None
+
+
+def test_genetic_drives_around():
+    assert found_by(GENETIC, 0, THIN, 0.6) >= found_by(GENETIC, 0, THICK, 0.6) > 0
+
+
+def test_genetic_at_few_points_finds_nothing_but_slips(at_few_points: None):
+    assert found_by(GENETIC, 0, THIN, 0.6) is None
