@@ -181,6 +181,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
             f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
         )
     extremes = [trajectory.extremes(order) for order in range(3)]
+    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
     scorer = _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes))
     return scorer.evaluation(trajectory, extremes)
 
@@ -229,7 +230,7 @@ class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
     def __init__(
-        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int
+        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
     ) -> None:
         model = problem.robot
         symbols: list[Any] = [
@@ -240,9 +241,21 @@ class _Scorer:
             ca.MX.sym("values", values, len(model.inputs)),
             ca.MX.sym("rates", rates, len(model.inputs)),
             ca.MX.sym("jerks", jerks, len(model.inputs)),
+            ca.MX.sym("asked", asked, len(model.inputs)),
         ]
-        names = ("inputs", "start", "parameters", "period", "input_values", "input_rates", "input_jerks")
+        names = (
+            "inputs",
+            "start",
+            "parameters",
+            "period",
+            "input_values",
+            "input_rates",
+            "input_jerks",
+            "motion_inputs",
+        )
         arguments = dict(zip(names, symbols, strict=True))
+        if not _checked_at_points(problem):
+            arguments["motion_inputs"] = None
         drive = roll_out(
             model,
             problem.design.integration,
@@ -342,8 +355,20 @@ class _Scorer:
 
 
 @lru_cache(maxsize=64)
-def _scorer(problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int) -> _Scorer:
-    return _Scorer(problem, samples, runs, values, rates, jerks)
+def _scorer(
+    problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
+) -> _Scorer:
+    return _Scorer(problem, samples, runs, values, rates, jerks, asked)
+
+
+def _checked_at_points(problem: Problem) -> bool:
+    return any(limit.looks_at is None for limit in problem.limits)
+
+
+def _asked(trajectory: Trajectory) -> Array:
+    # What the splines ask for between the samples too: for limits that are checked at points only.
+    times = [np.linspace(0.0, one.duration, FINE * one.samples + 1) for one in trajectory.each]
+    return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
 
 
 def _margin(

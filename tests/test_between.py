@@ -335,3 +335,23 @@ def test_thin_walls_of_large_rooms_are_not_tolerated_away(angle: float):
         drive = steady(problem, 0.3, 0.0, (0.0, 0.0, angle))
         assert not evaluate(problem, drive).feasible
         assert evaluate(problem, steady(problem, 0.09, 0.0, (0.0, 0.0, angle))).feasible
+
+
+class Brisk(Limit):
+    """A user's own limit on the motion that does not say what it looks at."""
+
+    name: ClassVar[str] = "brisk"
+
+    def rows(self, drive: Drive) -> Rows:
+        count = drive.motion.shape[0]
+        return Rows(drive.motion[:, 2], np.full(count, -0.5), np.full(count, 0.5), 0.5, "rad/s")
+
+
+def test_what_is_checked_at_points_is_checked_between_the_samples_too():
+    space = {"spline": Spline(coefficients=24)}
+    problem = moving(Brisk(), duration=6.0, samples=3, space=space)
+    drive = random_drive(problem, 4, amplitude=8.0)
+    values = oracle.spline_values(drive, np.linspace(0, 6, 31))
+    rates = np.array([oracle.differential_twist(row, RADIUS, RADIUS, TRACK)[2] for row in values])
+    assert margin(problem, drive, "brisk").margin == pytest.approx(0.5 - np.abs(rates).max())
+    assert not margin(problem, drive, "brisk").certain
