@@ -154,9 +154,13 @@ def enclosed(function: ca.Function, arguments: Sequence[Sequence[Enclosure]]) ->
         elif operation == ca.OP_CONST:
             found.append(Enclosure(number(function.instruction_constant(place))))
         elif place in choices:
-            found.append(_either(*(found[one] for one in choices[place])))
+            condition, *ways = choices[place]
+            found.append(_either(found[condition], *_guarded(condition, ways, found, made, function)))
         else:
             operands = [found[one] for one in made[place]]
+            if operation == ca.OP_IF_ELSE_ZERO:
+                condition, way = made[place]
+                operands[1:] = _guarded(condition, [way], found, made, function)
             found.append(operands[0] if operation == ca.OP_OUTPUT else _applied(operation, operands))
             if operation == ca.OP_OUTPUT:
                 results[function.instruction_output(place)[1]] = operands[0]
@@ -201,6 +205,28 @@ def _applied(operation: int, operands: Sequence[Enclosure]) -> Enclosure:
     if rule is None:
         raise NotEnclosed
     return rule(*operands)
+
+
+def _guarded(
+    condition: int, ways: Sequence[int], found: list[Enclosure], made: list[list[int]], function: ca.Function
+) -> list[Enclosure]:
+    # What a condition lets through, where it holds and where it does not, of the very number that it compares
+    # is beyond what it is compared with: so a quotient is kept away from 0.
+    chosen = [found[way] for way in ways]
+    if function.instruction_id(condition) not in (ca.OP_LT, ca.OP_LE):
+        return chosen
+    compared, other = made[condition]
+    for side, way in enumerate(ways):
+        if way == compared:
+            chosen[side] = _cut(found[way], found[other].value, below=side == 0)
+    return chosen
+
+
+def _cut(one: Enclosure, other: Interval, *, below: bool) -> Enclosure:
+    # The part that is below, or above, some of the others.
+    low, high = one.value.low, one.value.high
+    value = Interval(low, ca.fmin(high, other.high)) if below else Interval(ca.fmax(low, other.low), high)
+    return Enclosure(value, one.slope)
 
 
 def _either(condition: Enclosure, yes: Enclosure, no: Enclosure) -> Enclosure:

@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.between import most_exceeded
+from oed.between import Sight, most_exceeded
+from oed.direct_call import direct_call
 from oed.errors import Flaw, NotFinite
 from oed.finiteness import require_finite
 from oed.limits.limit import Limit, Rows
@@ -267,7 +268,7 @@ class _Scorer:
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
-            [drive.path_length(), drive.poses, drive.path],
+            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
             # Of sensors the jacobian's first columns: they are not asked for twice.
             [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
@@ -276,7 +277,7 @@ class _Scorer:
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
         outputs = [output for group in groups for output in group]
-        self.function = ca.Function("score", symbols, outputs)
+        self.function = ca.Function("score", symbols, [ca.densify(output) for output in outputs])
         self._symbols = symbols[:4]
 
     @cached_property
@@ -313,10 +314,14 @@ class _Scorer:
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem, drive = self.problem, trajectory
-        results = self.function(drive.inputs, drive.starts, problem.robot.nominal, drive.period, *extremes)
-        arrays = [np.array(result) for result in results]
+        robot, period = np.array(problem.robot.nominal), np.array(drive.period)
+        given = [drive.inputs.T, drive.starts.T, robot, period, *(one.T for one in extremes)]
+        results = direct_call(self.function, *given)
+        arrays = [
+            result.reshape(self.function.size_out(place), order="F") for place, result in enumerate(results)
+        ]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (length, poses, path), regressors, responses, jacobians, limits = groups
+        (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
         require_finite(problem, drive, path, responses, jacobians)
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians)
@@ -328,8 +333,8 @@ class _Scorer:
         ]
         names = [one.block.name for one in self.estimations]
         margins = [
-            _margin(problem, limit, trajectory, poses, rows, row_values.ravel())
-            for limit, rows, row_values in zip(problem.limits, self.rows, limits, strict=True)
+            _margin(problem, limit, Sight(trajectory, poses, speeds.ravel()), rows, values.ravel())
+            for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(
             objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
@@ -371,17 +376,15 @@ def _asked(trajectory: Trajectory) -> Array:
     return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
 
 
-def _margin(
-    problem: Problem, limit: Limit, trajectory: Trajectory, poses: Array, rows: Rows, values: Array
-) -> Margin:
+def _margin(problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array) -> Margin:
     if np.isnan(values).any():
         raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
     spare = problem.excess * rows.size
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
     # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
-    found = float(excess.max()) if excess.size else -rows.size
-    most, certain = most_exceeded(problem, limit, trajectory, poses, found)
+    excess = excess if excess.size else np.array([-rows.size])
+    most, certain = most_exceeded(problem, limit, sight, excess)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.direct_call import direct_call
 from oed.measurements.poses import Poses
 from oed.measurements.sensor import LeverArm, Moment
 from oed.models.model import Integration, Model, step
@@ -55,7 +56,7 @@ class SegmentReadings:
             parameters: (p,), SI.
             place: of the sensor: ahead, to the left [m], turned [rad], (3,).
         """
-        (found,) = _evaluated(self._plain, starts, inputs, times, parameters, place)
+        (found,) = direct_call(self._plain, starts, inputs, times, parameters, place)
         return self._by_segment(found)
 
     def derivatives(
@@ -65,7 +66,7 @@ class SegmentReadings:
 
         The columns are the parameters, the segment's own start, the sensor's place.
         """
-        found, slopes = _evaluated(self._both, starts, inputs, times, parameters, place)
+        found, slopes = direct_call(self._both, starts, inputs, times, parameters, place)
         width = len(self.model.parameters) + len(self.model.states) + len(PLACE)
         return self._by_segment(found), self._by_segment(slopes, width)
 
@@ -81,22 +82,6 @@ class SegmentReadings:
     def _both(self) -> ca.Function:
         function = _segment(self.model, self.integration, self.quantities, self.periods, slopes=True)
         return _mapped(function, self.count)
-
-
-def _evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
-    # CasADi's numbers stand column by column: here columns are rows. Read and written where they are, for
-    # handing them over one by one takes longer than the function itself.
-    buffer, call = function.buffer()
-    given = [np.ascontiguousarray(one, dtype=float).ravel() for one in arguments]
-    found = [np.empty(function.nnz_out(index)) for index in range(function.n_out())]
-    for index, one in enumerate(given):
-        assert len(one) == function.nnz_in(index)
-        buffer.set_arg(index, one.data)
-    for index, one in enumerate(found):
-        assert len(one) == function.numel_out(index)
-        buffer.set_res(index, one.data)
-    call()
-    return found
 
 
 def _mapped(function: ca.Function, count: int) -> ca.Function:

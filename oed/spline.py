@@ -123,25 +123,28 @@ def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) ->
         coefficients: (n, curves).
         order: of the derivative.
     """
-    inner = np.unique(knots)
+    inner, series = _series(knots, degree, coefficients)
     ends = inner[:-1] if order == degree else inner
     if degree - order < 2:
         return ends
     middles, halves = (inner[1:] + inner[:-1]) / 2, np.diff(inner) / 2
-    shape = coefficients.shape
-    series = _series(knots.tobytes(), degree, np.ascontiguousarray(coefficients).tobytes(), shape)[
-        order + 1 :
-    ]
     # In units of half a piece, for numbers of one size.
-    scaled = [(part.T * halves**power).T / factorial(power) for power, part in enumerate(series)]
+    scaled = [(part.T * halves**power).T / factorial(power) for power, part in enumerate(series[order + 1 :])]
     roots = np.clip(_real_roots(scaled), -1.0, 1.0)
     return np.concatenate([ends, (middles[:, None, None] + halves[:, None, None] * roots).ravel()])
 
 
+def _series(knots: Array, degree: int, coefficients: Array) -> tuple[Array, Array]:
+    # Where pieces begin and end, and all derivatives (degree + 1, pieces, curves) in their middles, from the
+    # curves themselves on: kept, for values, rates, jerks and bounds are asked for one after the other.
+    table = np.ascontiguousarray(coefficients)
+    return _kept_series(knots.tobytes(), degree, table.tobytes(), table.shape)
+
+
 @lru_cache(maxsize=8)
-def _series(knots_bytes: bytes, degree: int, table: bytes, shape: tuple[int, int]) -> list[Array]:
-    # All derivatives (pieces, curves) in the middles of the pieces, from the curves themselves on: kept, for
-    # values, rates and jerks are asked for one after the other.
+def _kept_series(
+    knots_bytes: bytes, degree: int, table: bytes, shape: tuple[int, int]
+) -> tuple[Array, Array]:
     knots, coefficients = np.frombuffer(knots_bytes), np.frombuffer(table).reshape(shape)
     inner = np.unique(knots)
     times = (inner[1:] + inner[:-1]) / 2
@@ -150,7 +153,7 @@ def _series(knots_bytes: bytes, degree: int, table: bytes, shape: tuple[int, int
         steps, knots = derivative(knots, lower + 1)
         coefficients = steps @ coefficients
         found.append(basis(knots, lower, times) @ coefficients)
-    return found
+    return inner, np.stack(found)
 
 
 def _real_roots(powers: Sequence[Array]) -> Array:
@@ -176,34 +179,52 @@ def _quotient(top: Array, bottom: Array) -> Array:
     return np.divide(top, bottom, out=np.zeros_like(top), where=bottom != 0)
 
 
-def enclosure(
-    knots: Array, degree: int, coefficients: Array, begin: Array, end: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Least and largest values of curves, and of their derivatives, over stretches without a knot inside.
+@dataclass(frozen=True)
+class Bounds:
+    """What curves are over stretches of time, (K, curves) each.
+
+    Attributes:
+        begin, end: values at the ends.
+        low, high: bounds of the values.
+        least, most: bounds of the derivatives.
+    """
+
+    begin: Array
+    end: Array
+    low: Array
+    high: Array
+    least: Array
+    most: Array
+
+
+def enclosure(knots: Array, degree: int, coefficients: Array, begin: Array, end: Array) -> Bounds:
+    """Bounds of curves over stretches without a knot inside: there they are polynomials.
 
     Args:
         knots: of the curves.
-        degree: of the curves.
+        degree: of the curves, at least 1.
         coefficients: (n, curves).
         begin: of the stretches [s], (K,).
         end: of the stretches [s], (K,).
-
-    Returns:
-        Bounds of the values and of the derivatives (K, curves), the latter from the second derivative's
-        coefficients: a convex hull.
     """
     middle, half = (begin + end) / 2, (end - begin)[:, None] / 2
-    value = basis(knots, degree, middle) @ coefficients
-    if degree == 0:
-        return value, value, np.zeros_like(value), np.zeros_like(value)
-    steps, inner = derivative(knots, degree)
-    slopes = steps @ coefficients
-    slope, bend = basis(inner, degree - 1, middle) @ slopes, np.zeros_like(value)
-    if degree > 1:
-        steps, inner = derivative(inner, degree - 1)
-        acting = basis(inner, degree - 2, middle)
-        places = acting.first[:, None] + np.arange(degree - 1)
-        bend = np.abs((steps @ slopes)[places]).max(axis=1)
-    slope_low, slope_high = slope - bend * half, slope + bend * half
-    reach = np.maximum(np.abs(slope_low), np.abs(slope_high)) * half
-    return value - reach, value + reach, slope_low, slope_high
+    derivatives = _derivatives(knots, degree, coefficients, middle)
+    powers = np.stack([half**power / factorial(power) for power in range(degree + 1)])
+    terms = derivatives * powers
+    even, odd, reach = terms[::2].sum(axis=0), terms[1::2].sum(axis=0), np.abs(terms[1:]).sum(axis=0)
+    # How far the slope strays from its value in the middle.
+    bend = (np.abs(derivatives[2:]) * powers[1:degree]).sum(axis=0)
+    value, slope = derivatives[:2]
+    return Bounds(even - odd, even + odd, value - reach, value + reach, slope - bend, slope + bend)
+
+
+def _derivatives(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
+    # Values and all derivatives (degree + 1, K, curves): Taylor's series from the middles of the pieces.
+    inner, series = _series(knots, degree, coefficients)
+    piece = np.clip(np.searchsorted(inner, times, side="right") - 1, 0, len(inner) - 2)
+    shift = (times - (inner[piece] + inner[piece + 1]) / 2)[:, None]
+    powers = np.stack([shift**power / factorial(power) for power in range(degree + 1)])
+    found = series[:, piece]
+    for order in range(degree + 1):
+        found[order] = (found[order:] * powers[: degree + 1 - order]).sum(axis=0)
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -130,7 +131,7 @@ class Trajectory:
         """The start state of every run, (runs, states)."""
         return self.start.reshape(-1, self.start.shape[-1])
 
-    @property
+    @cached_property
     def each(self) -> tuple[Trajectory, ...]:
         """Every run as a drive of its own, on its own clock."""
         if self.runs == 1:
@@ -163,12 +164,14 @@ class Trajectory:
         """Sample period T [s]."""
         return self.duration / self.samples
 
-    @property
+    @cached_property
     def inputs(self) -> Array:
-        """Inputs held in each period, (N, inputs)."""
+        """Inputs held in each period, (N, inputs), read-only."""
         # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
         held = [one.inputs_at(middles(one.duration, one.samples)) for one in self.each]
-        return np.concatenate(held)
+        table = np.concatenate(held)
+        table.setflags(write=False)
+        return table
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from oed import spline
 from oed.between.periods import Periods, Stretches
+from oed.direct_call import direct_call
 from oed.enclosures import ONE, Enclosure, Interval, enclosed, number
 from oed.expression import Expression
 from oed.limits.limit import Rows
@@ -33,6 +34,7 @@ class Excess:
     Attributes:
         size: of the limit.
         sensitive: whether the rows look at sensitivities.
+        per_metre: what the rows change by at most per metre that the mean speed of a period tells.
         by_splines: whether they look at the inputs' splines between the middles of the periods.
     """
 
@@ -60,7 +62,7 @@ class Excess:
             NotEnclosed: an operation that no bounds are known for.
         """
         states, parameters, inputs = len(model.states), len(model.parameters), len(model.inputs)
-        self.sensitive, self._per_metre = sensitive, per_metre
+        self.sensitive, self.per_metre = sensitive, per_metre
         self._given = [
             ca.SX.sym("state", states),
             ca.SX.sym("inputs", inputs),
@@ -86,25 +88,26 @@ class Excess:
         self.by_splines = bool(ca.depends_on(excess, asked))
         arguments = [*self._given, asked, fraction]
         speed = ca.hypot(instant.twist[0], instant.twist[1])
-        self._at = ca.Function("at", arguments, [excess, speed])
+        self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(ca.vertcat(excess, speed))])
         self._over = self._bounded(ca.Function("excess", arguments, [excess]), inputs)
         self._mapped: dict[tuple[str, int], ca.Function] = {}
 
     def _bounded(self, excess: ca.Function, inputs: int) -> ca.Function:
-        asked = [ca.SX.sym(name, inputs) for name in ("low", "high", "slope_low", "slope_high")]
+        # Of a stretch the values at both ends, the highest between, and bounds of the slopes.
+        names = ("asked_begin", "asked_end", "low", "high", "slope_low", "slope_high")
+        asked = [ca.SX.sym(name, inputs) for name in names]
         begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
-        each = zip(*(ca.vertsplit(one) for one in asked), strict=True)
+        each = zip(*(ca.vertsplit(one) for one in asked[2:]), strict=True)
         entries = [Enclosure(Interval(low, high), Interval(least, most)) for low, high, least, most in each]
         points = [[Enclosure(number(one)) for one in ca.vertsplit(given)] for given in self._given]
         if not self.by_splines:
             entries = [Enclosure(number(0.0))] * inputs
         found = enclosed(excess, [*points, entries, [Enclosure(Interval(begin, end), ONE)]])
-        results = [
-            ca.vertcat(*(one.value.high for one in found)),
-            ca.vertcat(*(one.slope.low for one in found)),
-            ca.vertcat(*(one.slope.high for one in found)),
-        ]
-        return ca.Function("over", [*self._given, *asked, begin, end], ca.cse(results))
+        ends = [excess(*self._given, *at) for at in ((asked[0], begin), (asked[1], end))]
+        bounds = [one.value.high for one in found]
+        bounds += [one.slope.low for one in found] + [one.slope.high for one in found]
+        results = ca.densify(ca.cse(ca.vertcat(*ends, *bounds)))
+        return ca.Function("over", [ca.vertcat(*self._given, *asked, begin, end)], [results])
 
     def whole(self, periods: Periods) -> Stretches:
         """All periods; cut where splines have knots, if the rows look at them."""
@@ -131,37 +134,27 @@ class Excess:
         return np.concatenate(found), np.concatenate(bounds)
 
     def _some(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
-        count, place = len(stretches), periods.place_of(stretches.row)
-        given = [
-            periods.states[stretches.row],
-            periods.held[place],
-            periods.parameters[periods.drive_of(stretches.row)],
-            periods.sensitivities[stretches.row] if self.sensitive else np.zeros((count, 0)),
-            np.full((count, 1), periods.trajectory.period),
-        ]
-        splines = self._splines(periods.trajectory, place, stretches)
-        fractions = [stretches.begin[:, None], stretches.end[:, None]]
-        both = [np.concatenate([one, one]) for one in given]
-        values, speeds = self._call(
-            "at", self._at, [*both, np.concatenate(splines[:2]), np.concatenate(fractions)]
-        )
-        (first, last), speed = np.split(values, 2), speeds[:count]
-        found = np.maximum(first, last).max(axis=1)
-        found = np.where(np.isnan(found), np.inf, found)
-        width = fractions[1] - fractions[0]
-        bounds = found + np.inf
-        if np.isfinite(self._per_metre):
-            bounds = found + self._per_metre * (speed * width)[:, 0] * periods.trajectory.period / 2
+        given = periods.table[stretches.row]
+        splines = self._splines(periods, stretches)
+        begin, end = stretches.begin[:, None], stretches.end[:, None]
+        table, width = np.hstack([given, *splines, begin, end]), end - begin
+        if not np.isfinite(self.per_metre):
+            over = self._call("over", self._over, table)
+            return self._closer(over, width)
+        ends = (np.hstack([given, splines[side], at]) for side, at in enumerate((begin, end)))
+        values = self._call("at", self._at, np.vstack(list(ends)))
+        found = _highest(*np.split(values[:, :-1], 2))
+        speeds = values[: len(found), -1]
+        bounds = found + self.per_metre * speeds * width[:, 0] * periods.trajectory.period / 2
         near = ~(bounds <= np.maximum(enough, found))
         if near.any():
-            table = [one[near] for one in (*given, *splines[2:], *fractions)]
-            high, least, most = self._call("over", self._over, table)
-            peaks = _peak(first[near], last[near], least, most, width[near])
-            bounds[near] = np.fmin(peaks, np.where(np.isnan(high), np.inf, high)).max(axis=1)
+            _, closer = self._closer(self._call("over", self._over, table[near]), width[near])
+            bounds[near] = np.fmin(bounds[near], closer)
         return found, np.maximum(bounds, found)
 
-    def _splines(self, drive: Trajectory, place: Places, stretches: Stretches) -> list[Array]:
+    def _splines(self, periods: Periods, stretches: Stretches) -> list[Array]:
         # The splines' values at both ends, and bounds of values and slopes (by the fraction) between.
+        drive, place = periods.trajectory, periods.place_of(stretches.row)
         tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
         if not self.by_splines:
             return list(tables)
@@ -175,20 +168,26 @@ class Excess:
             begin, end = (
                 (place % each + side)[own] * drive.period for side in (stretches.begin, stretches.end)
             )
-            low, high, least, most = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
-            slopes = [least * drive.period, most * drive.period]
-            tables[:, own] = [one.inputs_at(begin), one.inputs_at(end), low, high, *slopes]
+            bounds = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
+            slopes = [bounds.least * drive.period, bounds.most * drive.period]
+            tables[:, own] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
         return list(tables)
 
-    def _call(self, name: str, function: ca.Function, arguments: list[Array]) -> list[Array]:
+    def _call(self, name: str, function: ca.Function, table: Array) -> Array:
         # Mapped over a power of two: few maps serve all numbers of stretches.
-        count = len(arguments[0])
+        count = len(table)
         size = 1 << (count - 1).bit_length()
         if (name, size) not in self._mapped:
             self._mapped[name, size] = function.map(size)
-        filled = [np.concatenate([one, np.repeat(one[:1], size - count, axis=0)]).T for one in arguments]
-        found = self._mapped[name, size].call(filled)
-        return [np.array(one).T[:count] for one in found]
+        filled = np.vstack([table, np.repeat(table[:1], size - count, axis=0)])
+        (found,) = direct_call(self._mapped[name, size], filled)
+        return found.reshape(size, -1)[:count]
+
+    def _closer(self, over: Array, width: Array) -> tuple[Array, Array]:
+        # The larger excess of both ends, and the largest between by bounds of values and slopes.
+        begin, end, *bounds = np.split(over, 5, axis=1)
+        found = _highest(begin, end)
+        return found, np.maximum(found, _peaks(begin, end, bounds, width))
 
 
 def exceeded(rows: Rows) -> Expression:
@@ -203,18 +202,26 @@ def exceeded(rows: Rows) -> Expression:
 
 def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
     # The parts of a run's periods between its knots: the period, from which fraction to which.
-    grid = np.arange(run.samples + 1) * run.period
-    knots = run.knots[np.abs(run.knots[:, None] - grid).min(axis=1) > NARROWEST * run.period]
-    edges = np.sort(np.concatenate([grid, np.unique(knots)])) / run.period
+    knots = np.unique(run.knots) / run.period
+    edges = np.sort(np.append(np.arange(run.samples + 1), knots[np.abs(knots - np.rint(knots)) > NARROWEST]))
     rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), run.samples - 1)
     return rows, edges[:-1] - rows, edges[1:] - rows
 
 
-def _peak(begin: Array, end: Array, least: Array, most: Array, width: Array) -> Array:
-    # The highest that a function can be with these values at both ends and slopes within these bounds.
+def _highest(begin: Array, end: Array) -> Array:
+    # Of all rows at both ends; what is not a number keeps nothing.
+    found = np.maximum(begin, end).max(axis=1)
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def _peaks(begin: Array, end: Array, bounds: list[Array], width: Array) -> Array:
+    # The highest that any row can be with these values at both ends, between them no more than the first of
+    # the bounds and slopes within the others.
+    high, least, most = bounds
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         after = (end - begin - least * width) / (most - least)
         between = begin + most * after
     between = np.where(np.isfinite(between), between, np.inf)
     peak = np.where(least >= 0, end, np.where(most <= 0, begin, between))
-    return np.asarray(np.maximum(peak, np.maximum(begin, end)))
+    peak = np.maximum(peak, np.maximum(begin, end))
+    return np.asarray(np.fmin(peak, np.where(np.isnan(high), np.inf, high)).max(axis=1))

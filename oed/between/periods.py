@@ -44,6 +44,15 @@ class Periods:
         """How many."""
         return len(self.parameters)
 
+    @cached_property
+    def table(self) -> Array:
+        """All that is known of each period's begin, (drives * N, ...): its state, inputs, parameters,
+        sensitivities, and the sample period.
+        """
+        rows = np.arange(len(self.states))
+        parts = [self.states, self.held[self.place_of(rows)], self.parameters[self.drive_of(rows)]]
+        return np.hstack([*parts, self.sensitivities, np.full((len(rows), 1), self.trajectory.period)])
+
     def drive_of(self, rows: Places) -> Places:
         """The drives that periods belong to."""
         return np.asarray(rows // self.trajectory.samples)

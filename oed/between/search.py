@@ -8,19 +8,20 @@ more than has been found are halved, until what is found is the most there is, t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.between.excess import NARROWEST, Excess
-from oed.between.periods import Periods, periods_of
+from oed.between.periods import Periods, Stretches, periods_of
 from oed.enclosures import NotEnclosed
 from oed.limits.limit import Limit, PathLimit, Rows
 from oed.models.model import Integration, Model, follows_state
 from oed.problem import Problem
 from oed.robust import reserved
-from oed.rollout import Moment
+from oed.rollout import FINE, Moment
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -30,64 +31,81 @@ GAP = 1e-6
 """Share of a limit's size to which its largest excess is found."""
 INSIDE = 1e-4
 """Share of the distance to a limit to which that is found, of drives that keep it."""
-PARTS, FEW = 8, 64
-"""Parts that each of a few stretches is cut into; many are halved."""
+MANY, PARTS = 128, 32
+"""Stretches that are bounded about as fast as one; parts that each of a few is cut into at most."""
 PATIENCE = 200_000
 """Stretches bounded at most, besides 20 for every period, before a limit counts as checked at points only."""
 
 
-def most_exceeded(
-    problem: Problem, limit: Limit, drive: Trajectory, poses: Array, found: float
-) -> tuple[float, bool]:
-    """The most that a drive exceeds a problem's limit at any time, given its states at the samples (N + runs,
-    states) and what it does at some times, and whether that is sure.
+@dataclass(frozen=True)
+class Sight:
+    """What is known of a drive before anybody looks between its points.
+
+    Attributes:
+        drive: the trajectory.
+        poses: states at the samples, (N + runs, states).
+        speeds: mean speed in every period [m/s], (N,).
     """
+
+    drive: Trajectory
+    poses: Array
+    speeds: Array
+
+
+def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> tuple[float, bool]:
+    """The most that a drive exceeds a problem's limit at any time, given by how much each of the rows does
+    that the scorer looks at, (rows,), and whether that is sure.
+    """
+    found = float(seen.max())
     if limit.looks_at != "state":
         return found, limit.looks_at is not None
     certain = True
     try:
-        for excess, periods in _looked_at(problem, limit, drive, poses):
-            (found,), (sure,) = largest(excess, periods, np.array([found]))
-            certain = certain and bool(sure)
+        for excess, periods, stretches in _looked_at(problem, limit, sight, seen):
+            most, sure = largest(excess, periods, np.full(periods.drives, found), stretches=stretches)
+            found, certain = float(most.max()), certain and bool(sure.all())
     except NotEnclosed:
         return found, False
-    return float(found), certain
+    return found, certain
 
 
 def _looked_at(
-    problem: Problem, limit: Limit, drive: Trajectory, poses: Array
-) -> Iterator[tuple[Excess, Periods]]:
+    problem: Problem, limit: Limit, sight: Sight, seen: Array
+) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
     # The nominal robot, with what is kept in reserve; and the other robots that are to keep the limit.
-    robust, spread, rule = problem.robust, problem.spread, problem.design.integration
+    robust, spread, rule, drive = problem.robust, problem.spread, problem.design.integration, sight.drive
     if robust is None or spread is None or not isinstance(limit, PathLimit):
-        begins = np.concatenate([run[:-1] for run in np.split(poses, drive.runs)])
+        begins = np.concatenate([run[:-1] for run in np.split(sight.poses, drive.runs)])
         own = Periods(drive, begins, np.array([problem.robot.nominal]), np.zeros((len(begins), 0)))
-        yield excess_of(limit, problem.robot, rule), own
+        excess = excess_of(limit, problem.robot, rule)
+        yield excess, own, _near(excess, sight, seen)
         return
     robot = spread.robot
     if robust.kind != "scenarios":
         for run, one in enumerate(drive.each):
-            nominal = _of_one(robot, rule, one, np.array(robot.nominal), one.starts, sensitive=True)
-            yield _reserved(problem, limit, run), nominal
+            parameters, start = np.array([robot.nominal]), one.starts[None, :]
+            nominal = periods_of(robot, rule, one, parameters, start, sensitive=True)
+            yield _reserved(problem, limit, run), nominal, None
     values = robust.scenarios(spread)
     if robust.kind == "scenarios":
         values = np.vstack([spread.nominal, values])
-    starts = drive.starts + spread.shifts(values)
-    for parameters, start in zip(spread.robots(values), starts, strict=True):
-        other = _of_one(robot, rule, drive, parameters, start)
-        yield excess_of(limit, robot, rule), other
+    if len(values):
+        others = periods_of(robot, rule, drive, spread.robots(values), drive.starts + spread.shifts(values))
+        yield excess_of(limit, robot, rule), others, None
 
 
-def _of_one(
-    robot: Model,
-    rule: Integration,
-    drive: Trajectory,
-    parameters: Array,
-    starts: Array,
-    *,
-    sensitive: bool = False,
-) -> Periods:
-    return periods_of(robot, rule, drive, parameters[None, :], starts[None, :], sensitive=sensitive)
+def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
+    # The parts of a path between points where more may be than at any point, as far as robots move between
+    # them; None where nobody knows how far rows change with that.
+    if not np.isfinite(excess.per_metre):
+        return None
+    found, drive = seen.max(keepdims=True), sight.drive
+    # Of every run all points, (runs, points); at each its most exceeded row.
+    points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
+    reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
+    bounds = np.maximum(points[:, :-1], points[:, 1:]).ravel() + reach
+    places = np.flatnonzero(~(bounds <= found + gap_of(excess.size, found)))
+    return Stretches(places // FINE, places % FINE / FINE, (places % FINE + 1) / FINE)
 
 
 @lru_cache(maxsize=128)
@@ -115,6 +133,7 @@ def largest(
     found: Array,
     *,
     enough: Array | float = np.inf,
+    stretches: Stretches | None = None,
 ) -> tuple[Array, Bools]:
     """The largest excess of each drive at any time, (drives,), and whether it is sure, to `GAP`.
 
@@ -123,11 +142,12 @@ def largest(
         periods: of the drives.
         found: excess found before, (drives,): stretches that cannot hold more are left alone.
         enough: excess above which a drive's is not looked for any further.
+        stretches: outside of which no more than `found` can be; all periods by default.
     """
     found = np.array(found, dtype=float)
     sure = np.ones(len(found), dtype=bool)
     left = PATIENCE + 20 * len(periods.states)
-    stretches = excess.whole(periods)
+    stretches = excess.whole(periods) if stretches is None else stretches
     while len(stretches):
         drives = periods.drive_of(stretches.row)
         ceiling = (found + gap_of(excess.size, found))[drives]
@@ -141,7 +161,7 @@ def largest(
         if left < 0:
             sure[drives[~closed]] = False
             break
-        stretches = stretches.cut(PARTS if len(stretches) < FEW else 2)
+        stretches = stretches.cut(min(max(MANY // max(len(stretches), 1), 2), PARTS))
     return found, sure
 
 

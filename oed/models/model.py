@@ -213,11 +213,13 @@ def nominal_coefficients(model: Model) -> npt.NDArray[np.float64]:
 
 def sinc(angle: Expression) -> Expression:
     """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
-    small = ca.fabs(angle) < 0.02
+    magnitude = ca.fabs(angle)
+    small = magnitude < 0.02
     square = angle * angle
     # Products, for quotients take several times as long.
     series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
-    return ca.if_else(small, series, ca.sin(angle) / ca.if_else(small, 1, angle))
+    # Of the magnitude: what stands in for small ones is on the same side of 0, so that bounds stay finite.
+    return ca.if_else(small, series, ca.sin(magnitude) / ca.if_else(small, 1, magnitude))
 
 
 def chord(

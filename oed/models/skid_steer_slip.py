@@ -22,9 +22,9 @@ SOFT_DRIFT = 0.01
 """The same where it drives a drift [rad/s]."""
 SOFT_WHEEL_SPEED = 0.1
 """Wheel speed [rad/s] over which the measure of curvature, which rest leaves open, is rounded."""
-INSTANT = 0.05
+INSTANT = 0.8
 """Periods per lag below which series stand for exponentials."""
-TERMS = 10
+TERMS = 16
 """Of these series: their rest is below rounding."""
 LONG = 500.0
 """Lags after which nothing is left of how a period began."""
@@ -197,11 +197,11 @@ def _means(lag: Expression, period: Expression) -> tuple[Expression, Expression]
     gone = ca.logic_and(ca.logic_not(lasting), period > 0)
     ratio = period / ca.if_else(lasting, lag, 1.0)
     short = ratio < INSTANT
-    # 1 - p = r / 2 (1 - r / 3 (1 - r / 4 ...)).
+    # 1 - p = r / 2 (1 - r / 3 (1 - r / 4 ...)), with products: quotients take several times as long.
     small, half = ca.if_else(short, ratio, 0.0), 1.0
     for term in range(TERMS, 2, -1):
-        half = 1 - small / term * half
-    series = 1 - small / 2 * half
+        half = 1 - small * (1 / term) * half
+    series = 1 - 0.5 * small * half
     inside = ca.if_else(short, 1.0, ratio)
     whole = -ca.expm1(-inside) / inside
     mean = ca.if_else(short, series, whole)
