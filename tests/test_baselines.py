@@ -236,6 +236,7 @@ def slipping(per_yaw_rate: float) -> SkidSteerSlip:
     return SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, track_per_yaw_rate=per_yaw_rate)
 
 
+@pytest.mark.slow
 class TestRobotsThatCannotTurnFaster:
     """The effective track grows with the yaw rate, which therefore has a least upper bound: track / k."""
 

@@ -54,6 +54,7 @@ def test_there_are_many_numbers():
     assert len(numbers()) > 80
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [True, False])
 def test_no_field_takes_true_for_a_number(value: bool):
     for part, name in numbers():

@@ -127,6 +127,7 @@ every = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 class TestCounts:
     @every
     def test_they_are_those_of_scoring_one_by_one(self, name: str):

@@ -111,6 +111,7 @@ class TestWhatIsDone:
     def test_a_problem_with_some_is_not(self):
         assert ambiguities(problem_of(overflowing())) == ()
 
+    @pytest.mark.slow
     def test_searches_pass_them_over(self):
         problem = problem_of(overflowing())
         for solver in (

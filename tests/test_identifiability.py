@@ -332,6 +332,7 @@ class Hasty(DifferentialDrive):
         return state[3] + period * 4 * (asked - state[3])
 
 
+@pytest.mark.slow
 class TestManySamples:
     """Drives of many samples are tried on fewer, with the same verdict."""
 

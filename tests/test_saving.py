@@ -202,6 +202,7 @@ def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[s
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits and signals are POSIX's")
 class TestProcess:
     @pytest.mark.parametrize("most", [21, 4096])

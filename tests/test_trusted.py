@@ -119,6 +119,7 @@ class TestCode:
         assert main(["validate", str(folder), "--quiet"]) == 2
         assert not (folder / "was_run").exists()
 
+    @pytest.mark.slow
     def test_is_not_needed_for_reports_and_films(self, folder: Path):
         saved(folder)
         assert main(["report", str(folder)]) == 0

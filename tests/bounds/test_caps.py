@@ -210,6 +210,7 @@ def test_a_path_budget_is_spent_in_the_longest_segments() -> None:
     assert methods(bound(without), "no more path") == []
 
 
+@pytest.mark.slow
 @given(
     lengths=st.lists(st.floats(0.0, 5.0), min_size=1, max_size=6),
     shares=st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6),

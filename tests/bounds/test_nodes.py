@@ -28,6 +28,7 @@ def sampled() -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_a_slow_machine_gives_the_same_certificate(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(speed_lattice, "WORK", 2e8)
     quick = bound(sampled())

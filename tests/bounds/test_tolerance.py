@@ -148,6 +148,7 @@ def scored_drive(problem: Problem, speeds: Any, longer: float = 0.0) -> Evaluati
     return evaluate(problem, Trajectory.from_samples(speeds, duration, np.zeros(3)))
 
 
+@pytest.mark.slow
 def test_the_exact_bound_is_exceeded_within_the_tolerance_and_the_widened_one_is_not(hundred):
     problem, certificate = hundred
     assert certificate.upper_bound == pytest.approx(86.702, abs=0.001)

@@ -20,16 +20,20 @@ def expect_none(sort: str, indices: range, material: Path) -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("first", range(0, PROBLEMS, CHUNK))
+@pytest.mark.parametrize(
+    "first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(CHUNK, PROBLEMS, CHUNK))]
+)
 def test_random_problems(first: int, tmp_path: Path) -> None:
     expect_none("problem", range(first, first + CHUNK), tmp_path)
 
 
+@pytest.mark.slow
 def test_damaged_files(tmp_path: Path) -> None:
     make_material(tmp_path, SEED)
     expect_none("file", range(FILES), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_full_disk_and_a_signal(tmp_path: Path) -> None:
     make_material(tmp_path, SEED)
     expect_none("signal", range(2), tmp_path)

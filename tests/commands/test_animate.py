@@ -36,6 +36,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_one_object_and_a_film(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["animate", str(folder), "--json", *QUICK]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -59,6 +60,7 @@ def test_the_report_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert "![Film of ipopt and circle in the room](drive.gif)" in (folder / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_elsewhere(folder: Path, capsys: pytest.CaptureFixture[str]):
     (folder / "report.html").write_text("old")
     assert (

@@ -125,6 +125,7 @@ def swept() -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 class TestAtRandom:
     @pytest.mark.parametrize(("name", "count"), [("obstacle_course", 60), ("physics_skid_steer", 15)])
     def test_records(self, tmp_path: Path, name: str, count: int):

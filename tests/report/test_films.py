@@ -64,6 +64,7 @@ def test_it_repeats_and_keeps_its_comment(tmp_path: Path):
         assert image.info["comment"].decode() == comment
 
 
+@pytest.mark.slow
 def test_many_colours_are_met_closely(tmp_path: Path):
     shades = np.random.default_rng(0).integers(0, 256, (40, 50, 3), dtype=np.uint8)
     smooth = np.linspace(0, 255, 50).astype(np.uint8)[None, :, None] * np.ones((40, 1, 3), dtype=np.uint8)

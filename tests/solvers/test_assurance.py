@@ -93,6 +93,7 @@ def raised() -> tuple[Problem, Solution, list[tuple[Problem, Context]]]:
     return problem, solution, list(Larger.asked)
 
 
+@pytest.mark.slow
 class TestRaised:
     def test_too_small_a_reserve_is_raised(self, raised):
         problem, solution, asked = raised
@@ -169,6 +170,7 @@ class TestRaised:
         assert (solution.leaving, solution.robust) == (None, None)
 
 
+@pytest.mark.slow
 class TestGivenUp:
     def test_after_so_many_searches(self):
         solution = solve(problem_of(careful()), Larger(stubborn=True), workers=1)
@@ -197,6 +199,7 @@ class TestGivenUp:
         assert NARROWER in solution.message
 
 
+@pytest.mark.slow
 class TestInterrupted:
     def test_the_best_so_far_is_told_with_how_many_leave(self):
         solution = solve(problem_of(careful()), Larger(status=Status.INTERRUPTED), workers=1)

@@ -41,7 +41,9 @@ def best_start(problem: Problem, count: int) -> float:
     return max((one.objective for one in found if one.feasible and not one.singular), default=-np.inf)
 
 
-@pytest.mark.parametrize("seed", [*GIVEN_UP, *(pytest.param(seed, marks=pytest.mark.slow) for seed in WORSE)])
+@pytest.mark.parametrize(
+    "seed", [GIVEN_UP[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in (*GIVEN_UP[1:], *WORSE))]
+)
 def test_a_search_ends_with_no_less_than_its_best_feasible_start(seed: int):
     problem = random_problem(seed)
     least = best_start(problem, QUICK.starts)

@@ -133,6 +133,7 @@ def test_tightening_leaves_something_of_what_several_limits_leave_of_an_unknown(
         assert (high <= most).all()
 
 
+@pytest.mark.slow
 def test_bounds_of_an_unknown_that_contradict_each_other_stay_rows():
     """From rest to rest accelerations of at least 1 ask the last speeds to be below 0."""
     limits = (WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=(1, 20)))

@@ -91,6 +91,7 @@ def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
             assert np.linalg.norm(matrix - told) < 0.1 * np.linalg.norm(told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -294,6 +294,7 @@ def test_a_drive_of_many_samples_is_searched_on_fewer():
     assert found.evaluation.objective == evaluate(problem, found.trajectory).objective
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 def test_generated_c_changes_no_design(monkeypatch, tmp_path):
     options = Genetic(population=20, generations=4)

@@ -59,6 +59,8 @@ def space(**changes: Any) -> DesignSpace:
     return DesignSpace(**{**SPACE, **changes})
 
 
+QUICK = ("position", "heading", "coefficients from poses", "known start")
+"""Those that are tried every time."""
 PROBLEMS: dict[str, dict[str, Any]] = {
     "position": {},
     "heading": {"measurement": Displacements(segments=4, regressor="heading")},
@@ -143,7 +145,13 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=weight * size)
 
 
-@pytest.mark.parametrize("overrides", PROBLEMS.values(), ids=PROBLEMS.keys())
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        pytest.param(PROBLEMS[name], id=name, marks=() if name in QUICK else pytest.mark.slow)
+        for name in PROBLEMS
+    ],
+)
 def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     problem = problem_of(overrides)
     agree(problem, Pieces(problem, short(problem)), Unrolled(problem))

@@ -56,6 +56,7 @@ def at_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"oed.solvers.{module}.FINEST", 1)
 
 
+@pytest.mark.slow
 def test_ipopt_drives_around():
     assert found_by(IPOPT, 3, THIN, 1.0) >= BEHIND_THICK
 
@@ -65,13 +66,16 @@ def test_as_well_as_around_a_thick_wall():
     assert 0 < found_by(IPOPT, 3, THICK, 1.0) < BEHIND_THICK
 
 
+@pytest.mark.slow
 def test_ipopt_at_few_points_finds_nothing_but_slips(at_few_points: None):
     assert found_by(IPOPT, 3, THIN, 1.0) is None
 
 
+@pytest.mark.slow
 def test_genetic_drives_around():
     assert found_by(GENETIC, 6, THIN, 0.6) > 0
 
 
+@pytest.mark.slow
 def test_genetic_at_few_points_finds_nothing_but_slips(at_few_points: None):
     assert found_by(GENETIC, 6, THIN, 0.6) is None
