@@ -217,7 +217,8 @@ class LocalSearch:
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
             rounds.append((outcome, evaluation))
             excess = self._excess(evaluation)
-            lost = excess.max() > HOPELESS and not outcome.succeeded
+            # A second stage that fails under tighter limits has no room left to choose in.
+            lost = not outcome.succeeded and (stage == "second" or excess.max() > HOPELESS)
             if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
                 break
             if outcome.succeeded and self._slips(excess):

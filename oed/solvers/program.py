@@ -6,7 +6,7 @@ at all times.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -65,6 +65,10 @@ WARM_OPTIONS: dict[str, Any] = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
 }
 """Of a solve that goes on from the end of one before, under slightly other limits."""
+LED_NOWHERE = ("Maximum_Iterations_Exceeded", "Infeasible_Problem_Detected", "Restoration_Failed")
+"""How such a solve ends that is better begun anew."""
+WARM_ITERATIONS = 100
+"""After which the multipliers it goes on from have misled it: where they help, a dozen do."""
 
 
 class Program:
@@ -107,7 +111,9 @@ class Program:
 
     @cached_property
     def _warm_solver(self) -> ca.Function:
-        return ca.nlpsol("design", "ipopt", self._program, {**self._options, **WARM_OPTIONS})
+        most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
+        options = {**self._options, **WARM_OPTIONS, "ipopt.max_iter": most}
+        return ca.nlpsol("design", "ipopt", self._program, options)
 
     def solve(
         self,
@@ -122,26 +128,34 @@ class Program:
     ) -> Outcome:
         """Solve from a start. `backoff` tightens each limit by that share of its size.
 
-        With `after` the start is where that solve ended, whose multipliers are a beginning.
+        With `after` the start is where that solve ended, whose multipliers are a beginning; where they lead
+        nowhere, it is solved without them.
         """
         shares = np.zeros(len(self.design.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
         least = np.zeros(self._floors) if floors is None else floors
         unbounded = np.full(len(auxiliary), np.inf)
-        solver = self._solver if after is None else self._warm_solver
-        given = {}
-        if after is not None:
-            given = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
+        given = {
+            "x0": np.concatenate([unknowns, auxiliary]),
+            "lbg": np.concatenate([zero, least, row_low]),
+            "ubg": np.concatenate([zero, open_side, row_high]),
+            "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
+            "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
+        }
+        if after is None:
+            return self._called(self._solver, given)
+        multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
+        warm = self._called(self._warm_solver, {**given, **multipliers})
+        if warm.return_status not in LED_NOWHERE:
+            return warm
+        cold = self._called(self._solver, given)
+        iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
+        return replace(cold, iterations=iterations, evaluations=evaluations)
+
+    def _called(self, solver: ca.Function, given: dict[str, Array]) -> Outcome:
         with interrupts_kept(), one_thread():
-            result = solver(
-                x0=np.concatenate([unknowns, auxiliary]),
-                lbg=np.concatenate([zero, least, row_low]),
-                ubg=np.concatenate([zero, open_side, row_high]),
-                lbx=np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
-                ubx=np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
-                **given,
-            )
+            result = solver(**given)
         stats = solver.stats()
         values = np.array(result["x"]).ravel()
         size = self.design.size

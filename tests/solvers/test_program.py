@@ -12,8 +12,10 @@ from oed.evaluation import evaluate
 from oed.limits import WheelSpeed
 from oed.measurements import Displacements
 from oed.models import SkidSteer
+from oed.solvers import program
 from oed.solvers.design import DesignExpressions
-from oed.solvers.program import Program
+from oed.solvers.local import LocalSearch, Settings
+from oed.solvers.program import Outcome, Program
 from oed.trajectory import DesignSpace, Spline
 
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
@@ -168,3 +170,34 @@ class TestProgram:
         outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0))
         _, violations = program.design.score_many(outcome.unknowns[None, :])
         assert np.array(violations).max() <= 1e-7
+
+
+class TestGoingOn:
+    """Solves that go on from the multipliers of the one before."""
+
+    @pytest.fixture
+    def search(self) -> LocalSearch:
+        problem = make_problem(design=DesignSpace(**SPACE))
+        return LocalSearch(problem, Settings(300, 1e-8, None, "none"))
+
+    def test_multipliers_that_mislead_are_forgotten(self, search: LocalSearch, monkeypatch):
+        monkeypatch.setattr(program, "WARM_ITERATIONS", 1)
+        again, alone = self._solved(search)
+        assert again.succeeded
+        np.testing.assert_array_equal(again.unknowns, alone.unknowns)
+        assert again.iterations == alone.iterations + 1
+
+    def test_good_ones_save_some_of_the_way(self, search: LocalSearch):
+        again, alone = self._solved(search)
+        assert again.succeeded
+        assert again.iterations < alone.iterations
+
+    def _solved(self, search: LocalSearch) -> list[Outcome]:
+        """Solves under limits slightly tighter than one before, from its end: with its multipliers, without."""
+        tighter = np.full(len(search.problem.limits), 1e-3)
+        begin, corrections = random_unknowns(search.design, 4, 0.1), search.grid.no_correction
+        first = search.solved(search.program, begin, corrections)
+        return [
+            search.solved(search.program, first.unknowns, corrections, None, tighter, way)
+            for way in (first, None)
+        ]
