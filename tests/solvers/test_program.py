@@ -193,7 +193,7 @@ class TestGoingOn:
         assert again.iterations < alone.iterations
 
     def _solved(self, search: LocalSearch) -> list[Outcome]:
-        """Solves under limits slightly tighter than one before, from its end: with its multipliers, without."""
+        """Solves under slightly tighter limits from the end of one: with its multipliers, and without."""
         tighter = np.full(len(search.problem.limits), 1e-3)
         begin, corrections = random_unknowns(search.design, 4, 0.1), search.grid.no_correction
         first = search.solved(search.program, begin, corrections)
