@@ -39,6 +39,8 @@ CLEARLY = 3e-3
 """Share of its size by which a limit is kept so clearly that it must not be called broken."""
 SEARCHED, BOUNDED, PINCHED = 0.06, 0.4, 0.35
 """Shares of problems that are searched, bounded, and drawn around a drive."""
+SEARCHABLE = 400
+"""Unknowns of a search at most: of more, a minute of search is work and no hang."""
 READ, SCORED, SINGULAR = "valid studies are read", "scores agree", "undetermined is -inf"
 FEASIBLE, INFEASIBLE = "kept is kept", "broken is broken"
 BOUND = "no score above its certificate"
@@ -54,7 +56,7 @@ def problem_case(rng: Rng) -> Iterator[Verdict]:
         return
     yield Verdict(READ)
     judged = [_Judged(study, problem, drive) for drive in drives]
-    if rng.random() < SEARCHED:
+    if rng.random() < SEARCHED and _unknowns(problem) <= SEARCHABLE:
         own = [trajectory_of(problem, drive) for drive in drives if not drive.polygon]
         design, verdicts = searched(rng, problem, own)
         yield from verdicts
@@ -63,6 +65,10 @@ def problem_case(rng: Rng) -> Iterator[Verdict]:
         yield from one.verdicts()
     if rng.random() < BOUNDED and study.spec["criterion"]["kind"] == "E":
         yield from _bounded(problem, judged)
+
+
+def _unknowns(problem: oed.Problem) -> int:
+    return int(problem.design.all_coefficients) * len(problem.model.inputs)
 
 
 def _drawn(rng: Rng) -> tuple[Study, list[Drive]]:
