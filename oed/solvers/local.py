@@ -22,6 +22,7 @@ from oed.solution import Status
 from oed.solvers.coarse import Grid
 from oed.solvers.epigraph import objective_of
 from oed.solvers.program import Outcome, Program
+from oed.square_root import SQUARED
 
 Array = npt.NDArray[np.float64]
 Round: TypeAlias = tuple[Outcome, Evaluation]
@@ -39,7 +40,6 @@ MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 ROUNDING = 1e-9
 """Share of the objective that a design must be better by to replace one found before (or after)."""
-
 SLIPPED = 0.02
 """Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
 FINER, FINEST = 4, 64
@@ -180,8 +180,10 @@ class LocalSearch:
 
     def met(self, unknowns: Array, standing: float) -> Evaluation | None:
         """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
-        value = float(self.design.objective(self.grid.matrices_of(unknowns, self.grid.no_correction)))
-        if not surely_better(value, standing):
+        matrices = self.grid.matrices_of(unknowns, self.grid.no_correction)
+        # As much as it may be worth: of nearly singular matrices, rounding decides.
+        most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
+        if not surely_better(float(self.design.objective(most)), standing):
             return None
         try:
             found = evaluate(self.problem, self.grid.trajectory(unknowns))

@@ -125,6 +125,20 @@ def test_a_start_that_is_better_than_every_end_is_returned(monkeypatch: pytest.M
     assert search.maximise(poor).status is Status.CONVERGED
 
 
+def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pytest.MonkeyPatch):
+    problem = small()
+    search, *_ = drives(problem)
+    rng = np.random.default_rng(5)
+    right, bend = rng.uniform(0.1, 0.3, (2, search.design.size // 2))
+    # Almost straight: what tells the track is there, but lost where the Jacobian is squared.
+    poor, good = (np.concatenate([right, right + amount * bend]) for amount in (1e-8, 1e-7))
+    scores = [evaluate(problem, search.grid.trajectory(one)).objective for one in (poor, good)]
+    matrices = search.grid.matrices_of(good, search.grid.no_correction)
+    assert search.design.objective(matrices) == 0 < scores[0] < scores[1]
+    monkeypatch.setattr(LocalSearch, "solved", ending([poor]))
+    np.testing.assert_array_equal(search.maximise(good).unknowns, good)
+
+
 def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     search, _, _, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
