@@ -77,5 +77,14 @@ class EndHeading(Limit):
         """Twice the sine of half the difference, of every run: the difference itself where it is small."""
         first, last = drive.ends_of(drive.path)
         difference = last[:, 2] - (first[:, 2] if self.at == "start" else self.at)
-        bound = np.full(drive.runs, 2 * np.sin(min(self.tolerance, np.pi) / 2))
+        bound = np.full(drive.runs, self._bound)
         return Rows(2 * ca.sin(difference / 2), -bound, bound, self.tolerance, "rad")
+
+    def amount(self, excess: float) -> float:
+        """The angle beyond the tolerance [rad]."""
+        away = 2 * np.arcsin(np.clip((excess + self._bound) / 2, 0.0, 1.0))
+        return float(away) - min(self.tolerance, np.pi)
+
+    @property
+    def _bound(self) -> float:
+        return 2 * float(np.sin(min(self.tolerance, np.pi) / 2))

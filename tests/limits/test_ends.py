@@ -194,7 +194,7 @@ def test_ends_of_a_drive(seed: int):
     assert (margin.size, margin.unit) == (0.2, "m")
     off = abs(np.angle(np.exp(1j * (heading - 0.5))))
     margin = margin_of(problem, drive, "end_heading")
-    assert margin.margin == pytest.approx(2 * np.sin(0.15) - 2 * np.sin(off / 2), abs=1e-9)
+    assert margin.margin == pytest.approx(0.3 - off, abs=1e-9)
     assert (margin.size, margin.unit) == (0.3, "rad")
 
 
@@ -208,6 +208,17 @@ def test_a_tolerance_is_a_distance_in_any_direction(direction: float, share: flo
     problem = limited(example, EndPosition(at=place, tolerance=0.1))
     assert margin_of(problem, drive, "end_position").kept == kept
     assert margin_of(problem, drive, "end_position").margin == pytest.approx(0.1 - 0.1 * share, abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.999, True), (1.002, False)])
+@pytest.mark.parametrize("tolerance", [0.1, 2.0, 3.0])
+def test_a_tolerance_is_an_angle_of_any_size(tolerance: float, share: float, kept: bool):
+    example = BY_NAME["differential"]
+    drive = random_drive(limited(example), 1)
+    *_, heading = fine_path(example, drive)[-1]
+    problem = limited(example, EndHeading(at=heading + share * tolerance, tolerance=tolerance))
+    assert margin_of(problem, drive, "end_heading").kept == kept
+    assert margin_of(problem, drive, "end_heading").margin == pytest.approx((1 - share) * tolerance, abs=1e-7)
 
 
 def turning(angles, begins=None) -> Trajectory:
