@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -12,6 +14,7 @@ from builders import RADIUS, TRACK, input_limits, make_problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oed.baselines import baselines
 from oed.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
 from oed.evaluation import Evaluation, evaluate
 from oed.identifiability import ambiguities, require_identifiable
@@ -24,8 +27,10 @@ from oed.rollout import roll_out
 from oed.solution import Status
 from oed.solvers import Genetic, Ipopt, solve
 from oed.square_root import SquareRoot, project_out, rounding_of
+from oed.study import load_study
 from oed.trajectory import DesignSpace, Spline, Trajectory
 
+PROBLEMS = Path(__file__).parents[1] / "problems"
 seeds = st.integers(0, 2**32 - 1)
 NOISE = {"position": 0.001, "heading": 0.01}
 POSES = Poses(noise={"position": 0.01, "heading": 0.02}, every=10)
@@ -319,3 +324,26 @@ def test_what_no_drive_tells_is_said_by_every_criterion(criterion: Criterion):
     assert solution.message.startswith(
         "No drive found tells all parameters apart that the criterion asks about"
     )
+
+
+@pytest.mark.parametrize("kind", ["omni_three", "mecanum"])
+@pytest.mark.parametrize("path", ["straight", "sideways_straight", "sideways_square"])
+def test_motions_that_cancel_to_rounding_tell_nothing(kind: str, path: str):
+    """Robots that go sideways turn by some 1e-17 rad/s, for their wheels' speeds cancel to rounding."""
+    problem = load_study(PROBLEMS / f"{kind}.yaml").problem
+    for solution in baselines(problem, path):
+        score = evaluate(problem, solution.trajectory)
+        radius, other = score.standard_deviations.values()
+        assert (score.objective, score.identifiable, other) == (0.0, False, np.inf)
+        assert 0 < radius < 0.01
+
+
+def test_a_faint_motion_is_none_that_cancels():
+    problem = load_study(PROBLEMS / "mecanum.yaml").problem
+    (sideways, *_) = baselines(problem, "sideways_square")
+    drive = sideways.trajectory
+    # One wheel is faster by a billionth: the arm turns what the radius moves, less precisely by as much.
+    faint = replace(drive, coefficients=drive.coefficients * (1 + 1e-9 * np.eye(4)[0]))
+    score = evaluate(problem, faint)
+    assert score.identifiable
+    assert 0 < score.objective < 1e-10
