@@ -215,10 +215,12 @@ def _guarded(
     chosen = [found[way] for way in ways]
     if function.instruction_id(condition) not in (ca.OP_LT, ca.OP_LE):
         return chosen
-    compared, other = made[condition]
+    less, more = made[condition]
     for side, way in enumerate(ways):
-        if way == compared:
-            chosen[side] = _cut(found[way], found[other].value, below=side == 0)
+        if way == less:
+            chosen[side] = _cut(found[way], found[more].value, below=side == 0)
+        elif way == more:
+            chosen[side] = _cut(found[way], found[less].value, below=side == 1)
     return chosen
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from oed.enclosures import ONE, Enclosure, Interval, NotEnclosed, enclosed, number
 from oed.models.model import sinc
+from oed.models.skid_steer_slip import _means
 
 FUNCTIONS = {
     "polynomial": lambda x, a: x**3 - a * x**2 + (x - 1) ** 5 + (x + 9) ** -3,
@@ -23,6 +24,9 @@ FUNCTIONS = {
     "either": lambda x, a: ca.if_else(ca.logic_or(x < -a, ca.logic_not(x < a)), 2.0, x),
     "steps": lambda x, a: ca.floor(x) - ca.ceil(2 * x) + ca.sign(x) + (x == a) + (x != a),
     "series": lambda x, a: sinc(a * x),
+    "lag": lambda x, a: _means(a, ca.fabs(x))[0],
+    "guards": lambda x, a: ca.if_else(x < a, 2 * x, a / ca.if_else(x < a, 1.0, x)) + ca.if_else(x <= a, x, 0),
+    "other guards": lambda x, a: ca.if_else(a < x, ca.log(ca.if_else(a < x, x, a)), ca.if_else(x <= 0, x, 1)),
 }
 
 
@@ -52,7 +56,9 @@ def test_everything_is_inside(name: str):
         assert slopes[1:-1].max() <= most + 1e-12 * abs(most)
 
 
-@pytest.mark.parametrize("name", sorted(FUNCTIONS.keys() - {"choice", "either", "steps"}))
+@pytest.mark.parametrize(
+    "name", sorted(FUNCTIONS.keys() - {"choice", "either", "steps", "lag", "guards", "other guards"})
+)
 def test_narrow_stretches_have_close_bounds(name: str):
     # So that halving ends: in proportion to the width, but where a condition changes.
     _, slope, bounds = compiled(name)
@@ -72,6 +78,16 @@ def test_a_choice_is_bounded_as_one():
     (found,) = enclosed(function, [[Enclosure(Interval(x, end), ONE)]])
     low, high = ca.Function("bounds", [x, end], [found.value.low, found.value.high])(0.4, 0.6)
     assert 0.99 < float(low) <= float(high) == 1
+
+
+@pytest.mark.parametrize("name", ["series", "lag", "guards", "other guards"])
+def test_what_a_condition_keeps_from_0_is_bounded(name: str):
+    # Over a stretch with quotients on one side of the condition and series on the other.
+    function, _, bounds = compiled(name)
+    for begin, end in ((0.0, 1.5), (0.0, 3.0), (0.0, 2.0)):
+        low, high, *_ = (float(one) for one in bounds(begin, end, 1.0))
+        values = np.array(function(np.linspace(begin, end, 50)[None, :], 1.0))
+        assert -np.inf < low <= values.min() <= values.max() <= high < np.inf
 
 
 def test_an_operation_without_bounds_is_refused():
