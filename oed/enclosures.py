@@ -59,12 +59,18 @@ class Interval:
             ends = [factor.low * stretch.low, factor.low * stretch.high]
         else:
             ends = [first * second for first in self._ends for second in other._ends]
-        # 0 times something unbounded is not a number, which these ignore, as they should: it is 0 here.
-        return Interval(_least(ends), _largest(ends))
+        # 0 times something unbounded is not a number, which least and largest leave out: here it is 0.
+        low, high = _least(ends), _largest(ends)
+        return Interval(ca.if_else(low <= INFINITE, low, 0), ca.if_else(high <= INFINITE, high, 0))
 
     @property
     def _ends(self) -> tuple[Expression, Expression]:
         return self.low, self.high
+
+    @property
+    def apart(self) -> Expression:
+        """Whether 0 is not among the numbers."""
+        return ca.logic_or(self.low > 0, self.high < 0)
 
     @property
     def square(self) -> Interval:
@@ -80,10 +86,7 @@ class Interval:
         """All reciprocals; everything where 0 is among the numbers."""
         if self.single:
             return number(1 / self.low)
-        apart = ca.logic_or(self.low > 0, self.high < 0)
-        return Interval(
-            ca.if_else(apart, 1 / self.high, -INFINITE), ca.if_else(apart, 1 / self.low, INFINITE)
-        )
+        return Interval(1 / self.high, 1 / self.low).where(self.apart, EVERYTHING)
 
     def hull(self, other: Interval) -> Interval:
         """All numbers of both and between."""
@@ -233,11 +236,18 @@ def _cut(one: Enclosure, other: Interval, *, below: bool) -> Enclosure:
 
 def _either(condition: Enclosure, yes: Enclosure, no: Enclosure) -> Enclosure:
     # What a condition chooses; where it is true only for a part of the stretch, anything between both.
-    surely, never = condition.value.low > 0, condition.value.high <= 0
+    surely, possibly = _truth(condition)
+    never = ca.logic_not(possibly)
     if condition.constant:
         return Enclosure(yes.value.where(surely, no.value), yes.slope.where(surely, no.slope))
-    value, slope = yes.value.hull(no.value).where(ca.logic_not(never), no.value), EVERYTHING
+    value, slope = yes.value.hull(no.value).where(possibly, no.value), EVERYTHING
     return Enclosure(yes.value.where(surely, value), yes.slope.where(surely, no.slope.where(never, slope)))
+
+
+def _truth(condition: Enclosure) -> tuple[Expression, Expression]:
+    # Whether it holds all along, and whether it holds somewhere: every number but 0 is true.
+    one = condition.value
+    return one.apart, ca.logic_or(one.low != 0, one.high != 0)
 
 
 def _if_else_zero(condition: Enclosure, yes: Enclosure) -> Enclosure:
@@ -275,8 +285,10 @@ def _square(one: Enclosure) -> Enclosure:
 
 
 def _inverse(one: Enclosure) -> Enclosure:
+    # At a pole it jumps from one end of all numbers to the other.
     inverse = one.value.inverse
-    return _chained(inverse, -inverse.square, one)
+    found = _chained(inverse, -inverse.square, one)
+    return found if one.value.single else Enclosure(inverse, found.slope.where(one.value.apart, EVERYTHING))
 
 
 def _quotient(first: Enclosure, second: Enclosure) -> Enclosure:
@@ -292,15 +304,18 @@ def _rising(
 
 def _root(one: Enclosure) -> Enclosure:
     low, high = ca.sqrt(ca.fmax(one.value.low, 0)), ca.sqrt(ca.fmax(one.value.high, 0))
-    value = Interval(ca.if_else(one.value.low >= 0, low, -INFINITE), high)
-    return _chained(value, Interval(0.5 / high, 0.5 / low), one)
+    found = _chained(Interval(low, high), Interval(0.5 / high, 0.5 / low), one)
+    return _where(one.value.low >= 0, found)
 
 
 def _logarithm(one: Enclosure) -> Enclosure:
-    inside = one.value.low > 0
-    low = ca.if_else(inside, ca.log(one.value.low), -INFINITE)
-    inverse = one.value.inverse
-    return _chained(Interval(low, ca.log(one.value.high)), inverse, one)
+    value = Interval(ca.log(one.value.low), ca.log(one.value.high))
+    return _where(one.value.low > 0, _chained(value, one.value.inverse, one))
+
+
+def _where(known: Expression, found: Enclosure) -> Enclosure:
+    # Where it is a number, all along; elsewhere it may be anything, even none.
+    return Enclosure(found.value.where(known, EVERYTHING), found.slope.where(known, EVERYTHING))
 
 
 def _wave(one: Interval, shift: float) -> Interval:
@@ -417,18 +432,16 @@ def _equal(first: Enclosure, second: Enclosure) -> Enclosure:
 
 
 def _not(one: Enclosure) -> Enclosure:
-    return _compared(one.value.high <= 0, one.value.low <= 0)
+    surely, possibly = _truth(one)
+    return _compared(ca.logic_not(possibly), ca.logic_not(surely))
 
 
 def _and(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _compared(
-        ca.logic_and(first.value.low > 0, second.value.low > 0),
-        ca.logic_and(first.value.high > 0, second.value.high > 0),
-    )
+    return _compared(*(ca.logic_and(*both) for both in zip(_truth(first), _truth(second), strict=True)))
 
 
 def _or(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _not(_and(_not(first), _not(second)))
+    return _compared(*(ca.logic_or(*both) for both in zip(_truth(first), _truth(second), strict=True)))
 
 
 def _hyperbolic_tangent(one: Enclosure) -> Enclosure:
