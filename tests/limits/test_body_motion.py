@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import oracle
 import pytest
@@ -24,7 +26,7 @@ from oed.limits import (
     YawRate,
 )
 from oed.models import DifferentialDrive
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
 
 SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]
@@ -195,11 +197,54 @@ def test_wheel_jerk_of_each_wheel():
 def test_wheel_jerk_of_trapezoids_is_their_jumps_over_a_period():
     rows = np.cumsum(np.random.default_rng(0).normal(size=(20, 2)), axis=0)
     drive = Trajectory.from_samples(rows, 5.0, (0, 0, 0))
-    ends = np.vstack([rows, np.zeros(2)])
-    periods = np.append(np.full(19, 0.25), 0.125)
+    # From rest and to rest in half a period each.
+    ends = np.vstack([np.zeros(2), rows, np.zeros(2)])
+    periods = np.concatenate([[0.125], np.full(19, 0.25), [0.125]])
     jumps = np.diff(np.diff(ends, axis=0) / periods[:, None], axis=0) / 0.25
     found = slack(WheelJerk(bounds=100), as_drive(BY_NAME["differential"].model, drive))
     assert found == pytest.approx(100 - np.abs(jumps).max())
+
+
+def polygon(rows: np.ndarray) -> Trajectory:
+    return Trajectory.from_samples(rows, 10.0, (0, 0, 0))
+
+
+def spline_of(degree: int) -> Callable[[np.ndarray], Trajectory]:
+    """Drives of 10 samples with these coefficients, at rest at both ends."""
+
+    def drive(rows: np.ndarray) -> Trajectory:
+        table = np.vstack([np.zeros(2), rows, np.zeros(2)])
+        space = DesignSpace(duration=10, samples=10, spline=Spline(degree=degree, coefficients=len(table)))
+        return space.trajectory(table, np.zeros(3))
+
+    return drive
+
+
+@pytest.mark.parametrize("count", [4, 9, 37])
+@pytest.mark.parametrize("build", [polygon, spline_of(1), spline_of(0)], ids=["samples", "lines", "steps"])
+def test_wheel_jerk_of_a_drive_is_that_of_its_reverse(build: Callable[[np.ndarray], Trajectory], count: int):
+    # All at once from rest, then gently back to it; and the other way round.
+    rows = np.linspace(4, 0, count + 1)[:-1, None] * np.array([1.0, 0.8])
+    problem = limited(BY_NAME["differential"], WheelJerk(bounds=5), duration=10.0, samples=10)
+    drives = [build(rows), build(rows[::-1])]
+    first, second = (margin_of(problem, drive, "wheel_jerk") for drive in drives)
+    assert first.margin == pytest.approx(second.margin, abs=1e-9)
+    # The kinks of the lines from rest through what is held and back to rest.
+    times = [0.0, *middles(10.0, drives[0].samples), 10.0]
+    slopes = np.diff(np.concatenate([[0.0], drives[0].inputs[:, 0], [0.0]])) / np.diff(times)
+    assert first.margin == pytest.approx(5 - np.abs(np.diff(slopes)).max() / drives[0].period)
+
+
+@pytest.mark.parametrize("degree", [0, 1])
+@pytest.mark.parametrize("count", [3, 8, 31])
+def test_what_a_limit_sees_of_jerks_is_what_the_scorer_sees(degree: int, count: int):
+    space = DesignSpace(
+        duration=4, samples=8, runs=2, spline=Spline(degree=degree, coefficients=count), rest_to_rest=False
+    )
+    table = np.random.default_rng(count).normal(size=(2 * count, 2))
+    drive = space.trajectory(table, np.zeros((2, 3)))
+    assert drive.extremes(2).shape == (16, 2)
+    np.testing.assert_allclose(space.jerk_matrix @ table, drive.extremes(2), atol=1e-9)
 
 
 @pytest.mark.parametrize(("degree", "refused"), [(0, True), (1, True), (2, False), (3, False)])
