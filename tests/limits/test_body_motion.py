@@ -132,6 +132,19 @@ def test_turning_radius_is_tolerated_by_a_share_of_itself(scale: float, share: f
     assert evaluate(problem, drive).feasible == kept
 
 
+@pytest.mark.parametrize(
+    ("yaw_rate", "kept"), [(2e-3, False), (1e-3, False), (9.5e-5, False), (8.5e-5, True)]
+)
+def test_turning_on_the_spot_is_rest_only_where_it_is_next_to_none(yaw_rate: float, kept: bool):
+    limit = TurningRadius(bounds=0.4)
+    problem = limited(BY_NAME["differential"], limit, duration=2.0, samples=8, rest_to_rest=False)
+    wheels = yaw_rate * np.array([0.09, -0.09]) / 0.049
+    drive = Trajectory.from_samples(np.tile(wheels, (8, 1)), 2.0, (0, 0, 0), rest_to_rest=False)
+    expected = -0.4 * yaw_rate**2 / (yaw_rate**2 + 2 * 2e-3**2)
+    assert margin_of(problem, drive, "turning_radius").margin == pytest.approx(expected, rel=1e-3)
+    assert ("turning_radius" not in evaluate(problem, drive).violations) == kept
+
+
 def test_rest_is_no_turn():
     still = Trajectory.from_samples(np.zeros((8, 2)), 2.0, (0, 0, 0))
     values = as_drive(BY_NAME["differential"].model, still)
@@ -233,6 +246,19 @@ def test_wheel_jerk_of_a_drive_is_that_of_its_reverse(build: Callable[[np.ndarra
     times = [0.0, *middles(10.0, drives[0].samples), 10.0]
     slopes = np.diff(np.concatenate([[0.0], drives[0].inputs[:, 0], [0.0]])) / np.diff(times)
     assert first.margin == pytest.approx(5 - np.abs(np.diff(slopes)).max() / drives[0].period)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("samples", [1, 2, 7, 50])
+def test_the_lines_through_a_smooth_drive_have_no_more_jerk_than_it(degree: int, samples: int):
+    # So that a design that keeps to the limit keeps to it as a file too.
+    space = DesignSpace(duration=4, samples=samples, spline=Spline(degree=degree, coefficients=9))
+    for seed in range(5):
+        table = np.zeros((9, 2))
+        table[1:-1] = np.random.default_rng(seed).normal(size=(7, 2))
+        drive = space.trajectory(table, np.zeros(3))
+        lines = Trajectory.from_samples(drive.inputs, 4.0, np.zeros(3))
+        assert np.all(np.abs(lines.extremes(2)).max(axis=0) <= np.abs(drive.extremes(2)).max(axis=0) + 1e-9)
 
 
 @pytest.mark.parametrize("degree", [0, 1])
