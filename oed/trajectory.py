@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
@@ -36,6 +37,16 @@ def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     times = np.concatenate([[0.0], middles(duration, samples), [duration]])
     held = spline.basis(knots, degree, times) @ coefficients
     return np.asarray(np.diff(held, axis=0) / np.diff(times)[:, None])
+
+
+def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
+    """How fast `held_rates` change (N, inputs): by how much in the middle of each period, over one period.
+
+    The jerk of splines whose rates jump (degrees 0 and 1), the same for a drive and its time reverse; of the
+    identity, the matrix of it.
+    """
+    period = float(knots[-1]) / samples
+    return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
 
 
 @dataclass(frozen=True)
@@ -190,11 +201,12 @@ class Trajectory:
 
     def jerks_at(self, times: Array) -> Array:
         """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
-        their change from each period to the next over one period.
+        those of `held_jerks`.
         """
         if self.degree < 2:
-            rates = [one.rates_at(middles(one.duration, one.samples)) for one in self.each]
-            return np.concatenate([np.diff(run, axis=0) for run in rates]) / self.period
+            return np.concatenate(
+                [held_jerks(one.knots, self.degree, one.coefficients, one.samples) for one in self.each]
+            )
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
         return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
@@ -291,21 +303,24 @@ class DesignSpace(Component):
         of the rate at all times; for degree 0, the rates from period to period.
         """
         if self.spline.degree == 0:
-            count = self.spline.coefficients
-            own = spline.clamped_knots(self.duration, count, 0)
-            rates = held_rates(own, 0, np.eye(count), self.samples)
-            return np.asarray(np.kron(np.eye(self.runs), rates))
+            return self._of_every_run(held_rates)
         return spline.derivative(self.knots, self.spline.degree)[0].toarray()
 
     @property
     def jerk_matrix(self) -> Array:
-        """The same of the inputs' second derivatives; no rows for splines that have none."""
+        """The same of the inputs' second derivatives; for degrees 0 and 1, those of `held_jerks`."""
         degree = self.spline.degree
         if degree < 2:
-            return np.zeros((0, self.all_coefficients))
+            return self._of_every_run(held_jerks)
         first, knots = spline.derivative(self.knots, degree)
         second, _ = spline.derivative(knots, degree - 1)
         return second @ first.toarray()
+
+    def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
+        # The matrix of what is held of a run's splines, for all runs.
+        count, degree = self.spline.coefficients, self.spline.degree
+        own = spline.clamped_knots(self.duration, count, degree)
+        return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
 
     @property
     def free_rows(self) -> npt.NDArray[np.int64]:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from oed.errors import FileFlaw, PathFileError
 from oed.evaluation import evaluate
+from oed.limits import WheelJerk
 from oed.models import SkidSteer
 from oed.path_file import read_trajectory, trajectory_csv, write_trajectory
 from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
@@ -71,6 +72,17 @@ class TestRoundTrip:
         assert evaluation.feasible
         write_trajectory(tmp_path / "path.csv", PROBLEM, drive, evaluation.poses)
         assert evaluate(PROBLEM, read_trajectory(tmp_path / "path.csv", PROBLEM)).feasible
+
+    def test_the_jerk_of_a_drive_is_that_of_its_reverse(self, tmp_path: Path):
+        # Of a robot that jumps from rest, and of one that jumps to it.
+        problem = make_problem(limits=(SPEED, WheelJerk(bounds=5.0)))
+        rows = [f"{speed:.1f},{speed:.1f}" for speed in np.linspace(4, 0.4, 10)]
+        found = [
+            evaluate(problem, read(tmp_path, HEADER, *(f"{time},{row}" for time, row in enumerate(order))))
+            for order in (rows, rows[::-1])
+        ]
+        # From 0 to 4 rad/s in half a second, then down by 0.4 rad/s^2.
+        assert [one.violations["wheel_jerk"] for one in found] == pytest.approx([3.4, 3.4])
 
     def test_another_robots_slip_is_not_in_the_file(self, tmp_path: Path):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)

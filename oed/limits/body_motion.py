@@ -19,7 +19,7 @@ from oed.trajectory import DesignSpace
 
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
 CREEP = 2e-3
-"""Yaw rate [rad/s] below which a robot counts as one at rest, whatever its radius."""
+"""Yaw rate [rad/s] over which a turning radius, which rest has none of, is rounded."""
 
 
 class MotionLimit(BareLimit):
@@ -108,7 +108,8 @@ class TurningRadius(MotionLimit):
     """Turns no tighter than radius `bounds` R [m]: speed at least R times the yaw rate.
 
     Its margin, in m, is R (v^2 - (R Omega)^2) / (v^2 + (R Omega)^2): close to the limit by how much wider
-    than R the robot turns, R on a straight, -R on the spot. What turns at less than `CREEP` counts as rest.
+    than R the robot turns, R on a straight, -R on the spot. At rest it is 0, and rounded near it: on the
+    spot -R / 3 at `CREEP`, and only below a twentieth of that (9e-5 rad/s) within what is tolerated.
     """
 
     name: ClassVar[str] = "turning_radius"

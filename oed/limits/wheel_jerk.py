@@ -17,7 +17,8 @@ Pair = Annotated[tuple[float, float], TwoSided("rad/s^3", "100 rad/s^3")]
 class WheelJerk(InputLimit):
     """The rate of every wheel's acceleration within its bounds [rad/s^3].
 
-    A drive of trapezoids, whose accelerations jump, has the jumps over one period as its jerk.
+    A drive of trapezoids, whose accelerations jump, has the jumps over one period as its jerk, those from
+    rest and to rest included.
     """
 
     name: ClassVar[str] = "wheel_jerk"

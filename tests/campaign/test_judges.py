@@ -21,7 +21,7 @@ from .oracle.motion import extrapolated
 from .oracle.robots import robot_of
 from .oracle.score import score
 from .oracle.shapes import inside_distance, thickness
-from .oracle.splines import clamped_run
+from .oracle.splines import clamped_run, polygon_run
 from .oracle.track import Track
 
 POST = {
@@ -57,6 +57,16 @@ def test_the_oracle_sees_the_jump_from_rest_of_held_steps() -> None:
     run = clamped_run(4.0, 0, steps, np.zeros(3), 4)
     (found,) = excesses(study, [run])
     assert found.amount == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_oracle_sees_the_jerk_from_rest_and_to_it(back: bool) -> None:
+    study = {**POST, "trajectory": {"rest_to_rest": True}, "limits": {"wheel_jerk": 5.0}}
+    held = np.linspace(4.0, 0.4, 10)[:, None] * np.ones((1, 2))
+    run = polygon_run(held[::-1] if back else held, 10.0, np.zeros(3), rest=True)
+    (found,) = excesses(study, [run])
+    # From 0 to 4 rad/s in half a second, then down by 0.4 rad/s^2.
+    assert found.amount == pytest.approx(3.4)
 
 
 def test_tracks_agree_with_plain_loops() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import oracle
 import pytest
@@ -24,7 +26,7 @@ from oed.limits import (
     YawRate,
 )
 from oed.models import DifferentialDrive
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
 
 SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]
@@ -130,6 +132,19 @@ def test_turning_radius_is_tolerated_by_a_share_of_itself(scale: float, share: f
     assert evaluate(problem, drive).feasible == kept
 
 
+@pytest.mark.parametrize(
+    ("yaw_rate", "kept"), [(2e-3, False), (1e-3, False), (9.5e-5, False), (8.5e-5, True)]
+)
+def test_turning_on_the_spot_is_rest_only_where_it_is_next_to_none(yaw_rate: float, kept: bool):
+    limit = TurningRadius(bounds=0.4)
+    problem = limited(BY_NAME["differential"], limit, duration=2.0, samples=8, rest_to_rest=False)
+    wheels = yaw_rate * np.array([0.09, -0.09]) / 0.049
+    drive = Trajectory.from_samples(np.tile(wheels, (8, 1)), 2.0, (0, 0, 0), rest_to_rest=False)
+    expected = -0.4 * yaw_rate**2 / (yaw_rate**2 + 2 * 2e-3**2)
+    assert margin_of(problem, drive, "turning_radius").margin == pytest.approx(expected, rel=1e-3)
+    assert ("turning_radius" not in evaluate(problem, drive).violations) == kept
+
+
 def test_rest_is_no_turn():
     still = Trajectory.from_samples(np.zeros((8, 2)), 2.0, (0, 0, 0))
     values = as_drive(BY_NAME["differential"].model, still)
@@ -195,11 +210,67 @@ def test_wheel_jerk_of_each_wheel():
 def test_wheel_jerk_of_trapezoids_is_their_jumps_over_a_period():
     rows = np.cumsum(np.random.default_rng(0).normal(size=(20, 2)), axis=0)
     drive = Trajectory.from_samples(rows, 5.0, (0, 0, 0))
-    ends = np.vstack([rows, np.zeros(2)])
-    periods = np.append(np.full(19, 0.25), 0.125)
+    # From rest and to rest in half a period each.
+    ends = np.vstack([np.zeros(2), rows, np.zeros(2)])
+    periods = np.concatenate([[0.125], np.full(19, 0.25), [0.125]])
     jumps = np.diff(np.diff(ends, axis=0) / periods[:, None], axis=0) / 0.25
     found = slack(WheelJerk(bounds=100), as_drive(BY_NAME["differential"].model, drive))
     assert found == pytest.approx(100 - np.abs(jumps).max())
+
+
+def polygon(rows: np.ndarray) -> Trajectory:
+    return Trajectory.from_samples(rows, 10.0, (0, 0, 0))
+
+
+def spline_of(degree: int) -> Callable[[np.ndarray], Trajectory]:
+    """Drives of 10 samples with these coefficients, at rest at both ends."""
+
+    def drive(rows: np.ndarray) -> Trajectory:
+        table = np.vstack([np.zeros(2), rows, np.zeros(2)])
+        space = DesignSpace(duration=10, samples=10, spline=Spline(degree=degree, coefficients=len(table)))
+        return space.trajectory(table, np.zeros(3))
+
+    return drive
+
+
+@pytest.mark.parametrize("count", [4, 9, 37])
+@pytest.mark.parametrize("build", [polygon, spline_of(1), spline_of(0)], ids=["samples", "lines", "steps"])
+def test_wheel_jerk_of_a_drive_is_that_of_its_reverse(build: Callable[[np.ndarray], Trajectory], count: int):
+    # All at once from rest, then gently back to it; and the other way round.
+    rows = np.linspace(4, 0, count + 1)[:-1, None] * np.array([1.0, 0.8])
+    problem = limited(BY_NAME["differential"], WheelJerk(bounds=5), duration=10.0, samples=10)
+    drives = [build(rows), build(rows[::-1])]
+    first, second = (margin_of(problem, drive, "wheel_jerk") for drive in drives)
+    assert first.margin == pytest.approx(second.margin, abs=1e-9)
+    # The kinks of the lines from rest through what is held and back to rest.
+    times = [0.0, *middles(10.0, drives[0].samples), 10.0]
+    slopes = np.diff(np.concatenate([[0.0], drives[0].inputs[:, 0], [0.0]])) / np.diff(times)
+    assert first.margin == pytest.approx(5 - np.abs(np.diff(slopes)).max() / drives[0].period)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("samples", [1, 2, 7, 50])
+def test_the_lines_through_a_smooth_drive_have_no_more_jerk_than_it(degree: int, samples: int):
+    # So that a design that keeps to the limit keeps to it as a file too.
+    space = DesignSpace(duration=4, samples=samples, spline=Spline(degree=degree, coefficients=9))
+    for seed in range(5):
+        table = np.zeros((9, 2))
+        table[1:-1] = np.random.default_rng(seed).normal(size=(7, 2))
+        drive = space.trajectory(table, np.zeros(3))
+        lines = Trajectory.from_samples(drive.inputs, 4.0, np.zeros(3))
+        assert np.all(np.abs(lines.extremes(2)).max(axis=0) <= np.abs(drive.extremes(2)).max(axis=0) + 1e-9)
+
+
+@pytest.mark.parametrize("degree", [0, 1])
+@pytest.mark.parametrize("count", [3, 8, 31])
+def test_what_a_limit_sees_of_jerks_is_what_the_scorer_sees(degree: int, count: int):
+    space = DesignSpace(
+        duration=4, samples=8, runs=2, spline=Spline(degree=degree, coefficients=count), rest_to_rest=False
+    )
+    table = np.random.default_rng(count).normal(size=(2 * count, 2))
+    drive = space.trajectory(table, np.zeros((2, 3)))
+    assert drive.extremes(2).shape == (16, 2)
+    np.testing.assert_allclose(space.jerk_matrix @ table, drive.extremes(2), atol=1e-9)
 
 
 @pytest.mark.parametrize(("degree", "refused"), [(0, True), (1, True), (2, False), (3, False)])

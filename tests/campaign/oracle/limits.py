@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import make_interp_spline
 
 from .robots import Robot, Twist, robot_of
 from .shapes import obstacle_clearance, obstacle_size, room_clearance, room_size
@@ -74,17 +75,21 @@ def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> It
 
 
 def _values(run: Run, order: int, points: int) -> Array:
-    # What bounds an input or a derivative of it; of what has no derivative, how it changes from the first
-    # value to the first period's middle, from middle to middle, and on to the last value.
+    # What bounds an input or a derivative of it; of what has no derivative, that of the straight lines from
+    # the first value through what is held in each period's middle on to the last value.
     if order == 0:
         return run.held if run.degree == 0 else np.vstack([run.dense(0, points), run.held])
     if order <= run.degree:
         return run.dense(order, points)
     times = np.concatenate([[0.0], (np.arange(run.samples) + 0.5) * run.period, [run.duration]])
     values = np.vstack([run.coefficients[:1], run.held, run.coefficients[-1:]])
-    rates = np.diff(values, axis=0) / np.diff(times)[:, None]
-    # A trapezoid's jerk is how its acceleration jumps over a period, from the first middle on.
-    return rates if order == 1 else np.diff(rates[1:], axis=0) / run.period
+    slopes = make_interp_spline(times, values, k=1).derivative()
+    nudge = run.period / 8
+    if order == 1:
+        return slopes(np.concatenate([times[:-1] + nudge, times[1:] - nudge]))
+    # Their acceleration jumps at every period's middle, the first and the last included: a motor that needs
+    # a period for a change of it has this jerk.
+    return (slopes(times[1:-1] + nudge) - slopes(times[1:-1] - nudge)) / run.period
 
 
 def pair(bounds: Any) -> tuple[float, float]:
