@@ -41,7 +41,8 @@ class Leaving:
         interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
         draws, seed: of the simulation.
         by_limit: share of the draws that exceed each limit.
-        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none.
+        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite
+            where a drive is not a number somewhere.
         worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
         checked_at_points: limits that draws were checked against at some points only: more may exceed them.
     """
