@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.between import Periods, change_per_metre, exceeded, excess_of, largest, periods_of
+from oed.between import change_per_metre, exceeded, excess_of, largest, periods_of
 from oed.enclosures import NotEnclosed
 from oed.evaluation import TOLERANCE
 from oed.limits.limit import PathLimit
 from oed.problem import Problem
-from oed.rollout import Drive, roll_out
+from oed.rollout import FINE, Drive, roll_out
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -40,8 +41,10 @@ class Leaving:
         interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
         draws, seed: of the simulation.
         by_limit: share of the draws that exceed each limit.
-        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none.
+        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite
+            where a drive is not a number somewhere.
         worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
+        checked_at_points: limits that draws were checked against at some points only: more may exceed them.
     """
 
     probability: float
@@ -51,15 +54,31 @@ class Leaving:
     by_limit: dict[str, float]
     farthest: float
     worst: Array
+    checked_at_points: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        return f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+        told = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+        points = ", ".join(self.checked_at_points)
+        return f"{told} Checked at points only: {points}; between them more may leave." if points else told
 
     def surely_below(self, probability: float) -> bool:
         """Whether the whole interval lies below a probability."""
         return self.interval[1] <= probability
+
+
+@dataclass(frozen=True)
+class _Robots:
+    """Robots with parameters (K, p) on one drive, from starts (K, runs, states)."""
+
+    trajectory: Trajectory
+    parameters: Array
+    starts: Array
+
+    def chosen(self, which: Any) -> _Robots:
+        """Some of them."""
+        return _Robots(self.trajectory, self.parameters[which], self.starts[which])
 
 
 def leaving(
@@ -84,9 +103,8 @@ def leaving(
     values = spread.draws(draws, seed, stream)
     if not limits:
         return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
-    excess = _excess(problem, trajectory, values)
-    # What is not a number keeps no limit.
-    beyond = ~(excess <= TOLERANCE)
+    excess, certain = _excess(problem, trajectory, values)
+    beyond = excess > TOLERANCE
     any_left = beyond.any(axis=1)
     farthest = excess.max(axis=1)
     order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_left.sum()))]
@@ -98,6 +116,7 @@ def leaving(
         by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
         farthest=max(0.0, float(farthest.max())),
         worst=values[order],
+        checked_at_points=tuple(limit.name for limit, sure in zip(limits, certain, strict=True) if not sure),
     )
 
 
@@ -105,7 +124,8 @@ def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray
     """Whether robots of uncertain quantities `values` (K, q) leave any limit, (K,)."""
     if not path_limits(problem):
         return np.zeros(len(values), dtype=bool)
-    return np.asarray((~(_excess(problem, trajectory, values) <= TOLERANCE)).any(axis=1))
+    excess, _ = _excess(problem, trajectory, values)
+    return np.asarray((excess > TOLERANCE).any(axis=1))
 
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
@@ -127,49 +147,60 @@ def path_limits(problem: Problem) -> list[PathLimit]:
     return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
 
 
-def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
-    # By how much each draw exceeds each limit, as a share of its size: (K, limits). Between the samples only
-    # where that decides: of draws that come close to a limit at the samples, and of the worst ones.
-    spread = problem.spread
+def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> tuple[Array, Bools]:
+    # By how much each draw exceeds each limit, as a share of its size, (K, limits), and of which limits that
+    # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
+    # and of the worst ones.
+    spread, limits = problem.spread, path_limits(problem)
     assert spread is not None
-    robots, starts = spread.robots(values), trajectory.starts + spread.shifts(values)
-    function = _exceeded(problem, trajectory.samples, trajectory.runs)
-    simulated = _simulated(function, trajectory, robots, starts)
-    excess, further = simulated[:, 0::2].copy(), simulated[:, 1::2]
+    robots = _Robots(trajectory, spread.robots(values), trajectory.starts + spread.shifts(values))
+    excess, further = _at_points(problem, tuple(limits), robots)
     undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
     worst = np.argsort(-excess.max(axis=1), kind="stable")[:WORST]
-    for place, limit in enumerate(path_limits(problem)):
+    certain = np.ones(len(limits), dtype=bool)
+    for place, limit in enumerate(limits):
         wanted = np.union1d(np.flatnonzero(undecided[:, place]), worst)
         for some in np.array_split(wanted, -(-len(wanted) // BATCH)):
-            periods = periods_of(
-                spread.robot, problem.design.integration, trajectory, robots[some], starts[some]
-            )
-            excess[some, place] = _between(problem, limit, periods, excess[some, place], np.isin(some, worst))
-    return excess
+            own, found = robots.chosen(some), excess[some, place]
+            excess[some, place], sure = _between(problem, limit, own, found, np.isin(some, worst))
+            certain[place] &= sure
+    return excess, certain
 
 
-def _between(problem: Problem, limit: PathLimit, periods: Periods, found: Array, exactly: Bools) -> Array:
-    # The same of some draws at all times: of most only whether they exceed the limit.
+def _between(
+    problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
+) -> tuple[Array, bool]:
+    # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
     assert problem.spread is not None
+    model, rule = problem.spread.robot, problem.design.integration
     try:
-        excess = excess_of(limit, problem.spread.robot, problem.design.integration)
+        if limit.looks_at != "state":
+            raise NotEnclosed
+        excess = excess_of(limit, model, rule)
     except NotEnclosed:
-        return found
+        closer, _ = _at_points(problem, (limit,), robots, FINE)
+        return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
+    periods = periods_of(model, rule, robots.trajectory, robots.parameters, robots.starts)
     floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
     enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
-    most, _ = largest(excess, periods, floor, enough=enough)
-    return np.where(most > floor, most / excess.size, found)
+    most, sure = largest(excess, periods, floor, enough=enough)
+    return np.where(most > floor, most / excess.size, found), bool(sure.all())
 
 
-def _simulated(function: ca.Function, trajectory: Trajectory, robots: Array, starts: Array) -> Array:
+def _at_points(
+    problem: Problem, limits: tuple[PathLimit, ...], robots: _Robots, refine: int = 1
+) -> tuple[Array, Array]:
+    # Each draw's excess of each limit at so many points per sample, and what it may be between, (K, limits).
+    trajectory = robots.trajectory
+    function = _exceeded(problem, limits, trajectory.samples, trajectory.runs, refine)
     found = []
-    for first in range(0, len(robots), BATCH):
-        own = slice(first, first + BATCH)
-        count = len(robots[own])
-        mapped = function.map("robots", "serial", count, [0, 1], [])
-        begun = starts[own].transpose(1, 0, 2).reshape(trajectory.runs, -1)
-        found.append(np.array(mapped(trajectory.inputs, trajectory.period, robots[own].T, begun)).T)
-    return np.concatenate(found)
+    for first in range(0, len(robots.parameters), BATCH):
+        own = robots.chosen(slice(first, first + BATCH))
+        mapped = function.map("robots", "serial", len(own.parameters), [0, 1], [])
+        begun = own.starts.transpose(1, 0, 2).reshape(trajectory.runs, -1)
+        found.append(np.array(mapped(trajectory.inputs, trajectory.period, own.parameters.T, begun)).T)
+    simulated = np.concatenate(found)
+    return simulated[:, 0::2].copy(), simulated[:, 1::2]
 
 
 def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
@@ -183,7 +214,7 @@ def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
     ]
 
 
-def _drive(problem: Problem, symbols: list[ca.MX], runs: int) -> Drive:
+def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int = 1) -> Drive:
     inputs, period, parameters, start = symbols
     assert problem.spread is not None
     return roll_out(
@@ -193,25 +224,34 @@ def _drive(problem: Problem, symbols: list[ca.MX], runs: int) -> Drive:
         start=start,
         parameters=parameters,
         period=period,
+        refine=refine,
         runs=runs,
     )
 
 
 @lru_cache(maxsize=8)
-def _exceeded(problem: Problem, samples: int, runs: int) -> ca.Function:
-    # Of every limit the excess at the samples, and what it may be between: half a step further on.
+def _exceeded(
+    problem: Problem, limits: tuple[PathLimit, ...], samples: int, runs: int, refine: int
+) -> ca.Function:
+    # Of every limit the excess at the points, and what it may be between: half a step further on.
     symbols = _symbols(problem, samples, runs)
-    drive = _drive(problem, symbols, runs)
+    drive = _drive(problem, symbols, runs, refine)
     speed = ca.sqrt(drive.twist[:, 0] ** 2 + drive.twist[:, 1] ** 2)
-    step = ca.mmax(speed) * drive.period
+    step = ca.mmax(speed) * drive.period / refine
     worst = []
-    for limit in path_limits(problem):
+    for limit in limits:
         rows = limit.rows(drive)
-        excess = ca.mmax(exceeded(rows))
+        excess = _greatest(exceeded(rows), drive.path)
         change = change_per_metre(limit, drive.model, drive.integration)
         further = excess + change * step / 2 if np.isfinite(change) else np.inf
         worst += [excess / rows.size, further / rows.size]
     return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
+
+
+def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
+    # Of all values. The largest of numbers is told of those alone: what is not one anywhere keeps no limit.
+    numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
+    return ca.if_else(numbers, ca.mmax(values), np.inf)
 
 
 @lru_cache(maxsize=8)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from math import erf
+from typing import Any, ClassVar, Literal
 
+import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, RADIUS, SPEED, TRACK, make_problem, random_drive
@@ -17,8 +19,10 @@ from oed.criteria import E
 from oed.departures import Leaving, leaving, left, path_limits, paths
 from oed.evaluation import TOLERANCE, evaluate
 from oed.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
+from oed.limits.limit import PathLimit, Rows
 from oed.measurements import Poses
 from oed.models import TractorTrailer
+from oed.models.model import Input, Model, Parameter
 from oed.problem import Problem
 from oed.trajectory import DesignSpace, Spline, Trajectory
 from oed.uncertainty import Uncertainty
@@ -248,3 +252,79 @@ def test_a_post_between_the_samples_counts():
     assert found.probability == 1
     assert found.by_limit == {"obstacles": 1.0}
     assert left(problem, drive, np.array([[RADIUS, RADIUS]])).all()
+
+
+class Root(Model):
+    """A robot whose forward speed is the root of what its gain leaves: not a number where that is below 0."""
+
+    kind: Literal["root"] = "root"
+    gain: float = 1.0
+    bend: float = 0.0
+    inputs: ClassVar = (Input("v", "wheel_speed", "rad/s"), Input("w", "wheel_speed", "rad/s"))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return Parameter("gain", self.gain, "", 1.0), Parameter("bend", self.bend, "", 1.0)
+
+    def twist(self, inputs: Any, p: Any) -> Any:
+        return ca.vertcat(inputs[0] * ca.sqrt(p[0] - inputs[1] ** 2), 0, inputs[1] + p[1] * inputs[0])
+
+
+class Curved(PathLimit):
+    """erf(y) below that of `top`: nobody knows bounds of erf."""
+
+    name: ClassVar[str] = "curved"
+    per_metre: ClassVar[float] = 1.2
+    top: float
+
+    def rows_at(self, path: Any, model: Model) -> Rows:
+        each = np.ones(path.shape[0])
+        return Rows(ca.erf(path[:, 1]), -np.inf * each, erf(self.top) * each, 1.0, "")
+
+
+class Pointwise(Curved):
+    """The same of a limit that does not say what it looks at."""
+
+    looks_at: ClassVar = None
+
+
+def test_a_drive_that_is_not_a_number_anywhere_leaves():
+    room = Rectangle(x=(-99, 99), y=(-99, 99))
+    space = DesignSpace(duration=10, samples=10, rest_to_rest=False)
+    problem = problem_of(room, model=Root(), design=space, within={"gain": 0.5}, limits=(SPEED, room))
+    inputs = np.column_stack([np.full(10, 0.3), np.linspace(0, 0.85, 10)])
+    drive = Trajectory.from_samples(inputs, 10.0, (0, 0, 0), rest_to_rest=False)
+    broken = problem.spread.draws(200, 0)[:, 0] < 0.85**2
+    assert 10 < broken.sum() < 190
+    np.testing.assert_array_equal(left(problem, drive, problem.spread.draws(200, 0)), broken)
+    found = leaving(problem, drive, draws=200, seed=0)
+    assert found.probability == found.by_limit["workspace"] == broken.mean()
+    assert found.farthest == np.inf
+    assert np.all(found.worst[:, 0] < 0.85**2)
+
+
+@pytest.mark.parametrize("kind", [Curved, Pointwise])
+def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved]):
+    space = DesignSpace(duration=6, samples=6, rest_to_rest=False)
+    parts: dict[str, Any] = {"design": space, "within": {"track": 1e-5}}
+    speeds = np.tile([0.581, 0.419], (6, 1)) / RADIUS
+    drive = Trajectory.from_samples(speeds, 6.0, (0, 0, 0), rest_to_rest=False)
+    y = evaluate(problem_of(**parts), drive).path[:, 1]
+    # All robots are above between two samples, none at any.
+    problem = problem_of(kind(top=(y[::10].max() + y.max()) / 2), **parts)
+    assert not evaluate(replace(problem, uncertainty=None), drive).feasible
+    found = leaving(problem, drive, draws=50)
+    assert found.probability == 1
+    assert found.checked_at_points == ("curved",)
+    assert "points only: curved" in found.sentence
+    assert left(problem, drive, problem.spread.draws(5, 0)).all()
+    assert found.farthest == pytest.approx(excesses(problem, drive, found.worst).max(), abs=1e-9)
+
+
+def test_what_patience_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch):
+    problem, drive = bulging()
+    found = leaving(problem, drive, draws=5)
+    assert found.checked_at_points == ()
+    assert "points only" not in found.sentence
+    monkeypatch.setattr("oed.between.search.PATIENCE", -(10**6))
+    assert leaving(problem, drive, draws=5).checked_at_points == ("workspace",)

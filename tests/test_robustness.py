@@ -34,6 +34,7 @@ KNOWN = {"name", "probability", "interval", "draws", "seed", "by_limit", "farthe
     "objective",
     "reserve",
     "kept",
+    "checked_at_points",
 }
 
 

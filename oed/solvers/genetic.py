@@ -7,6 +7,7 @@ constraints are pymoo's own affair.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from abc import abstractmethod
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
+from oed.errors import NotFinite
 from oed.evaluation import Evaluation, evaluate
 from oed.problem import Problem
 from oed.quantities import Duration
@@ -222,10 +224,12 @@ class _Run:
         for value, unknowns in self._fresh(algorithm.pop)[: None if last else RESCORED]:
             if value <= self.standing:
                 return
-            evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
-            if evaluation.feasible:
-                self._keep(value, unknowns, evaluation)
-                return
+            # A drive that is not finite keeps no limit.
+            with contextlib.suppress(NotFinite):
+                evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+                if evaluation.feasible:
+                    self._keep(value, unknowns, evaluation)
+                    return
             self.refused.add(unknowns.tobytes())
 
     def _fresh(self, population: Any) -> list[tuple[float, Array]]:

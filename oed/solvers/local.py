@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -162,28 +162,17 @@ class LocalSearch:
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
     def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start; the start itself if that is better than where this ends. One
-        that leads to what is not finite fails.
-        """
-        try:
-            return self._maximised(unknowns)
-        except NotFinite as error:
-            return Local(unknowns, None, Status.FAILED, 0, 0, 0.0, str(error))
-
-    def _maximised(self, unknowns: Array) -> Local:
+        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
         floors = np.zeros(self._objective.floors.shape[0])
         found = self._best("program", unknowns, floors, self.grid.no_correction)
         better = self.met(unknowns, found.objective)
         if better is None:
             return found
-        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED)
+        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED, reason="")
 
     def met(self, unknowns: Array, standing: float) -> Evaluation | None:
         """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
-        matrices = self.grid.matrices_of(unknowns, self.grid.no_correction)
-        # As much as it may be worth: of nearly singular matrices, rounding decides.
-        most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
-        if not surely_better(float(self.design.objective(most)), standing):
+        if not self._may_be_better(unknowns, standing):
             return None
         try:
             found = evaluate(self.problem, self.grid.trajectory(unknowns))
@@ -191,6 +180,15 @@ class LocalSearch:
             return None
         usable = found.feasible and found.identifiable
         return found if usable and surely_better(found.objective, standing) else None
+
+    def _may_be_better(self, unknowns: Array, standing: float) -> bool:
+        # Without scoring it. Of fewer samples than all nobody knows by how much they tell otherwise.
+        if self.grid.coarse:
+            return True
+        matrices = self.grid.matrices_of(unknowns, self.grid.no_correction)
+        # As much as it may be worth: of nearly singular matrices, rounding decides.
+        most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
+        return surely_better(float(self.design.objective(most)), standing)
 
     def settle(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
@@ -202,34 +200,41 @@ class LocalSearch:
         return self._best("second", unknowns, floors, corrections)
 
     def _best(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Local:
-        began = time.perf_counter()
-        rounds = self._rounds(stage, unknowns, floors, corrections)
-        return _judged(rounds, time.perf_counter() - began)
+        # What is not finite ends a search, but takes nothing from the rounds before.
+        began, rounds, reason = time.perf_counter(), list[Round](), ""
+        try:
+            for one in self._rounds(stage, unknowns, floors, corrections):
+                rounds.append(one)
+        except NotFinite as error:
+            reason = str(error)
+        seconds = time.perf_counter() - began
+        if not rounds:
+            return Local(unknowns, None, Status.FAILED, 0, 0, seconds, reason)
+        return _judged(rounds, seconds, reason)
 
-    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> list[Round]:
+    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Iterator[Round]:
         # Solves under limits tightened again and again, each with what its end is worth.
         program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
-        rounds: list[Round] = []
+        after: Outcome | None = None
         for _ in range(TIGHTENINGS):
-            # Limits and corrections change little from round to round: each goes on from the one before.
-            after = rounds[-1][0] if rounds and rounds[-1][0].succeeded else None
             outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
-            unknowns = outcome.unknowns
+            # Limits and corrections change little from round to round: each goes on from the one before.
+            unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
-            rounds.append((outcome, evaluation))
+            yield outcome, evaluation
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no room left to choose in.
             lost = not outcome.succeeded and (stage == "second" or excess.max() > HOPELESS)
             if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
                 break
             if outcome.succeeded and self._slips(excess):
-                return rounds + self._finer._rounds(stage, unknowns, floors, corrections)
+                yield from self._finer._rounds(stage, unknowns, floors, corrections)
+                return
             before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
             if excess.any() and np.array_equal(before, backoff):
                 break
             corrections = self.grid.correction(unknowns)
-        return rounds
 
     def _slips(self, excess: Array) -> bool:
         # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
@@ -287,9 +292,10 @@ def surely_better(objective: float, standing: float) -> bool:
     return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
 
 
-def _judged(rounds: Sequence[Round], seconds: float) -> Local:
+def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
     # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
-    # tell what is asked for is a design, if of no use: the search says so in the end.
+    # tell what is asked for is a design, if of no use: the search says so in the end. `broken` is why the
+    # round after them was not finite, if one was not.
     chosen, standing = len(rounds) - 1, -np.inf
     for place in range(len(rounds) - 1, -1, -1):
         evaluation = rounds[place][1]
@@ -300,7 +306,7 @@ def _judged(rounds: Sequence[Round], seconds: float) -> Local:
     found = evaluation.feasible and (bool(np.isfinite(standing)) or not evaluation.identifiable)
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
-    elif status in (Status.INFEASIBLE, Status.FAILED) or chosen < len(rounds) - 1:
+    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or chosen < len(rounds) - 1:
         # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
         status = Status.ACCEPTABLE
     return Local(
@@ -310,6 +316,7 @@ def _judged(rounds: Sequence[Round], seconds: float) -> Local:
         sum(one.iterations for one, _ in rounds),
         sum(one.evaluations for one, _ in rounds),
         seconds,
+        "" if found else broken,
     )
 
 

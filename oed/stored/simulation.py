@@ -119,10 +119,11 @@ class Tried(Stored):
     draws: Count
     seed: Seed
     by_limit: dict[str, Number]
-    farthest: Number
+    farthest: Number | None
     objective: Number | None
     reserve: Number | None
     kept: Count | None
+    checked_at_points: list[str] | None = None
 
 
 class Paths(Stored):

@@ -75,6 +75,19 @@ def text_of(**changes: Any) -> str:
 
 
 class TestWords:
+    def test_limits_checked_at_points_only_are_named(self):
+        entry = result("ipopt", reserve=2.576, checked_at_points=["workspace"])
+        assert "Of workspace this was checked at points only" in text_of(results=[entry])
+        assert "points only" not in text_of()
+
+    def test_a_robot_without_a_finite_path_is_told(self):
+        entries = [result("ipopt", reserve=2.576), result("nominal", farthest=None, probability=0.2)]
+        record = made(results=entries, bundles=[])
+        section = robustness(record)
+        assert section is not None
+        assert "the worst has no finite path" in " ".join(section.paragraphs)
+        assert section.tables[0].rows[1][4] is None
+
     def test_a_study_that_is_not_robust_has_no_section(self):
         assert robustness(full()) is None
         assert robustness(Record({**full().data, "robustness": None})) is None

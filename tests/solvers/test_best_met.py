@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import BOX, SPEED, make_problem
+from builders import BOX, SPEED, make_problem, random_drive
 from random_problems import random_problem
 
+from oed.criteria import E
+from oed.errors import Flaw, NotFinite
 from oed.evaluation import evaluate
-from oed.measurements import Displacements
+from oed.measurements import Displacements, Poses
 from oed.problem import Problem
 from oed.solution import Status
-from oed.solvers import Genetic, Ipopt, genetic, solve
+from oed.solvers import Genetic, Ipopt, genetic, local, solve
 from oed.solvers.design import DesignExpressions
 from oed.solvers.local import LocalSearch, Settings
 from oed.solvers.program import Outcome
@@ -177,6 +179,101 @@ def test_drives_refused_between_the_samples_make_room_for_others(monkeypatch: py
     assert len({drive.coefficients.tobytes() for drive in seen}) == 40
     assert solution.evaluation is not None
     assert solution.evaluation.feasible
+
+
+def not_finite(*_: Any) -> Any:
+    raise NotFinite(Flaw(("robot",), "diverged"))
+
+
+def refusing(drives: list[Any], search: LocalSearch) -> Any:
+    """A scorer to whom these drives, and no others, are not finite."""
+    known = {search.grid.trajectory(one).coefficients.tobytes() for one in drives}
+
+    def scored(problem: Problem, drive: Any) -> Any:
+        return not_finite() if drive.coefficients.tobytes() in known else evaluate(problem, drive)
+
+    return scored
+
+
+def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypatch: pytest.MonkeyPatch):
+    search, poor, _, outside = drives(small())
+    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    found = search.maximise(poor)
+    np.testing.assert_array_equal(found.unknowns, poor)
+    assert (found.status, found.reason) == (Status.UNIMPROVED, "")
+    # Without a start to return it says why it has failed.
+    found = search.maximise(2 * outside)
+    assert (found.evaluation, found.status) == (None, Status.FAILED)
+    assert "diverged" in found.reason
+
+
+def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPatch):
+    search, poor, good, outside = drives(small())
+    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    for search_from, stage in ((search.maximise, "program"), (lambda one: search.settle(one, 0.9), "second")):
+        monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
+        found = search_from(poor)
+        np.testing.assert_array_equal(found.unknowns, good, err_msg=stage)
+        assert (found.status, found.reason) == (Status.ACCEPTABLE, "")
+
+
+def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: pytest.MonkeyPatch):
+    search, poor, good, outside = drives(small())
+    monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
+    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    monkeypatch.setattr(LocalSearch, "_slips", lambda own, _: own is search)
+    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    np.testing.assert_array_equal(search.maximise(poor).unknowns, good)
+
+
+def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: pytest.MonkeyPatch):
+    problem, settle = small(), LocalSearch.settle
+    plain = solve(problem, QUICK, seed=0, workers=1)
+
+    def broken(self: LocalSearch, unknowns: Any, share: float) -> Any:
+        with monkeypatch.context() as patch:
+            patch.setattr(local, "evaluate", not_finite)
+            return settle(self, unknowns, share)
+
+    monkeypatch.setattr(LocalSearch, "settle", broken)
+    solution = solve(problem, QUICK.model_copy(update={"second_stage": "logdet"}), seed=0, workers=1)
+    assert solution.status is plain.status
+    assert solution.evaluation.objective == plain.evaluation.objective
+
+
+def test_genetic_candidates_that_are_not_finite_make_room_for_others(monkeypatch: pytest.MonkeyPatch):
+    seen: list[Any] = []
+
+    def scored(problem: Problem, drive: Any) -> Any:
+        seen.append(drive)
+        return not_finite() if len(seen) <= 5 else evaluate(problem, drive)
+
+    monkeypatch.setattr(genetic, "evaluate", scored)
+    solution = solve(small(), Genetic(population=60, generations=3), seed=0, workers=1)
+    assert len(seen) > 5
+    assert solution.evaluation is not None
+    assert solution.evaluation.feasible
+
+
+def test_a_start_that_fewer_samples_see_as_worth_less_is_scored():
+    problem = make_problem(
+        design=DesignSpace(duration=10, samples=200, spline=Spline(coefficients=8)),
+        measurement=Poses(noise={"position": 0.01, "heading": 0.01}),
+        criterion=E(scaling="relative"),
+    )
+    search = LocalSearch(problem, replace(SETTINGS, search_samples=8))
+    assert search.grid.coarse
+    start = search.design.unknowns_of(random_drive(problem, 5, 3.0))
+    matrices = search.grid.matrices_of(start, search.grid.no_correction)
+    seen, worth = search.design.objective(matrices), evaluate(problem, search.grid.trajectory(start))
+    assert worth.feasible
+    assert seen < 0.995 * worth.objective
+    found = search.met(start, (seen + worth.objective) / 2)
+    assert found is not None
+    assert found.objective == worth.objective
+    assert search.met(start, worth.objective) is None
 
 
 def test_tightening_leaves_something_between_two_bounds():

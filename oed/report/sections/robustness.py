@@ -94,8 +94,14 @@ def _outcome(data: Entry, entry: Entry) -> str:
     how = listing([part for part in (reserve, added) if part])
     return (
         f"On {entry['name']}{f', with {how},' if how else ''} {entry['probability']:.2%} of {entry['draws']} "
-        f"robots leave the limits (95 % interval {low:.2%} to {high:.2%})."
+        f"robots leave the limits (95 % interval {low:.2%} to {high:.2%}).{_points(entry)}"
     )
+
+
+def _points(entry: Entry) -> str:
+    # Limits that other robots were not checked against at all times.
+    points = listing([words(name) for name in entry.get("checked_at_points") or ()])
+    return f" Of {points} this was checked at points only: between them more may leave." if points else ""
 
 
 def _cost(record: Record, data: Entry) -> str:
@@ -108,9 +114,15 @@ def _cost(record: Record, data: Entry) -> str:
         return ""
     return (
         f"What it costs: {best['name']} is worth {share:.1%} of {NOMINAL}, the design found with nothing in "
-        f"reserve. On that one {plain['probability']:.1%} of the robots leave the limits; the worst is "
-        f"beyond by {plain['farthest']:.2g} times the limit's size."
+        f"reserve. On that one {plain['probability']:.1%} of the robots leave the limits; the worst "
+        f"{_beyond(plain)}."
     )
+
+
+def _beyond(entry: Entry) -> str:
+    if entry["farthest"] is None:
+        return "has no finite path"
+    return f"is beyond by {entry['farthest']:.2g} times the limit's size"
 
 
 def _table(record: Record, data: Entry) -> Table:
@@ -134,7 +146,7 @@ def _row(entry: Entry) -> tuple[Cell, ...]:
         entry["objective"],
         share,
         f"{low} to {high}",
-        100 * entry["farthest"],
+        None if entry["farthest"] is None else 100 * entry["farthest"],
         entry["draws"],
     )
 
