@@ -65,7 +65,14 @@ WARM_OPTIONS: dict[str, Any] = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
 }
 """Of a solve that goes on from the end of one before, under slightly other limits."""
-LED_NOWHERE = ("Maximum_Iterations_Exceeded", "Infeasible_Problem_Detected", "Restoration_Failed")
+LED_NOWHERE = (
+    "Maximum_Iterations_Exceeded",
+    "Infeasible_Problem_Detected",
+    "Restoration_Failed",
+    "Error_In_Step_Computation",
+    "Invalid_Number_Detected",
+    "Diverging_Iterates",
+)
 """How such a solve ends that is better begun anew."""
 WARM_ITERATIONS = 100
 """After which the multipliers it goes on from have misled it: where they help, a dozen do."""
