@@ -26,7 +26,10 @@ class NotEnclosed(Exception):
 
 @dataclass(frozen=True)
 class Interval:
-    """Numbers from `low` to `high` (scalar SX); the same object twice for a single number."""
+    """Numbers from `low` to `high` (scalar SX); the same object twice for a single number.
+
+    A bound that is not a number stands for any: nothing is known there.
+    """
 
     low: Expression
     high: Expression
@@ -59,9 +62,9 @@ class Interval:
             ends = [factor.low * stretch.low, factor.low * stretch.high]
         else:
             ends = [first * second for first in self._ends for second in other._ends]
-        # 0 times something unbounded is not a number, which least and largest leave out: here it is 0.
-        low, high = _least(ends), _largest(ends)
-        return Interval(ca.if_else(low <= INFINITE, low, 0), ca.if_else(high <= INFINITE, high, 0))
+        # 0 times something unbounded is not a number, which least and largest leave out as long as there are
+        # others: a bound that is none stands for any.
+        return Interval(_least(ends), _largest(ends))
 
     @property
     def _ends(self) -> tuple[Expression, Expression]:
@@ -90,7 +93,9 @@ class Interval:
 
     def hull(self, other: Interval) -> Interval:
         """All numbers of both and between."""
-        return Interval(ca.fmin(self.low, other.low), ca.fmax(self.high, other.high))
+        low, high = ca.fmin(self.low, other.low), ca.fmax(self.high, other.high)
+        lows, highs = (self.low, other.low), (self.high, other.high)
+        return Interval(_known(low, *lows, -INFINITE), _known(high, *highs, INFINITE))
 
     def where(self, condition: Expression, other: Interval) -> Interval:
         """This one under a condition, else the other."""
@@ -103,6 +108,11 @@ class Interval:
 def number(value: Expression) -> Interval:
     """The interval of one number."""
     return Interval(value, value) if isinstance(value, ca.SX) else number(ca.SX(value))
+
+
+def _known(bound: Expression, first: Expression, second: Expression, else_: float) -> Expression:
+    # Of two where both are numbers: minimum and maximum leave out what is none.
+    return ca.if_else(ca.logic_and(first <= INFINITE, second <= INFINITE), bound, else_)
 
 
 def _least(values: Sequence[Expression]) -> Expression:
@@ -331,11 +341,17 @@ def _wave(one: Interval, shift: float) -> Interval:
 
 
 def _sine(one: Enclosure) -> Enclosure:
-    return _chained(_wave(one.value, 0.0), _wave(one.value, pi / 2), one)
+    return _turned(one, 0.0)
 
 
 def _cosine(one: Enclosure) -> Enclosure:
-    return _chained(_wave(one.value, pi / 2), _wave(one.value, pi), one)
+    return _turned(one, pi / 2)
+
+
+def _turned(one: Enclosure, shift: float) -> Enclosure:
+    found = _chained(_wave(one.value, shift), _wave(one.value, shift + pi / 2), one)
+    # Of what is infinite, or no number, it is none.
+    return _where(one.value.high - one.value.low < INFINITE, found)
 
 
 def _tangent(one: Enclosure) -> Enclosure:
@@ -343,7 +359,8 @@ def _tangent(one: Enclosure) -> Enclosure:
 
 
 def _larger(first: Enclosure, second: Enclosure) -> Enclosure:
-    value = Interval(ca.fmax(first.value.low, second.value.low), ca.fmax(first.value.high, second.value.high))
+    highs = first.value.high, second.value.high
+    value = Interval(ca.fmax(first.value.low, second.value.low), _known(ca.fmax(*highs), *highs, INFINITE))
     above, below = first.value.low > second.value.high, first.value.high < second.value.low
     both = first.slope.hull(second.slope)
     return Enclosure(value, first.slope.where(above, second.slope.where(below, both)))
@@ -417,18 +434,18 @@ def _compared(surely: Expression, possibly: Expression) -> Enclosure:
 
 def _less(first: Enclosure, second: Enclosure) -> Enclosure:
     one, other = first.value, second.value
-    return _compared(one.high < other.low, one.low < other.high)
+    return _compared(one.high < other.low, ca.logic_not(one.low >= other.high))
 
 
 def _at_most(first: Enclosure, second: Enclosure) -> Enclosure:
     one, other = first.value, second.value
-    return _compared(one.high <= other.low, one.low <= other.high)
+    return _compared(one.high <= other.low, ca.logic_not(one.low > other.high))
 
 
 def _equal(first: Enclosure, second: Enclosure) -> Enclosure:
     one, other = first.value, second.value
     single = ca.logic_and(one.low == other.high, one.high == other.low)
-    return _compared(single, ca.logic_and(one.low <= other.high, other.low <= one.high))
+    return _compared(single, ca.logic_not(ca.logic_or(one.low > other.high, other.low > one.high)))
 
 
 def _not(one: Enclosure) -> Enclosure:
