@@ -31,7 +31,7 @@ FLOORS: tuple[set[str], ...] = (
     },
     {"models"},
     {"logs"},
-    {"trajectory", "rollout", "matrices", "square_root", "enclosures", "direct_call"},
+    {"trajectory", "rollout", "matrices", "square_root", "intervals", "enclosures", "direct_call"},
     {"measurements"},
     {"limits", "information", "prior", "uncertainty", "robust", "regressors", "readings", "segments"},
     {"criteria"},

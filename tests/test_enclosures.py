@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from oed.enclosures import ONE, Enclosure, Interval, NotEnclosed, enclosed, number
+from oed.enclosures import Enclosure, NotEnclosed, enclosed
+from oed.intervals import ONE, Interval, number
 from oed.models.model import sinc
 from oed.models.skid_steer_slip import _means
 

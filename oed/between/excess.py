@@ -11,8 +11,9 @@ import numpy.typing as npt
 from oed import spline
 from oed.between.periods import Periods, Stretches
 from oed.direct_call import direct_call
-from oed.enclosures import ONE, Enclosure, Interval, enclosed, number
+from oed.enclosures import Enclosure, enclosed
 from oed.expression import Expression
+from oed.intervals import ONE, Interval, number
 from oed.limits.limit import Rows
 from oed.models.model import Integration, Model
 from oed.rollout import Moment, moment
