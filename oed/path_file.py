@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import FileFlaw, PathFileError
-from oed.files import write_text
+from oed.files import read_text, write_text
 from oed.models.model import Model
 from oed.problem import Problem
 from oed.quantities import LARGEST, too_large
@@ -195,11 +195,13 @@ def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Ta
 def _text(file: str | Path) -> str:
     try:
         # Spreadsheets begin a file with a byte-order mark.
-        return Path(file).read_text(encoding="utf-8-sig")
+        return read_text(file, "utf-8-sig")
     except FileNotFoundError:
         reason = "no such file"
-    except (OSError, UnicodeDecodeError) as error:
-        reason = f"cannot be read: {error}"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    except UnicodeDecodeError:
+        reason = "cannot be read: not UTF-8 text"
     raise PathFileError([FileFlaw(str(file), 0, 0, "", reason)])
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.errors import FileFlaw, LogError
+from oed.files import read_text
 from oed.logs.series import Array, Rows, shortened
 
 BLANKS = " "
@@ -21,6 +22,9 @@ DELIMITERS = {"tab": "\t", "blanks": BLANKS}
 COMMENT, QUOTE = ("#", "%"), '"'
 LARGEST = 1e30
 """No number of a robot is larger, in any unit; what is stands for a missing one."""
+
+MOST = 2**30
+"""Bytes of a log: days of driving."""
 
 _LOOKED_AT = 20
 
@@ -181,7 +185,7 @@ def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
 def _lines(file: Path) -> list[str]:
     try:
         # Spreadsheets begin a file with a byte-order mark.
-        return file.read_text(encoding="utf-8-sig").splitlines()
+        return read_text(file, "utf-8-sig", MOST).splitlines()
     except FileNotFoundError:
         reason = "no such file"
     except IsADirectoryError:
