@@ -17,6 +17,7 @@ from oed.files import read_text, write_text
 from oed.models.model import Model
 from oed.problem import Problem
 from oed.quantities import LARGEST, too_large
+from oed.shown import written
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -214,14 +215,14 @@ def _cells(name: str, number: int, line: str) -> list[str]:
 
 
 def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
-    twice = sorted({column for column in header if column and header.count(column) > 1})
-    if twice:
-        return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
     # What the file says instead is not repeated: it may be no path at all, and nobody's business.
     lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
     if missing:
         return lacking
+    twice = sorted({column for column in header if column and header.count(column) > 1})
+    if twice:
+        return f"the header has {', '.join(twice)} twice; which column counts?"
     # A start that is given in part would be taken for one that is not given.
     given = [state for state in states if state in header]
     others = [state for state in states if state not in header]
@@ -242,7 +243,9 @@ def _columns(
                 continue
             value = _number(cell)
             if value is None:
-                flaws.append(FileFlaw(table.name, line, 0, column, f"expected a finite number, got {cell!r}"))
+                flaws.append(
+                    FileFlaw(table.name, line, 0, column, f"expected a finite number, got {written(cell)}")
+                )
             elif abs(value) > LARGEST:
                 flaws.append(FileFlaw(table.name, line, 0, column, too_large(value)))
             else:
