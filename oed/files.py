@@ -61,6 +61,14 @@ def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> st
     return read_bytes(file, most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
+def special(path: Path) -> str:
+    """What stands there, such as "a pipe", where it is neither a file nor a folder; else ""."""
+    try:
+        return _special(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return ""
+
+
 def _require_file(found: os.stat_result) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -79,9 +87,10 @@ def write_text(path: Path, text: str) -> None:
     """Write text under a temporary name, then rename: a reader never sees half a file.
 
     Raises:
-        UserMistake: the folder cannot be written to.
+        UserMistake: the folder cannot be written to, or something else than a file has that name.
         Failure: there is no room left for it.
     """
+    require_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # A short name, for the file's own may be as long as names can be.
@@ -102,6 +111,27 @@ def write_text(path: Path, text: str) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def require_replaceable(path: Path, *, links: bool = False) -> None:
+    """Make sure that a new file may take the place of what is there: pipes and devices are others'.
+
+    Args:
+        path: where the file goes.
+        links: whether it may take the place of a link, too, as in a folder of the package's own.
+
+    Raises:
+        UserMistake: something is there that no file may take the place of.
+    """
+    try:
+        mode = os.lstat(path).st_mode
+    except (OSError, ValueError):
+        # Nothing is there, or writing will tell what is wrong.
+        return
+    if stat.S_ISLNK(mode) and not links:
+        raise UserMistake(f"{path}: cannot be written: it is a link; name the file itself that it leads to")
+    if _special(mode):
+        raise UserMistake(f"{path}: cannot be written: {_special(mode)} is there, not a file; name another")
 
 
 def write_files(folder: Path, files: Mapping[str, str]) -> None:

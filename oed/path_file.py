@@ -52,7 +52,11 @@ def _time_text(time: float) -> str:
 
 
 def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
-    """Write a trajectory CSV."""
+    """Write a trajectory CSV.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
     write_text(path, trajectory_csv(problem, trajectory, poses))
 
 

@@ -13,6 +13,8 @@ import pytest
 
 from oed.errors import Failure, UserMistake
 from oed.files import read_bytes, read_text, require_writable, write_text
+from oed.folders import updated
+from oed.report.film import write_frames
 
 
 def names(folder: Path) -> list[str]:
@@ -116,6 +118,47 @@ def test_asking_whether_a_folder_can_be_written_to_leaves_none(tmp_path: Path):
     assert names(tmp_path) == []
     require_writable(tmp_path)
     assert tmp_path.is_dir()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such things elsewhere")
+class TestReplacing:
+    """A file takes the place of a file only."""
+
+    @pytest.fixture(autouse=True)
+    def here(self, tmp_path: Path, monkeypatch) -> Path:
+        monkeypatch.chdir(tmp_path)
+        return tmp_path
+
+    @pytest.mark.parametrize("kind", ["pipe", "socket"])
+    def test_what_is_no_file_stays(self, kind: str):
+        with special_file(Path("a.gif"), kind) as path:
+            before = os.lstat(path)
+            for write in (
+                lambda: write_text(path, "x"),
+                lambda: write_frames(iter(()), path, 10.0),
+                lambda: written_into(Path.cwd(), path.name),
+            ):
+                with pytest.raises(UserMistake, match=f"a.gif: cannot be written: a {kind} is there"):
+                    write()
+            assert os.path.samestat(os.lstat(path), before)
+            assert names(Path()) == ["a.gif"]
+
+    @pytest.mark.parametrize("to", ["b.txt", "nowhere", "pipe"])
+    def test_links_stay(self, here: Path, to: str):
+        (here / "b.txt").write_text("b")
+        os.mkfifo("pipe")
+        Path("a.gif").symlink_to(to)
+        for write in (lambda: write_text(here / "a.gif", "x"), lambda: write_frames(iter(()), "a.gif", 10.0)):
+            with pytest.raises(UserMistake, match="it is a link; name the file itself"):
+                write()
+        assert os.readlink("a.gif") == to
+        assert names(here) == ["a.gif", "b.txt", "pipe"]
+
+
+def written_into(folder: Path, name: str) -> None:
+    with updated(folder) as draft:
+        draft.write({name: "x"})
+        draft.publish()
 
 
 class TestReading:
