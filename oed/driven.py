@@ -29,6 +29,8 @@ Array = npt.NDArray[np.float64]
 
 MOVING = 0.02
 """Share of a log's fastest motion above which the robot is taken to move."""
+HEADER = 100_000
+"""Characters of a file's first line that are looked at."""
 SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
 """Keys of two studies that have to agree for their designs to be compared."""
 
@@ -123,7 +125,7 @@ def is_log(study: Study, file: str | Path) -> bool:
     if study.file.log is None or not path.is_file():
         return False
     with open(path, encoding="utf-8-sig", errors="replace") as handle:
-        header = [cell.strip() for cell in handle.readline().split(",")]
+        header = [cell.strip() for cell in handle.readline(HEADER).split(",")]
     return not {"t", *study.problem.model.input_names} <= set(header)
 
 

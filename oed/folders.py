@@ -17,7 +17,15 @@ from itertools import count
 from pathlib import Path
 
 from oed.errors import UserMistake
-from oed.files import LEADS_OUT, require_short, require_writable, unwritten, within, write_files
+from oed.files import (
+    LEADS_OUT,
+    require_replaceable,
+    require_short,
+    require_writable,
+    unwritten,
+    within,
+    write_files,
+)
 from oed.locks import held, made
 from oed.shown import shown
 from oed.signals import undisturbed
@@ -50,11 +58,12 @@ class Draft:
         """Write texts by file name.
 
         Raises:
-            UserMistake: no file may have that name, or it would go where a link in the folder leads.
+            UserMistake: no file may have that name, it would go where a link in the folder leads, or a
+                pipe or a device is there.
             Failure: there is no room left for them.
         """
         for name in files:
-            within(self.target, name)
+            require_replaceable(within(self.target, name), links=True)
         write_files(self.path, files)
 
     def adopt(self, folder: Path) -> None:

@@ -17,7 +17,7 @@ from oed.errors import UserMistake
 from oed.estimation import estimate
 from oed.quantities import parse_quantity
 from oed.record import ESTIMATE, FILE, Record, pages
-from oed.recorded_study import recorded_study
+from oed.recorded_study import recorded_study, refuse_outside
 from oed.runner import run
 from oed.saving import RunFolder, outdated, run_folder
 from oed.solvers import Progress, Workers
@@ -95,16 +95,18 @@ def next_drive(
         seed: of every random draw, instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: told how far the work is.
-        trust: whether Python code that the record names may be run.
+        trust: whether Python code that the record names may be run, and other files that it names be read.
 
     Raises:
-        RecordError: the robot is code that is not trusted.
+        RecordError: the robot is code that is not trusted, or the study has files read from elsewhere.
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
         StudyError: a duration that no drive of the study can have.
         LogError: logs that cannot be read, or do not fit the robot.
         NotSaved: `out` could not be written to in the end; the error has what was found.
     """
     study = recorded_study(saved, trust=trust)
+    if not trust:
+        refuse_outside(saved, logs)
     _require_own_parameters(study)
     with run_folder(out) as folder:
         aims = _aims(study, targets or {})

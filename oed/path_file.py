@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.errors import FileFlaw, PathFileError
-from oed.files import write_text
+from oed.files import read_text, write_text
 from oed.models.model import Model
 from oed.problem import Problem
 from oed.quantities import LARGEST, too_large
+from oed.shown import written
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
@@ -51,7 +52,11 @@ def _time_text(time: float) -> str:
 
 
 def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
-    """Write a trajectory CSV."""
+    """Write a trajectory CSV.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
     write_text(path, trajectory_csv(problem, trajectory, poses))
 
 
@@ -195,11 +200,13 @@ def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Ta
 def _text(file: str | Path) -> str:
     try:
         # Spreadsheets begin a file with a byte-order mark.
-        return Path(file).read_text(encoding="utf-8-sig")
+        return read_text(file, "utf-8-sig")
     except FileNotFoundError:
         reason = "no such file"
-    except (OSError, UnicodeDecodeError) as error:
-        reason = f"cannot be read: {error}"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    except UnicodeDecodeError:
+        reason = "cannot be read: not UTF-8 text"
     raise PathFileError([FileFlaw(str(file), 0, 0, "", reason)])
 
 
@@ -212,14 +219,14 @@ def _cells(name: str, number: int, line: str) -> list[str]:
 
 
 def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
-    twice = sorted({column for column in header if column and header.count(column) > 1})
-    if twice:
-        return f"the header has {', '.join(twice)} twice; which column counts?"
     missing = [column for column in needed if column not in header]
     # What the file says instead is not repeated: it may be no path at all, and nobody's business.
     lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
     if missing:
         return lacking
+    twice = sorted({column for column in header if column and header.count(column) > 1})
+    if twice:
+        return f"the header has {', '.join(twice)} twice; which column counts?"
     # A start that is given in part would be taken for one that is not given.
     given = [state for state in states if state in header]
     others = [state for state in states if state not in header]
@@ -240,7 +247,9 @@ def _columns(
                 continue
             value = _number(cell)
             if value is None:
-                flaws.append(FileFlaw(table.name, line, 0, column, f"expected a finite number, got {cell!r}"))
+                flaws.append(
+                    FileFlaw(table.name, line, 0, column, f"expected a finite number, got {written(cell)}")
+                )
             elif abs(value) > LARGEST:
                 flaws.append(FileFlaw(table.name, line, 0, column, too_large(value)))
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from oed.bounds import LOOSE, Certificate, gap
-from oed.errors import FileFlaw, RecordError
+from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.evaluation import TOLERANCE, Evaluation
 from oed.files import write_text
 from oed.folders import in_order, interrupted_runs
@@ -27,6 +28,8 @@ from oed.validation import Validation
 FILE = "record.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
+RESULTS = (FILE, "estimate.json", "sweep.json")
+"""Names of the files that hold what a run, an estimate and a sweep found."""
 NOMINAL = "nominal"
 """Name of the result of a robust study's search without any reserve."""
 
@@ -86,6 +89,16 @@ def save_record(record: Record, folder: str | Path) -> Path:
     path = Path(folder) / FILE
     write_text(path, record.to_json())
     return path
+
+
+def require_no_results(path: str | Path) -> None:
+    """Refuse to have a file of another kind take the place of results.
+
+    Raises:
+        UserMistake: it would.
+    """
+    if Path(path).name.lower() in RESULTS and os.path.lexists(path):
+        raise UserMistake(f"{path}: cannot be written: it holds results, which would be lost; name another")
 
 
 def load_record(folder: str | Path) -> Record:

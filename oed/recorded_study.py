@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from oed.errors import FileFlaw, ProblemError, RecordError, StudyError
+from oed.logs import CsvForm
 from oed.models import PythonRobot
 from oed.models.python_robot import UNMADE
 from oed.record import Record
-from oed.study import Study, StudyFile, parse_study
+from oed.shown import shown
+from oed.study import PriorRecord, Study, StudyFile, parse_study
 from oed.study_errors import explain
 from oed.yaml_source import parse_yaml
+
+TRUST = "if you trust it give --trust (in Python trust=True): it holds for this one call"
+"""What to do with a record that asks for more than to be read."""
 
 
 def recorded_study(record: Record, *, trust: bool = False) -> Study:
@@ -23,14 +28,18 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
 
     Args:
         record: the record.
-        trust: whether Python code that a record names which was read from a file may be run.
+        trust: whether Python code that a record names which was read from a file may be run, and other files
+            that it names be read.
 
     Raises:
-        RecordError: a study that this version does not understand, or code that is not trusted.
+        RecordError: a study that this version does not understand, or code that is not trusted, or a prior
+            of another file.
     """
     place = record.file or Path("record")
     if record.file is not None and not trust:
-        refuse_code(recorded_file(record), place)
+        file = recorded_file(record)
+        refuse_code(file, place)
+        _refuse_prior(file, place)
     try:
         return parse_study(json.dumps(record.data["study"], ensure_ascii=False), str(place))
     except StudyError as error:
@@ -96,10 +105,32 @@ def refuse_code(part: BaseModel, file: Path) -> None:
             0,
             0,
             key,
-            f"{robot.object} is code, of {robot.module_file}, and would be run; read it, and if you trust it "
-            "give --trust (in Python trust=True): it holds for this one call",
+            f"{robot.object} is code, of {robot.module_file}, and would be run; read it, and {TRUST}",
         )
         for key, robot in robots_of_code(part)
     ]
     if flaws:
         raise RecordError(flaws)
+
+
+def _refuse_prior(study: StudyFile, file: Path) -> None:
+    # Records hold priors as numbers: one that names another record has been written by somebody else.
+    if isinstance(study.prior, PriorRecord):
+        text = f"would be read from {shown(study.prior.record)}, another file than this one; {TRUST}"
+        raise RecordError([FileFlaw(str(file), 0, 0, "study.prior.record", text)])
+
+
+def refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
+    """Refuse a record from a file whose study would have poses read from elsewhere than beside the logs.
+
+    Raises:
+        RecordError: names the file that it leads to and what to do.
+    """
+    form = recorded_file(record).log
+    if record.file is None or not isinstance(form, CsvForm):
+        return
+    for log in map(Path, logs):
+        found = form.poses.beside(log)
+        if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
+            text = f"leads to {found}, out of the folder of the log; {TRUST}"
+            raise RecordError([FileFlaw(str(record.file), 0, 0, "study.log.poses.file", text)])

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from oed.errors import FileFlaw, StudyError
+from oed.files import read_text
 
 KeyPath = tuple[str | int, ...]
 
@@ -163,14 +164,16 @@ def read_yaml(file: str | Path) -> YamlSource:
     """
     name = str(file)
     try:
-        with open(file, encoding="utf-8") as handle:
-            text = handle.read(CHARACTERS + 1)
+        # No character has more than four bytes.
+        text = read_text(file, most=4 * CHARACTERS)
     except FileNotFoundError:
         raise StudyError([FileFlaw(name, 0, 0, "", "no such file")]) from None
     except IsADirectoryError:
         raise StudyError([FileFlaw(name, 0, 0, "", "expected a file, got a folder")]) from None
-    except (OSError, ValueError) as error:
-        raise StudyError([FileFlaw(name, 0, 0, "", f"cannot be read: {error}")]) from None
+    except OSError as error:
+        raise StudyError([FileFlaw(name, 0, 0, "", f"cannot be read: {error.strerror}")]) from None
+    except UnicodeDecodeError:
+        raise StudyError([FileFlaw(name, 0, 0, "", "cannot be read: not UTF-8 text")]) from None
     return parse_yaml(text, name)
 
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
+import socket
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from oed.errors import Failure, UserMistake
-from oed.files import require_writable, write_text
+from oed.files import read_bytes, read_text, require_writable, write_text
+from oed.folders import updated
+from oed.report.film import write_frames
 
 
 def names(folder: Path) -> list[str]:
@@ -113,3 +118,113 @@ def test_asking_whether_a_folder_can_be_written_to_leaves_none(tmp_path: Path):
     assert names(tmp_path) == []
     require_writable(tmp_path)
     assert tmp_path.is_dir()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such things elsewhere")
+class TestReplacing:
+    """A file takes the place of a file only."""
+
+    @pytest.fixture(autouse=True)
+    def here(self, tmp_path: Path, monkeypatch) -> Path:
+        monkeypatch.chdir(tmp_path)
+        return tmp_path
+
+    @pytest.mark.parametrize("kind", ["pipe", "socket"])
+    def test_what_is_no_file_stays(self, kind: str):
+        with special_file(Path("a.gif"), kind) as path:
+            before = os.lstat(path)
+            for write in (
+                lambda: write_text(path, "x"),
+                lambda: write_frames(iter(()), path, 10.0),
+                lambda: written_into(Path.cwd(), path.name),
+            ):
+                with pytest.raises(UserMistake, match=f"a.gif: cannot be written: a {kind} is there"):
+                    write()
+            assert os.path.samestat(os.lstat(path), before)
+            assert names(Path()) == ["a.gif"]
+
+    @pytest.mark.parametrize("to", ["b.txt", "nowhere", "pipe"])
+    def test_links_stay(self, here: Path, to: str):
+        (here / "b.txt").write_text("b")
+        os.mkfifo("pipe")
+        Path("a.gif").symlink_to(to)
+        for write in (lambda: write_text(here / "a.gif", "x"), lambda: write_frames(iter(()), "a.gif", 10.0)):
+            with pytest.raises(UserMistake, match="it is a link; name the file itself"):
+                write()
+        assert os.readlink("a.gif") == to
+        assert names(here) == ["a.gif", "b.txt", "pipe"]
+
+
+def written_into(folder: Path, name: str) -> None:
+    with updated(folder) as draft:
+        draft.write({name: "x"})
+        draft.publish()
+
+
+class TestReading:
+    """What is no file is never waited for, and never read without end."""
+
+    @pytest.fixture
+    def place(self, tmp_path: Path) -> Path:
+        return tmp_path / "a.txt"
+
+    def test_text_has_one_kind_of_line_end(self, place: Path):
+        place.write_bytes("\ufeffGröße\r\nx\ry\n".encode())
+        assert read_text(place, "utf-8-sig") == "Größe\nx\ny\n"
+        assert read_bytes(place).endswith(b"\r\nx\ry\n")
+
+    def test_at_most_so_much(self, place: Path):
+        place.write_bytes(b"x" * 1000)
+        assert len(read_bytes(place, 1000)) == 1000
+        with pytest.raises(OSError, match=r"expected at most 0\.000999 MB, got 0\.001 MB"):
+            read_bytes(place, 999)
+
+    @pytest.mark.skipif(not Path("/proc/self/maps").is_file(), reason="there is none elsewhere")
+    def test_what_has_no_size_beforehand(self):
+        assert len(read_text("/proc/self/maps").splitlines()) > 10
+        with pytest.raises(OSError, match="expected at most 0"):
+            read_bytes("/proc/self/maps", 100)
+
+    def test_names_that_no_file_has(self):
+        with pytest.raises(OSError, match="no file can have that name"):
+            read_bytes("a\0b")
+
+    def test_a_folder_and_nothing(self, place: Path):
+        with pytest.raises(FileNotFoundError):
+            read_bytes(place)
+        with pytest.raises(IsADirectoryError):
+            read_bytes(place.parent)
+
+    @pytest.mark.skipif(os.name != "posix", reason="there are no such things elsewhere")
+    @pytest.mark.parametrize("kind", ["pipe", "socket", "device"])
+    @pytest.mark.parametrize("linked", [False, True])
+    def test_what_is_no_file(self, place: Path, monkeypatch, kind: str, linked: bool):
+        # The path of a socket has to be short.
+        monkeypatch.chdir(place.parent)
+        with special_file(Path(place.name), kind) as path:
+            if linked:
+                Path("link").symlink_to(path)
+            with pytest.raises(OSError, match=f"expected a file, got a {kind}"):
+                read_bytes("link" if linked else path)
+
+    def test_what_takes_the_place_of_a_file(self, place: Path, monkeypatch):
+        os.mkfifo(place)
+        ordinary = place.with_name("b.txt")
+        ordinary.write_text("x")
+        real = os.stat(ordinary)
+        monkeypatch.setattr(os, "stat", lambda *_, **__: real)
+        with pytest.raises(OSError, match="expected a file, got a pipe"):
+            read_bytes(place)
+
+
+@contextmanager
+def special_file(path: Path, kind: str) -> Iterator[Path]:
+    """A pipe, a socket or a device at a path; for the last a link, as only the mighty make devices."""
+    if kind == "device":
+        path.symlink_to("/dev/zero")
+    if kind == "pipe":
+        os.mkfifo(path)
+    with socket.socket(socket.AF_UNIX) as opened:
+        if kind == "socket":
+            opened.bind(str(path))
+        yield path

@@ -213,6 +213,12 @@ class TestMistakes:
         assert flaw.message.startswith(f"the header lacks {missing};")
         assert header.split(",")[-1] in flaw.message
 
+    def test_another_text_is_not_told(self, tmp_path: Path):
+        (flaw,) = flaws_of(tmp_path, "secret,secret,secret", "one,secret,2", "two,secret,3")
+        assert "secret" not in flaw.message
+        (flaw,) = flaws_of(tmp_path, HEADER, f"0,{'z' * 10_000},1", "1,1,1", "2,0,0")
+        assert len(flaw.message) < 120
+
     @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999"])
     @pytest.mark.parametrize("column", ["t", "wheel_speed_right", "wheel_speed_left"])
     def test_bad_numbers(self, tmp_path: Path, column: str, cell: str):

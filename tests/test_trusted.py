@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -229,3 +230,65 @@ class TestNames:
         assert main(["report", str(tmp_path / "own")]) == 2
         assert "figures: a link that leads out of the folder" in capsys.readouterr().err
         assert not list((tmp_path / "elsewhere").iterdir())
+
+
+class TestFiles:
+    """A record has no file read that its reader does not know of."""
+
+    @pytest.fixture
+    def place(self, tmp_path: Path) -> Path:
+        poses = SMALL.replace("displacements, segments: 4", "poses")
+        save_record(made(parse_study(poses)), tmp_path / "own")
+        (tmp_path / "logs").mkdir()
+        (tmp_path / "logs" / "log.csv").write_text(
+            "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,1,1\n2,0,0\n"
+        )
+        (tmp_path / "private.txt").write_text("private:1\nprivate:2\nprivate:3\n")
+        (tmp_path / "logs" / "link.csv").symlink_to(tmp_path / "private.txt")
+        return tmp_path
+
+    def changed(self, place: Path, **study: Any) -> Path:
+        data = json.loads((place / "own" / "record.json").read_text())
+        data["study"].update(study)
+        (place / "own" / "record.json").write_text(json.dumps(data))
+        return place / "own"
+
+    @pytest.mark.parametrize(
+        "file", ["../private.txt", "{stem}/../../private.txt", "/etc/passwd", "link.csv"]
+    )
+    def test_poses_lie_beside_their_log(self, place: Path, capsys: pytest.CaptureFixture[str], file: str):
+        self.changed(place, log={"kind": "csv", "poses": {"file": file, "form": "csv"}})
+        command = ["next", str(place / "own"), str(place / "logs" / "log.csv"), "--quiet"]
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert "record.json: study.log.poses.file: leads to" in said
+        assert "give --trust" in said
+        assert main([*command, "--trust"]) == 2
+        trusted = capsys.readouterr().err
+        assert "study.log" not in trusted
+        assert not [
+            word for word in ("private:", "root:") if word in (said + trusted).replace(str(place), "")
+        ]
+
+    def test_poses_beside_their_log_are_read(self, place: Path, capsys: pytest.CaptureFixture[str]):
+        (place / "logs" / "log.poses.csv").write_text("no poses\n")
+        self.changed(place, log={"kind": "csv", "poses": {"file": "{stem}.poses.csv"}})
+        assert main(["next", str(place / "own"), str(place / "logs" / "log.csv"), "--quiet"]) == 2
+        assert capsys.readouterr().err.startswith(str(place / "logs" / "log.poses.csv"))
+
+    @pytest.mark.parametrize(
+        "command",
+        [
+            ["validate", "--replicates", "100", "--quiet"],
+            ["next", "log.csv", "--quiet"],
+            ["export", "--to", "ros2_yaml"],
+        ],
+    )
+    def test_priors_are_numbers(self, place: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
+        os.mkfifo(place / "pipe")
+        folder = self.changed(place, prior={"record": str(place / "pipe")})
+        assert main([command[0], str(folder), *command[1:]]) == 2
+        said = capsys.readouterr().err
+        assert "study.prior.record: would be read from " in said
+        assert main([command[0], str(folder), *command[1:], "--trust"]) == 2
+        assert "expected a file, got a pipe" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from itertools import pairwise
 from pathlib import Path
@@ -266,8 +267,17 @@ class TestFiles:
             read_yaml(name)
 
     def test_a_file_without_end(self):
-        with pytest.raises(StudyError, match="longer than"):
+        with pytest.raises(StudyError, match="cannot be read: expected a file, got a device"):
             read_yaml("/dev/zero")
+
+    def test_a_file_that_is_no_study(self, tmp_path: Path):
+        file = tmp_path / "long.yaml"
+        file.write_text("x" * (CHARACTERS + 1))
+        with pytest.raises(StudyError, match="longer than"):
+            read_yaml(file)
+        os.truncate(file, 10**11)
+        with pytest.raises(StudyError, match=r"expected at most 16 MB, got 1e\+05 MB"):
+            read_yaml(file)
 
     def test_no_text(self, tmp_path: Path):
         file = tmp_path / "some.yaml"

@@ -50,7 +50,9 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 def add_trust(parser: argparse.ArgumentParser) -> None:
     """Whether code that a record names may be run."""
     parser.add_argument(
-        "--trust", action="store_true", help="run the Python code of the robot that the record names"
+        "--trust",
+        action="store_true",
+        help="run the Python code of the robot that the record names, and read other files that it names",
     )
 
 

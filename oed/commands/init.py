@@ -32,12 +32,14 @@ def _run(options: argparse.Namespace) -> int:
     from oed.errors import UserMistake
     from oed.files import write_text
     from oed.messages import print_json, say
+    from oed.record import require_no_results
     from oed.starter import starter
 
     choice = choice_of(options)
     file = Path(options.file or f"{choice.robot}.yaml")
     if file.exists() and not options.force:
         raise UserMistake(f"{file} exists; give another name, or --force to write over it")
+    require_no_results(file)
     write_text(file, starter(choice))
     if options.json:
         print_json({"study": str(file)})

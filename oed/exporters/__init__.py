@@ -16,7 +16,7 @@ from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
 from oed.folders import in_order
 from oed.record import FILE as RECORD
-from oed.record import Record, load_record
+from oed.record import Record, load_record, require_no_results
 
 EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,
@@ -65,11 +65,14 @@ def export(
         RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
             read, code that is needed and not trusted.
         UserMistake: an unknown format or storage, a rate that is not above 0, a bag that exists, a robot
-            that the format has no room for, a place that cannot be written to.
+            that the format has no room for, a place that cannot be written to,
+            or that holds results.
     """
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
     require_rate(rate)
+    if out is not None:
+        require_no_results(out)
     place = in_order(record_folder)
     record = _record_in(place, to)
     request = Request(

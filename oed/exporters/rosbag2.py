@@ -14,6 +14,7 @@ from oed.exporters.commands import Commands, joint_name
 from oed.exporters.request import Request
 from oed.extras import extra
 from oed.folders import drafted
+from oed.record import RESULTS
 
 STORAGES = ("sqlite3", "mcap")
 PURPOSE = "writing ROS 2 bags"
@@ -138,3 +139,5 @@ def _require_free(path: Path, force: bool) -> None:
     # What is no bag is not deleted, whatever was asked for.
     if not any((path / part / "metadata.yaml").is_file() for part in ("", "run1")):
         raise UserMistake(f"{path} exists and is no bag; it is left as it is")
+    if any((path / name).exists() for name in RESULTS):
+        raise UserMistake(f"{path} holds results, which would be lost; it is left as it is")

@@ -12,6 +12,7 @@ import numpy as np
 
 from oed.errors import FileFlaw, LogError
 from oed.extras import extra
+from oed.files import special
 from oed.logs.form import is_bag
 from oed.logs.series import Series
 from oed.logs.tum import heading_of
@@ -94,6 +95,10 @@ def open_bag(file: Path) -> Iterator[Bag]:
     if not is_bag(file):
         text = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
         raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+    for part in (file, *(file.iterdir() if file.is_dir() else ())):
+        if special(part):
+            text = f"cannot be read as a ROS bag: expected a file, got {special(part)}"
+            raise LogError([FileFlaw(str(part), 0, 0, "", text)])
     highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
     typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
     # Bags before ROS 2 Iron do not say what their messages look like.

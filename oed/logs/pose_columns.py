@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
@@ -56,6 +57,10 @@ class PoseColumns(Component):
         plain = {"x": self.x, "y": self.y, "heading": self.heading}
         further = self.__pydantic_extra__ or {}
         return {name: one for name, one in (plain | further).items() if isinstance(one, PoseColumn)}
+
+    def beside(self, log: Path) -> Path | None:
+        """Where the poses of a log are; None where they are in the log itself."""
+        return None if self.file is None else log.parent / self.file.replace("{stem}", log.stem)
 
     def flaws(self, model: Model) -> list[Flaw]:
         """States the robot does not have, units of another kind, nothing measured."""

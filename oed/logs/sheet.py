@@ -104,7 +104,7 @@ def read_sheet(table: Table, layout: Layout, model: Model) -> Sheet:
         LogError: columns that are not there, and cells that are no numbers.
     """
     gathered, poses = Gathered(), layout.poses
-    beside = None if poses.file is None else _beside(Path(table.file), poses.file)
+    beside = poses.beside(Path(table.file))
     columns = dict(zip(model.input_names, input_columns(layout.inputs, model), strict=True))
     inputs = gathered.take(lambda: _read_block(table, layout.time, columns, layout.runs))
     read = gathered.take(lambda: _read_poses(table, beside, layout, model))
@@ -123,10 +123,6 @@ def read_sheet(table: Table, layout: Layout, model: Model) -> Sheet:
         kept=kept,
         cut_off=table.cut_off,
     )
-
-
-def _beside(log: Path, file: str) -> Path:
-    return log.parent / file.replace("{stem}", log.stem)
 
 
 def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None) -> Block:

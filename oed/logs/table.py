@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -12,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from oed.errors import FileFlaw, LogError
+from oed.files import read_text
 from oed.logs.series import Array, Rows, shortened
+from oed.shown import written
 
 BLANKS = " "
 DELIMITERS = {"tab": "\t", "blanks": BLANKS}
@@ -22,7 +25,17 @@ COMMENT, QUOTE = ("#", "%"), '"'
 LARGEST = 1e30
 """No number of a robot is larger, in any unit; what is stands for a missing one."""
 
+MOST = 2**30
+"""Bytes of a log: days of driving."""
+
+NAMES = 40
+"""Of a header's columns that are told."""
+
 _LOOKED_AT = 20
+_NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
+"""What columns are called; other text has more signs and no end."""
+_FIGURES = re.compile(r"[-+\d.,: ]*")
+"""What numbers and times may be written with."""
 
 Cells = Callable[[str], list[str]]
 """The cells of a row's text."""
@@ -63,7 +76,19 @@ class Table:
 
     def label(self, place: int) -> str:
         """A column's name, or its number from 0."""
-        return self.header[place] if place < len(self.header) else f"column {place}"
+        return self.header[place] if place < len(self.header) and self._is_header else f"column {place}"
+
+    @property
+    def _is_header(self) -> bool:
+        # Another text's first line is nobody's business.
+        return len(self.header) > 1 and all(map(_NAME.fullmatch, self.header))
+
+    @property
+    def _known(self) -> str:
+        if not self._is_header:
+            return "its first line does not look like one: is it the right file?"
+        rest = len(self.header) - NAMES
+        return f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
 
     def place(self, column: int | str, key: str) -> int:
         """Index of a column given by its name or index.
@@ -83,7 +108,7 @@ class Table:
             count = self.header.count(column)
             if count > 1:
                 return f"the header has {column!r} {count} times; give the column's index, from 0"
-            return "" if count else f"the header lacks {column!r}; it has {', '.join(self.header)}"
+            return "" if count else f"the header lacks {column!r}; {self._known}"
         if isinstance(column, str) and not column.isdecimal():
             return f"the file has no header, so {column!r} is not known; give the column's index, from 0"
         last = self.width - 1
@@ -106,6 +131,11 @@ class Table:
         cells = self.texts(place)
         values = np.array([_number(cell) for cell in cells])
         wrong = [row for row in np.flatnonzero(np.isnan(values)).tolist() if cells[row]]
+        if len(wrong) > 1 and not any(_is_float(cell) or _FIGURES.fullmatch(cell) for cell in cells if cell):
+            text = (
+                "expected finite numbers, and the column has none: is it the right one, and the right file?"
+            )
+            return values, [FileFlaw(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
 
     def _all_numbers(self, place: int) -> Array | None:
@@ -121,7 +151,7 @@ class Table:
 
     def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
         """A cell that is no finite number."""
-        got = f"got {cell!r}" if cell else "the cell is empty"
+        got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
         text = f"expected a finite number, {got}{hint}"
         return FileFlaw(self.file, int(self.lines[row]), place + 1, self.label(place), text)
@@ -181,7 +211,7 @@ def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
 def _lines(file: Path) -> list[str]:
     try:
         # Spreadsheets begin a file with a byte-order mark.
-        return file.read_text(encoding="utf-8-sig").splitlines()
+        return read_text(file, "utf-8-sig", MOST).splitlines()
     except FileNotFoundError:
         reason = "no such file"
     except IsADirectoryError:

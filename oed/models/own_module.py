@@ -18,6 +18,8 @@ from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import CodeType, ModuleType
 
+from oed.files import read_bytes
+
 PREFIX = "oed_own_"
 NEVER_OWN = frozenset({"oed", *sys.stdlib_module_names})
 """What modules import is not taken from their own folder under these names."""
@@ -67,7 +69,7 @@ def _package_of(folder: Path) -> str:
 
 def _content(file: str) -> bytes | None:
     try:
-        return Path(file).read_bytes()
+        return read_bytes(file)
     except OSError:
         return None
 
@@ -101,7 +103,7 @@ class _Loader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         file = self.get_filename(fullname)
-        source = self.get_data(file)
+        source = read_bytes(file)
         _packages[fullname.partition(".")[0]].sources[file] = source
         code: CodeType = self.source_to_code(source, file)
         return code

@@ -200,6 +200,8 @@ def _comment(file: Path) -> str | None:
     # The comment of a GIF, "" without one; None where there is no GIF.
     from PIL import Image
 
+    if not file.is_file():
+        return None
     try:
         with Image.open(file, formats=["GIF"]) as image:
             comment = image.info.get("comment", b"")

@@ -11,11 +11,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.errors import FileFlaw, RecordError
+from oed.files import read_text
 from oed.stored.parts import Stored
 from oed.study_errors import sentence
 
-MOST = 256 * 2**20
-"""Bytes of a file; the largest that the package writes have a hundredth of it."""
 DIGITS = 100
 """Of a whole number."""
 SHOWN = 12
@@ -36,9 +35,7 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
         RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
     """
     try:
-        if path.stat().st_size > MOST:
-            raise _flaw(path, f"expected at most {MOST >> 20} MB, got {path.stat().st_size >> 20} MB")
-        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse, parse_int=_whole)
+        data = json.loads(read_text(path), parse_constant=_refuse, parse_int=_whole)
     except FileNotFoundError:
         raise _flaw(path, absent) from None
     except json.JSONDecodeError as error:

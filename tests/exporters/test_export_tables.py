@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_of, winding
 
+from oed.calibration_record import FILE as ESTIMATE
+from oed.cli import main
+from oed.errors import UserMistake
 from oed.exporters import export
 from oed.path_file import read_trajectory
+from oed.record import FILE as RECORD
+from oed.record import RESULTS
 from oed.runner import record
 from oed.solution import scored
 from oed.study import Study
+from oed.sweep.run import FILE as SWEEP
 
 
 def table(file: Path) -> tuple[list[str], np.ndarray]:
@@ -146,3 +152,37 @@ class TestJson:
             assert set(columns) == set(data["units"])
             own = rows[9 * number : 9 * (number + 1), 1:]
             assert np.array_equal(np.column_stack(list(columns.values())), own)
+
+
+class TestResults:
+    """What was found is not lost to a file of another kind."""
+
+    def test_their_names(self):
+        assert RESULTS == (RECORD, ESTIMATE, SWEEP)
+
+    @pytest.mark.parametrize("name", ["record.json", "estimate.json", "sweep.json"])
+    @pytest.mark.parametrize("to", ["csv", "json", "ros2_yaml", "rosbag2"])
+    def test_they_stay(self, tmp_path: Path, name: str, to: str):
+        folder = saved(tmp_path / "run", study_of())
+        place = folder if name == "record.json" else tmp_path
+        if place == tmp_path:
+            (place / name).write_text("found")
+        before = (place / name).read_bytes()
+        with pytest.raises(UserMistake, match=f"{name}: cannot be written: it holds results"):
+            export(folder, to, out=place / name, force=True)
+        assert (place / name).read_bytes() == before
+
+    def test_a_first_study_takes_no_place_of_theirs(self, tmp_path: Path, capsys):
+        (tmp_path / "sweep.json").write_text("found")
+        choice = ["--robot", "khepera_4", "--room", "4 m x 3 m", "--sensor", "poses", "--duration", "20 s"]
+        assert main(["init", str(tmp_path / "sweep.json"), *choice, "--force"]) == 2
+        assert "it holds results" in capsys.readouterr().err
+        assert (tmp_path / "sweep.json").read_text() == "found"
+
+    def test_nor_does_a_bag_of_a_folder_of_theirs(self, tmp_path: Path):
+        pytest.importorskip("rosbags")
+        folder = saved(tmp_path / "run", study_of())
+        export(folder, "rosbag2", out=folder / "run1")
+        with pytest.raises(UserMistake, match="holds results, which would be lost"):
+            export(folder, "rosbag2", out=folder, force=True)
+        assert (folder / "record.json").is_file()

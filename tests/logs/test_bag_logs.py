@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -242,6 +243,18 @@ class TestFlaws:
     def test_broken(self, tmp_path: Path, name: str):
         (tmp_path / name).write_bytes(b"nonsense" * 100)
         assert self.flaw(tmp_path / name)[1].startswith("cannot be read as a ROS bag: ")
+
+    @pytest.mark.skipif(os.name != "posix", reason="there are no pipes with names elsewhere")
+    def test_a_pipe(self, tmp_path: Path, wheels: list[Message]):
+        expected = "cannot be read as a ROS bag: expected a file, got a pipe"
+        os.mkfifo(tmp_path / "a.mcap")
+        assert self.flaw(tmp_path / "a.mcap")[1] == expected
+        bag = write_bag(tmp_path / "drive", wheels)
+        (database,) = bag.glob("*.db3")
+        database.unlink()
+        os.mkfifo(database)
+        (flaw,) = flaws_of(bag, kind="rosbag")
+        assert (flaw.file, flaw.message) == (str(database), expected)
 
     def test_no_topics_and_several(self, tmp_path: Path, wheels: list[Message]):
         both = [*poses(ODOMETRY, "/odom"), *poses("geometry_msgs/msg/PoseStamped", "/mocap")]

@@ -153,6 +153,21 @@ class TestColumns:
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
         assert flaw.message == "no row has x = (100.0, 200.0)"
 
+    def test_another_text_is_not_told(self, file: Path):
+        file.write_text("root:x:0:0:root:/root:/bin/sh\nuucp:x:10:10:uucp:/var/uucp:/bin/no\nlast one\n")
+        flaws = flaws_of(file) + flaws_of(file, poses={"x": {"column": 0}})
+        flaws += flaws_of(file, time=0, poses={"x": {"column": 0}, "y": "none", "heading": "none"})
+        said = "\n".join(f"{flaw.key}: {flaw.message}" for flaw in flaws)
+        assert "the header lacks 't'; its first line does not look like one: is it the right file?" in said
+        assert "column 0: expected finite numbers, and the column has none" in said
+        assert not [word for word in ("root", "uucp", "last") if word in said]
+
+    def test_what_is_told_has_an_end(self, file: Path, rows: list[list[str]]):
+        flaws = flaws_of(write(file, rows, tuple(f"c{number}" for number in range(1000))))
+        assert flaws[0].message.endswith(", c38, c39 and 960 more")
+        rows[0][1] = "z" * 10_000
+        assert len(flaw_of(write(file, rows)).message) < 120
+
 
 class TestCells:
     @pytest.mark.parametrize("cell", ["nan", "inf", "abc", "1e300", "-"])

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from oed.errors import UserMistake
-from oed.files import unwritten
+from oed.files import require_replaceable, unwritten
 from oed.report.film.frame import Frame
 from oed.report.film.gif import FASTEST, write_gif
 from oed.report.film.mp4 import require_ffmpeg, write_mp4
@@ -65,7 +65,8 @@ def require_format(file: Path, fps: float) -> None:
     """Refuse what cannot be written, before frames are made.
 
     Raises:
-        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4.
+        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4, a link, a
+            pipe or a device in its place.
     """
     ending = file.suffix.lower()
     if ending not in WRITERS:
@@ -76,3 +77,4 @@ def require_format(file: Path, fps: float) -> None:
         raise UserMistake(f"fps: a GIF shows at most {FASTEST} frames a second, got {fps:g}")
     if ending == ".mp4":
         require_ffmpeg()
+    require_replaceable(file)
