@@ -34,8 +34,8 @@ STILL = (
     "units right?"
 )
 FROZEN = (
-    "hardly changes while the robot drives and turns: did the reference measure it, is it the right column, in "
-    "the right unit?"
+    "hardly changes while the robot drives and turns: did the reference measure it, is it the right column, "
+    "in the right unit?"
 )
 
 

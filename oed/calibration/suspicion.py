@@ -94,7 +94,7 @@ def stands_still(moves: Moves, offsets: Array) -> bool:
 def frozen(moves: Moves, offsets: Array) -> str | None:
     """The coordinate that hardly changes, though the robot plainly drives across every line; None if none.
 
-    Whatever the frame, each coordinate has to change by as much as the robot drives across its main direction.
+    Whatever the frame, each coordinate changes by as much as the robot drives across its main direction.
     """
     x, y, heading = moves.changes("x"), moves.changes("y"), moves.headings()
     if x is None or y is None or moves.layout.count < FEWEST:
