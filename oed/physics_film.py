@@ -48,7 +48,8 @@ def film_physics(
     Raises:
         RecordError: no record there, no such result, a result without a drive, a robot that is code which is
             not trusted.
-        UserMistake: a robot without wheel radii and track, several runs, too many frames, the engine is not installed.
+        UserMistake: a robot without wheel radii and track, several runs, too many frames, the engine is
+            not installed.
         Failure: nothing to draw with.
     """
     if not 0 < speed < math.inf:

@@ -213,7 +213,7 @@ class TestMistakes:
         assert flaw.message.startswith(f"the header lacks {missing};")
         assert header.split(",")[-1] in flaw.message
 
-    @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999"])
+    @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999", "1_0", "\u0663"])
     @pytest.mark.parametrize("column", ["t", "wheel_speed_right", "wheel_speed_left"])
     def test_bad_numbers(self, tmp_path: Path, column: str, cell: str):
         row = [cell if name == column else "1" for name in HEADER.split(",")]

@@ -13,6 +13,7 @@ import numpy as np
 
 from oed.errors import FileFlaw, LogError
 from oed.logs.series import Array, Rows, shortened
+from oed.quantities import plain_number
 
 BLANKS = " "
 DELIMITERS = {"tab": "\t", "blanks": BLANKS}
@@ -128,11 +129,8 @@ class Table:
 
 
 def _number(cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        return math.nan
-    return value if abs(value) < LARGEST else math.nan
+    value = plain_number(cell)
+    return value if value is not None and abs(value) < LARGEST else math.nan
 
 
 def read_table(file: Path, delimiter: str | None = None, header: bool | None = None) -> Table:
@@ -240,7 +238,7 @@ def _header(row: Sequence[str], comment: Sequence[str], given: bool | None) -> t
 
 
 def _is_float(cell: str) -> bool:
-    # A logged "nan" or "inf" is no name of a column.
+    # A logged "nan" or "inf" is no name of a column, nor is "1_0", which is a mistake in a row.
     try:
         float(cell)
     except ValueError:

@@ -73,8 +73,8 @@ def require_length(seconds: float, fps: float) -> None:
     """
     if seconds * fps > MOST_FRAMES:
         raise UserMistake(
-            f"speed: a film of {seconds:.3g} s has {seconds * fps:.3g} frames, expected at most {MOST_FRAMES}; "
-            "take a higher speed, or fewer frames a second (fps)"
+            f"speed: a film of {seconds:.3g} s has {seconds * fps:.3g} frames, expected at most "
+            f"{MOST_FRAMES}; take a higher speed, or fewer frames a second (fps)"
         )
 
 
