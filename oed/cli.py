@@ -10,6 +10,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from oed.commands import COMMANDS
@@ -40,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], int] = options.run
     try:
         with ending_alike(), interrupts_named():
+            _require_names(options)
             return command(options)
     except OedError as raised:
         error = _located(raised, options)
@@ -60,6 +62,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
+
+
+def _require_names(options: argparse.Namespace) -> None:
+    # A shell cannot give a null character, other programs' calls of `main` can.
+    from oed.errors import UserMistake
+
+    for given in vars(options).values():
+        for one in given if isinstance(given, list) else [given]:
+            if isinstance(one, str | Path) and "\0" in str(one):
+                raise UserMistake(f"no name of a file has the character '\\x00', got {str(one)!r}")
 
 
 def _with_notes(message: str, error: BaseException) -> str:

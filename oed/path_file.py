@@ -16,7 +16,7 @@ from oed.errors import FileFlaw, PathFileError
 from oed.files import read_text, write_text
 from oed.models.model import Model
 from oed.problem import Problem
-from oed.quantities import LARGEST, too_large
+from oed.quantities import LARGEST, plain_number, too_large
 from oed.shown import written
 from oed.trajectory import Trajectory
 
@@ -258,11 +258,8 @@ def _columns(
 
 
 def _number(cell: str) -> float | None:
-    try:
-        value = float(cell)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
+    value = plain_number(cell)
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _period(table: _Table, times: Array) -> float:

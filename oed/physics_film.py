@@ -12,7 +12,7 @@ from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.record import FILE, drive_of, load_record
 from oed.recorded_study import recorded_study
 from oed.report.animation import MadeFilm
-from oed.report.film import require_format, write_frames
+from oed.report.film import require_format, require_length, write_frames
 from oed.report.film.frame import Frame
 from oed.solvers import Progress
 from oed.study import Study
@@ -48,7 +48,8 @@ def film_physics(
     Raises:
         RecordError: no record there, no such result, a result without a drive, a robot that is code which is
             not trusted.
-        UserMistake: a robot without wheel radii and track, several runs, the engine is not installed.
+        UserMistake: a robot without wheel radii and track, several runs, too many frames, the engine is
+            not installed.
         Failure: nothing to draw with.
     """
     if not 0 < speed < math.inf:
@@ -65,6 +66,7 @@ def film_physics(
         raise RecordError([FileFlaw(str(Path(folder) / FILE), 0, 0, "results", text)])
     if trajectory.runs > 1:
         raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
+    require_length(trajectory.duration / speed, rate)
     robot = _robot(recorded_study(saved, trust=trust))
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)

@@ -118,6 +118,17 @@ def parse_quantity(value: object, unit: str) -> float:
     return float(number) if abs(number) >= SMALLEST else 0.0
 
 
+def plain_number(text: str) -> float | None:
+    """The number that a text is, not-a-number and infinities included; None if none.
+
+    Nor are "1_0" and foreign digits, which only Python takes for numbers.
+    """
+    try:
+        return float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        return None
+
+
 def too_large(value: float) -> str:
     """Why a number beyond `LARGEST` is refused."""
     return f"expected a number of at most {LARGEST:g} in SI units, got {value:.3g}"

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import factorial
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -73,14 +74,16 @@ def repeated_knots(knots: Array, degree: int, times: int) -> Array:
     return np.concatenate([knots[: degree + 1], *shifted])
 
 
-def basis(knots: Array, degree: int, times: Array) -> Band:
-    """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4]."""
+def basis(knots: Array, degree: int, times: Array, side: Literal["left", "right"] = "right") -> Band:
+    """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4], at
+    knots the limit from one `side`.
+    """
     count = len(knots) - degree - 1
     inside = np.clip(times, knots[degree], knots[-degree - 1])
     if degree == 0:
         # A time at a knot, to rounding, is at the knot: the middle of a period may be.
         inside = inside + ROUNDING * knots[-1]
-    place = np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1)
+    place = np.clip(np.searchsorted(knots, inside, side=side) - 1, degree, count - 1)
     values = np.zeros((degree + 1, len(inside)))
     values[0] = 1.0
     for order in range(1, degree + 1):
@@ -111,11 +114,39 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
 
 
-def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
-    """Times [s] among which the derivative of an order (0 to degree) of every curve has its extremes.
+def jumps(knots: Array, degree: int, order: int) -> Array:
+    """Times [s] inside at which the derivative of an order may jump, for their knots are repeated."""
+    inner, times = np.unique(knots, return_counts=True)
+    return np.asarray(inner[1:-1][times[1:-1] > degree - order])
 
-    Where each piece begins, its other end included unless the derivative jumps there, and where the next
-    derivative vanishes. Always as many for the same knots and degree: some may be there twice.
+
+def extremes(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
+    """Values (K, curves) among which the derivative of an order (0 to degree) of every curve has its least
+    and largest, those on both sides of its jumps included. K depends on knots and degree alone.
+
+    Args:
+        knots: of the curves.
+        degree: of the curves.
+        coefficients: (n, curves).
+        order: of the derivative.
+    """
+    times = extreme_times(knots, degree, coefficients, order)
+    # Of constant pieces one side is all there is.
+    ended = jumps(knots, degree, order) if order < degree else np.zeros(0)
+    for lower in range(degree, degree - order, -1):
+        steps, knots = derivative(knots, lower)
+        coefficients = steps @ coefficients
+    after = basis(knots, degree - order, times) @ coefficients
+    before = basis(knots, degree - order, ended, "left") @ coefficients
+    return np.concatenate([after, before])
+
+
+def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
+    """Times [s] among which the derivative of an order (0 to degree) of every curve has its extremes, on one
+    side or the other.
+
+    Where each piece begins, its other end included unless the derivative jumps at all knots, and where the
+    next derivative vanishes. Always as many for the same knots and degree: some may be there twice.
 
     Args:
         knots: of the curves.

@@ -215,16 +215,17 @@ class Trajectory:
         """Values (K, inputs) among which every input's least and largest are, of all times; of an order of 1
         or 2 those of its rates or jerks. K depends on knots and degree alone.
         """
-        at = (Trajectory.inputs_at, Trajectory.rates_at, Trajectory.jerks_at)[order]
         if order == self.degree == 0:
             # Of steps, what is held: nobody drives a value between two periods' middles.
             return self.inputs
-        if order > self.degree:
-            return at(self, np.zeros(0))
-        runs = [
-            at(one, spline.extreme_times(one.knots, one.degree, one.coefficients, order)) for one in self.each
-        ]
-        return np.concatenate(runs)
+        found = []
+        if order <= self.degree:
+            found = [spline.extremes(one.knots, one.degree, one.coefficients, order) for one in self.each]
+        if order and (order > self.degree or len(spline.jumps(self._own_knots, self.degree, order - 1))):
+            # A jump has no derivative: what is held has its rates and jerks.
+            held = (held_rates, held_jerks)[order - 1]
+            found += [held(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
+        return np.concatenate(found)
 
 
 class Spline(Component):

@@ -25,6 +25,8 @@ NUMBER = 100
 """Length beyond which a text is no number."""
 _FORBIDDEN = re.compile(r"[^\t\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no text of a study has: control characters, which a terminal obeys, and halves of characters."""
+_NO_DECIMALS = re.compile(r"[-+]?0[0-9]|.*[_:]|[-+]?0[bx]")
+"""How numbers begin, as YAML has them, that are not what they look like: 010 is 8, 1:30 is 90."""
 _KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false", "timestamp": "a date"}
 _SHOWN = 60
 """Letters of a wrong value that are shown."""
@@ -151,6 +153,16 @@ def _text_flaw(node: yaml.ScalarNode) -> str:
     return ""
 
 
+def _is_odd_number(node: yaml.ScalarNode) -> bool:
+    kind = _kind(node)
+    if len(node.value) > NUMBER:
+        # Refused for that.
+        return False
+    # "010.5" is what it looks like.
+    whole = kind == "int" and _NO_DECIMALS.match(node.value) is not None
+    return whole or (kind == "float" and any(mark in node.value for mark in "_:"))
+
+
 def _shown(value: object) -> str:
     text = ascii(value)
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
@@ -214,7 +226,12 @@ def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any
 
 
 def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[FileFlaw]:
-    # Keys that are no plain text, and those given twice.
+    # Keys that are no plain text, and those given twice; numbers that are not what they look like.
+    if isinstance(node, yaml.ScalarNode) and _is_odd_number(node):
+        text = f"expected a decimal number, got {_shown(node.value)}; write it out, or put text in quotes"
+        yield FileFlaw(
+            name, node.start_mark.line + 1, node.start_mark.column + 1, ".".join(map(str, path)), text
+        )
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             yield from _key_flaws(item, name, (*path, index))
@@ -232,4 +249,5 @@ def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[Fil
                 yield FileFlaw(name, line, key.start_mark.column + 1, ".".join(map(str, here)), text)
             if plain:
                 seen.setdefault(key.value, line)
+                yield from _key_flaws(key, name, here)
             yield from _key_flaws(value, name, here)

@@ -355,3 +355,19 @@ def test_what_is_checked_at_points_is_checked_between_the_samples_too():
     rates = np.array([oracle.differential_twist(row, RADIUS, RADIUS, TRACK)[2] for row in values])
     assert margin(problem, drive, "brisk").margin == pytest.approx(0.5 - np.abs(rates).max())
     assert not margin(problem, drive, "brisk").certain
+
+
+@pytest.mark.parametrize(
+    ("limit", "knots", "degree", "coefficients", "worst"),
+    [
+        (WheelSpeed(bounds=5), [0, 0, 1, 1, 2, 2], 1, [0, 9, 0, 0], -4.0),
+        (WheelAcceleration(bounds=6), [0, 0, 0, 1, 1, 2, 2, 2], 2, [0, 0, 5, 5, 5], -4.0),
+        (WheelAcceleration(bounds=6), [0, 0, 1, 1, 2, 2], 1, [0, 4, -8, -8], -4.0),
+    ],
+    ids=["speeds that jump", "rates that jump", "speeds that jump have rates"],
+)
+def test_jumps_at_knots_are_seen_from_both_sides(limit, knots, degree, coefficients, worst):
+    problem = moving(limit, duration=2.0, samples=2)
+    table = np.repeat(np.array(coefficients, dtype=float)[:, None], 2, axis=1)
+    drive = Trajectory(np.array(knots, dtype=float), degree, table, np.zeros(3), 2)
+    assert margin(problem, drive, limit.name).margin == pytest.approx(worst)

@@ -572,3 +572,21 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
         "study.yaml:3: robot: as well",
     ]
     assert [flaw["line"] for flaw in data["flaws"]] == [7, 3]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", "a\0b"],
+        ["estimate", "study.yaml", "a\0b"],
+        ["evaluate", "study.yaml", "a\0b"],
+        ["next", "a\0b", "log.csv"],
+        ["report", "a\0b"],
+        ["run", "study.yaml", "--out", "a\0b"],
+        ["init", "a\0b", "--robot", "jackal"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_null_characters_are_in_no_name(capsys, arguments: list[str]):
+    assert main(arguments) == 2
+    assert capsys.readouterr().err == "no name of a file has the character '\\x00', got 'a\\x00b'\n"

@@ -219,7 +219,7 @@ class TestMistakes:
         (flaw,) = flaws_of(tmp_path, HEADER, f"0,{'z' * 10_000},1", "1,1,1", "2,0,0")
         assert len(flaw.message) < 120
 
-    @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999"])
+    @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999", "1_0", "\u0663"])
     @pytest.mark.parametrize("column", ["t", "wheel_speed_right", "wheel_speed_left"])
     def test_bad_numbers(self, tmp_path: Path, column: str, cell: str):
         row = [cell if name == column else "1" for name in HEADER.split(",")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -95,3 +97,43 @@ def test_times_outside_take_the_end_values(degree: int):
 def test_piecewise_constant_has_no_derivative():
     with pytest.raises(ValueError, match="no derivative"):
         spline.derivative(spline.clamped_knots(DURATION, 4, 0), 0)
+
+
+@pytest.mark.parametrize(
+    ("degree", "knots", "order"),
+    [
+        (1, [0, 0, 1, 1, 2, 2], 0),
+        (2, [0, 0, 0, 1, 1, 1, 2, 2, 2], 0),
+        (2, [0, 0, 0, 1, 1, 2, 2, 2], 1),
+        (3, [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2], 1),
+        (3, [0, 0, 0, 0, 0.5, 1, 1, 2, 2, 2, 2], 2),
+        (5, [0] * 6 + [1] * 6 + [1.5] * 5 + [2] * 6, 1),
+    ],
+    ids=str,
+)
+def test_extremes_have_both_sides_of_every_jump(degree: int, knots: list[float], order: int):
+    table = np.array(knots, dtype=float)
+    numbers = set()
+    for seed in range(20):
+        coefficients = np.random.default_rng(seed).uniform(-5, 5, (len(knots) - degree - 1, 2))
+        found = spline.extremes(table, degree, coefficients, order)
+        numbers.add(len(found))
+        # Every piece by itself, as a polynomial through enough points of its inside.
+        for first, last in pairwise(sorted(set(knots))):
+            inside = (first + last) / 2 + (last - first) * 0.499 * np.cos(np.linspace(0, np.pi, degree + 1))
+            values = spline.basis(table, degree, inside) @ coefficients
+            for column in range(2):
+                piece = np.polynomial.Polynomial.fit(inside, values[:, column], degree).deriv(order)
+                dense = piece(np.linspace(first, last, 501))
+                assert found[:, column].min() <= dense.min() + 1e-7
+                assert found[:, column].max() >= dense.max() - 1e-7
+    assert len(numbers) == 1
+
+
+def test_extremes_of_simple_knots_are_the_values_at_their_times():
+    knots = spline.clamped_knots(DURATION, 9, 3)
+    coefficients = np.random.default_rng(0).uniform(-5, 5, (9, 2))
+    times = spline.extreme_times(knots, 3, coefficients, 0)
+    np.testing.assert_array_equal(
+        spline.extremes(knots, 3, coefficients, 0), spline.basis(knots, 3, times) @ coefficients
+    )

@@ -115,6 +115,42 @@ def test_every_repeated_key_is_named():
     ]
 
 
+@pytest.mark.parametrize(
+    "number",
+    [
+        "1:30",
+        "190:20:30.15",
+        "010",
+        "-010",
+        "0x10",
+        "0b11",
+        "1_000",
+        "1_0.5",
+        "+1_0",
+        "!!int 010",
+        "!!float 1:30.5",
+    ],
+)
+@pytest.mark.parametrize(
+    ("text", "line", "key"),
+    [("a: 1\nrobot: {track: NUMBER}\n", 2, "robot.track"), ("b:\n- 1\n- [0, NUMBER]\n", 3, "b.1.1")],
+)
+def test_numbers_that_are_not_what_they_look_like_are_refused(number: str, text: str, line: int, key: str):
+    flaw = flaw_of(text.replace("NUMBER", number))
+    assert (flaw.line, flaw.key) == (line, key)
+    assert flaw.message.startswith(f"expected a decimal number, got {number.split()[-1]!r}; ")
+
+
+def test_such_numbers_are_no_keys_either():
+    assert "expected a decimal number, got '010'" in flaw_of("limits:\n  010: 1\n").message
+
+
+def test_numbers_that_are_what_they_look_like_stay():
+    text = "a: [0, -0, 10, +5, 1.5, 010.5, .5, 5., 1.0e+3, 1e3, '010', '1:30', 1:30 min, 09, 10 m]"
+    found = [0, 0, 10, 5, 1.5, 10.5, 0.5, 5.0, 1000.0, "1e3", "010", "1:30", "1:30 min", "09", "10 m"]
+    assert parse_yaml(text, "file").data == {"a": found}
+
+
 def test_control_characters_are_not_yaml():
     with pytest.raises(StudyError, match="not valid YAML"):
         parse_yaml("a: \x00\n", "file")

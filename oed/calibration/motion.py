@@ -12,6 +12,7 @@ from oed.calibration.layout import Layout, cut
 from oed.calibration.starts import further_starts
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
+from oed.quantities import SMALLEST
 from oed.segments import PLACE, SegmentReadings
 
 Array = npt.NDArray[np.float64]
@@ -46,6 +47,15 @@ class Moves:
         return cls(robot, integration, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
 
     def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
+        """Each move as the wheels tell it, as far as it can be compared with the measured one.
+
+        Args:
+            offsets: of the clocks, (clocks,) [s].
+            inputs: instead of the logged ones, (S, n, inputs).
+        """
+        return self._told(self.rolled(offsets, inputs))
+
+    def rolled(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
         """Each move as the wheels tell it: forward and to the left [m], turn [rad].
 
         Args:
@@ -61,25 +71,35 @@ class Moves:
         further = further_starts(self.robot, self.integration, layout, offsets, nominal, inputs)
         starts = np.pad(further, ((0, 0), (3, 0)))
         ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
-        return self._told(dict(zip(("forward", "left", "turn"), ends.T, strict=True)))
+        return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
     def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:
         """Each move as the poses tell it, with headings read with another `sign` or in another `unit`."""
-        quantities, last = self.layout.quantities, self.layout.valid.sum(axis=1) - 1
-        first = dict(zip(quantities, self.layout.readings[:, 0].T, strict=True))
-        rows = np.arange(self.layout.count)
-        end = dict(zip(quantities, self.layout.readings[rows, last].T, strict=True))
-        found = {}
-        if "heading" in quantities:
-            found["turn"] = sign * unit * (end["heading"] - first["heading"])
-        if "x" in quantities and "y" in quantities:
-            move = (end["x"] - first["x"]) + 1j * (end["y"] - first["y"])
-            if "heading" in quantities:
-                move = move * np.exp(-1j * sign * unit * first["heading"])
-                found |= {"forward": move.real, "left": move.imag}
-            else:
+        x, y, turn = (self.changes(name) for name in ("x", "y", "heading"))
+        heading, found = self.headings(), {}
+        if turn is not None:
+            found["turn"] = sign * unit * turn
+        if x is not None and y is not None:
+            move = x + 1j * y
+            if heading is None:
                 found["distance"] = np.abs(move)
+            else:
+                move = move * np.exp(-1j * sign * unit * heading)
+                found |= {"forward": move.real, "left": move.imag}
         return found
+
+    def headings(self) -> Array | None:
+        """Heading [rad] at the start of each move, (S,), where it is measured."""
+        quantities = self.layout.quantities
+        return self.layout.readings[:, 0, quantities.index("heading")] if "heading" in quantities else None
+
+    def changes(self, name: str) -> Array | None:
+        """By how much a measured quantity changes in each move, (S,); None where it is not measured."""
+        layout = self.layout
+        if name not in layout.quantities:
+            return None
+        own = layout.readings[:, :, layout.quantities.index(name)]
+        return np.asarray(own[np.arange(layout.count), layout.valid.sum(axis=1) - 1] - own[:, 0])
 
     def mounting(self, offsets: Array) -> float:
         """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not tell.
@@ -93,7 +113,7 @@ class Moves:
         predicted = self.predicted(offsets)
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
-        return -float(np.angle(np.vdot(own, rest))) if np.any(own) else 0.0
+        return -float(np.angle(np.vdot(own, rest))) if _any(own) else 0.0
 
     def lengthening(self, offsets: Array) -> float:
         """Measured distances over those that the wheels tell; not a number where these are 0."""
@@ -134,9 +154,9 @@ def unexplained(
     """
     found: dict[str, float] = {}
     for name in ("turn", "distance"):
-        if name in measured and np.any(measured[name]):
+        if name in measured and _any(measured[name]):
             found[name] = _left(measured[name], predicted[name])
-    if "forward" in measured and np.any(measured["forward"]) | np.any(measured["left"]):
+    if "forward" in measured and _any(measured["forward"] + 1j * measured["left"]):
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
         found["distance"] = _left(moved, rolled, np.exp(1j * measured["turn"]) - 1, any_side=any_side)
     return found
@@ -145,8 +165,7 @@ def unexplained(
 def _left(truth: Moved, guess: Moved, swing: Moved | None = None, *, any_side: bool = False) -> float:
     # Least squares of truth by guess times a factor and, of a sensor off the origin, by its swing.
     rest, own = (truth, guess) if swing is None else _without(swing, truth, guess)
-    size = float(np.vdot(own, own).real)
-    factor = complex(np.vdot(own, rest)) / size if size > 0 else 0j
+    factor = complex(np.vdot(own, rest)) / float(np.vdot(own, own).real) if _any(own) else 0j
     believed = factor.real > 0 or (any_side and factor != 0)
     along = factor / abs(factor) if believed else 1.0
     factor = along * float(np.clip(abs(factor) if believed else 0.0, *GAINS))
@@ -155,6 +174,11 @@ def _left(truth: Moved, guess: Moved, swing: Moved | None = None, *, any_side: b
 
 def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
     # Moves with what a sensor off the origin adds by swinging around it taken out.
-    if not np.any(swing):
+    if not _any(swing):
         return moves
     return tuple(one - swing * (np.vdot(swing, one) / np.vdot(swing, swing)) for one in moves)
+
+
+def _any(moves: Moved) -> bool:
+    # Whether there is any motion, of which less than counts at all is none: its squares are no numbers.
+    return float(np.abs(moves).max(initial=0.0)) > SMALLEST

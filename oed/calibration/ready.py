@@ -11,7 +11,13 @@ import numpy.typing as npt
 from oed.calibration.clocks import clock_offsets
 from oed.calibration.layout import stretches
 from oed.calibration.motion import Moves
-from oed.calibration.suspicion import explained_by_other_sizes, poorly_explained, stands_still, suspicion
+from oed.calibration.suspicion import (
+    explained_by_other_sizes,
+    frozen,
+    poorly_explained,
+    stands_still,
+    suspicion,
+)
 from oed.errors import FileFlaw, LogError
 from oed.logs.log import Log
 from oed.models.model import Integration, Model
@@ -26,6 +32,10 @@ TENFOLD = 10.0
 STILL = (
     "the measured poses hardly move while the wheels drive: did the reference run, are its columns and "
     "units right?"
+)
+FROZEN = (
+    "hardly changes while the robot drives and turns: did the reference measure it, is it the right column, "
+    "in the right unit?"
 )
 
 
@@ -74,19 +84,10 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(files):
         own = moves.within(moves.layout.clock == index)
-        if stands_still(own, offsets):
-            flaws.append(FileFlaw(file, 0, 0, "", STILL))
-            continue
-        wrong, left = suspicion(own, offsets), poorly_explained(own, offsets)
-        if wrong is not None:
-            flaws.append(FileFlaw(file, 0, 0, "", wrong))
-        elif left is not None and _hopeless(own, offsets, left):
-            text = (
-                f"the wheels explain next to nothing of the measured motion (measured distances are "
-                f"{own.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
-                "per turn and units right?"
-            )
-            flaws.append(FileFlaw(file, 0, 0, "", text))
+        left = poorly_explained(own, offsets)
+        key, wrong = _what_is_wrong(own, offsets, left)
+        if wrong:
+            flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
             doubts[file] = f"the wheels leave {left:.0%} of the measured motion unexplained"
     if flaws:
@@ -96,6 +97,24 @@ def ready(robot: Model, integration: Integration, logs: Sequence[Log], *, compar
         for log in logs
     )
     return ReadyLogs(found, offsets, moves.mounting(offsets))
+
+
+def _what_is_wrong(moves: Moves, offsets: Array, left: float | None) -> tuple[str, str]:
+    # The quantity and what is plainly wrong with it, "" where that is all or nothing; `left` is the share of
+    # the motion that the wheels leave unexplained, where that is too large.
+    if stands_still(moves, offsets):
+        return "", STILL
+    still = frozen(moves, offsets)
+    if still is not None:
+        return still, FROZEN
+    wrong = suspicion(moves, offsets)
+    if wrong is None and left is not None and _hopeless(moves, offsets, left):
+        wrong = (
+            f"the wheels explain next to nothing of the measured motion (measured distances are "
+            f"{moves.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
+            "per turn and units right?"
+        )
+    return "", wrong or ""
 
 
 def _hopeless(moves: Moves, offsets: Array, left: float) -> bool:

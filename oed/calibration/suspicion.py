@@ -29,6 +29,11 @@ measured meanwhile stand still."""
 PLAINLY = 5.0
 """How many times more than barely the wheels have to drive for poses that stand still in one way only."""
 
+ACROSS = 0.2
+"""Share of its motion that a robot has to drive across a line for neither coordinate to stand still."""
+TURNING = 0.1
+"""Share of the distances that has to be left unexplained where turns are the wheels' word alone."""
+
 
 def suspicion(moves: Moves, offsets: Array) -> str | None:
     """What is most likely wrong with how a log is read, in words; None where nothing is.
@@ -84,6 +89,35 @@ def stands_still(moves: Moves, offsets: Array) -> bool:
     still = {name: measured[name] < STANDING * size for name, size in driven.items() if size > STIRRING}
     plainly = any(still.get(name, False) and driven[name] > PLAINLY * BARELY[name] for name in driven)
     return plainly or (bool(still) and all(still.values()))
+
+
+def frozen(moves: Moves, offsets: Array) -> str | None:
+    """The coordinate that hardly changes, though the robot plainly drives across every line; None if none.
+
+    Whatever the frame, each coordinate changes by as much as the robot drives across its main direction.
+    """
+    x, y, heading = moves.changes("x"), moves.changes("y"), moves.headings()
+    if x is None or y is None or moves.layout.count < FEWEST:
+        return None
+    if heading is None:
+        heading = _reckoned_headings(moves, offsets)
+        if unexplained(moves.measured(), moves.predicted(offsets)).get("distance", 0.0) < TURNING:
+            return None
+    rolled = moves.rolled(offsets)
+    way = (rolled["forward"] + 1j * rolled["left"]) * np.exp(1j * heading)
+    size, along = float(np.mean(np.abs(way) ** 2)), float(np.abs(np.mean(way**2)))
+    across = math.sqrt(max(size - along, 0.0) / 2)
+    if across < max(STIRRING, ACROSS * math.sqrt(size)):
+        return None
+    still = [name for name, own in (("x", x), ("y", y)) if np.sqrt(np.mean(own**2)) < STANDING * across]
+    return still[0] if still else None
+
+
+def _reckoned_headings(moves: Moves, offsets: Array) -> Array:
+    # At the start of each move, as the wheels turn the robot; from 0 in each log.
+    turns, owner = moves.rolled(offsets)["turn"], moves.layout.owner
+    before = np.concatenate([[0.0], np.cumsum(turns)[:-1]])
+    return np.asarray(before - before[np.searchsorted(owner, owner)])
 
 
 def _sizes(moves: Mapping[str, Array]) -> dict[str, float]:

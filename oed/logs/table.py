@@ -15,6 +15,7 @@ import numpy as np
 from oed.errors import FileFlaw, LogError
 from oed.files import read_text
 from oed.logs.series import Array, Rows, shortened
+from oed.quantities import plain_number
 from oed.shown import written
 
 BLANKS = " "
@@ -158,11 +159,8 @@ class Table:
 
 
 def _number(cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        return math.nan
-    return value if abs(value) < LARGEST else math.nan
+    value = plain_number(cell)
+    return value if value is not None and abs(value) < LARGEST else math.nan
 
 
 def read_table(file: Path, delimiter: str | None = None, header: bool | None = None) -> Table:
@@ -270,7 +268,7 @@ def _header(row: Sequence[str], comment: Sequence[str], given: bool | None) -> t
 
 
 def _is_float(cell: str) -> bool:
-    # A logged "nan" or "inf" is no name of a column.
+    # A logged "nan" or "inf" is no name of a column, nor is "1_0", which is a mistake in a row.
     try:
         float(cell)
     except ValueError:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.record import FILE, Record, load_record
-from oed.report.film import require_format, write_frames
+from oed.report.film import require_format, require_length, write_frames
 from oed.report.film.frame import Frame
 from oed.report.reading import Entry, with_drive
 from oed.report.scene import cast_of, scene_of
@@ -92,7 +92,7 @@ def animate(
     Raises:
         RecordError: no record there, no such result, a result without a drive.
         UserMistake: more than four results, a file that is neither GIF nor MP4, no ffmpeg, a rate or a speed
-            that cannot be shown, a place that cannot be written to.
+            that cannot be shown, too many frames, a place that cannot be written to.
         Failure: ffmpeg could not write it.
     """
     if not 0 < speed < math.inf:
@@ -104,6 +104,7 @@ def animate(
     casts = [cast_of(entry) for entry in entries]
     length = max(cast.length(speed) for cast in casts)
     rate = min(FPS, max(FRAMES / length, LEAST_FPS)) if fps is None else fps
+    require_length(length, rate)
     names = tuple(str(entry["name"]) for entry in entries)
     times = [min(number / rate, length) for number in range(math.ceil(length * rate - 1e-6) + 1)]
     times += [length] * round(REST * rate)

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated import TRUTH, by_name, course, log_of, options, problem_of, several
+from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
 
 from oed.calibration import calibrate, stated_mount
+from oed.calibration.motion import Moves
 from oed.calibration.noise import Noise
+from oed.calibration.suspicion import frozen
 from oed.errors import LogError
 from oed.measurements import Poses
 from oed.measurements.poses import AbsoluteNoise
@@ -156,6 +158,39 @@ def test_poses_that_never_move_are_refused(noise: float, still: list[int]):
     poses[:, still] = noise * np.random.default_rng(0).standard_normal((len(poses), len(still)))
     with pytest.raises(LogError, match=r"drive\.csv: the measured poses hardly move while the wheels drive"):
         calibrate(problem_of(), [replace(log, poses=poses)], options(segment="log"))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+@pytest.mark.parametrize(("place", "name"), [(0, "x"), (1, "y")])
+@pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y")], ids=len)
+def test_a_coordinate_that_never_changes_is_refused(noise: float, place: int, name: str, quantities):
+    log = log_of(course(seconds=20.0), noise=NOISE, quantities=quantities)
+    poses = log.poses.copy()
+    poses[:, place] = 0.8 + noise * np.random.default_rng(0).standard_normal(len(poses))
+    with pytest.raises(
+        LogError, match=rf"drive\.csv: {name}: hardly changes while the robot drives and turns"
+    ):
+        calibrate(problem_of(), [replace(log, poses=poses)], options(segment="log"))
+
+
+@pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y")], ids=len)
+@pytest.mark.parametrize("ratio", [1.0, 0.96])
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+def test_a_coordinate_may_stand_still_on_a_straight_line(heading: float, ratio: float, quantities):
+    own = truth_of(ROBOT, wheel_radius_right=0.05 / ratio, wheel_radius_left=0.05)
+    speeds = np.outer(np.linspace(1.0, 6.0, 200), [ratio, 1.0])
+    log = log_of(course(ROBOT, own, inputs=speeds, start=(0.0, 0.0, heading)), quantities=quantities)
+    assert min(np.ptp(log.poses[:, :2], axis=0)) < 1e-9
+    moves = Moves.of(ROBOT, "arc", [log])
+    assert frozen(moves, np.zeros(1)) is None
+
+
+def test_poses_too_small_for_their_squares_stand_still():
+    log = log_of(course(seconds=10.0), noise=NOISE)
+    for scale in (1e-300, 1e-160, 1e-20):
+        small = replace(log, poses=log.poses * [1.0, 1.0, scale])
+        with pytest.raises(LogError, match="hardly move"):
+            calibrate(problem_of(), [small], options(segment="log"))
 
 
 def test_a_wheel_far_off_its_nominal_size_is_asked_about():

@@ -170,7 +170,7 @@ class TestColumns:
 
 
 class TestCells:
-    @pytest.mark.parametrize("cell", ["nan", "inf", "abc", "1e300", "-"])
+    @pytest.mark.parametrize("cell", ["nan", "inf", "abc", "1e300", "-", "1_0", "\u0663"])
     @pytest.mark.parametrize("column", range(6))
     def test_no_finite_number(self, file: Path, rows: list[list[str]], cell: str, column: int):
         rows[7][column] = cell

@@ -155,6 +155,9 @@ class TestAnimate:
             ({"results": list("abcde")}, "at most 4, got 5"),
             ({"speed": 0.0}, "speed: expected more than 0"),
             ({"fps": 80.0}, "at most 50"),
+            ({"fps": 1e-300}, r"at least 0\.01 frames"),
+            ({"speed": 1e-4}, "speed: a film of .* frames, expected at most 100000; take a higher speed"),
+            ({"speed": 5e-324}, "has inf frames, expected at most 100000"),
         ],
     )
     def test_mistakes(self, tmp_path: Path, options, message: str):

@@ -16,6 +16,10 @@ from oed.report.film.mp4 import require_ffmpeg, write_mp4
 Writer = Callable[[Iterable[Frame], Path, float, Frame | None, str], int]
 WRITERS: dict[str, Writer] = {".gif": write_gif, ".mp4": write_mp4}
 """Ending of a file -> what writes it."""
+MOST_FRAMES = 100_000
+"""Of a film: more than two hours of the slowest that is made by itself."""
+SLOWEST = 0.01
+"""Frames a second: a GIF cannot show one for much longer."""
 
 
 def write_frames(
@@ -61,6 +65,19 @@ def write_frames(
     return count
 
 
+def require_length(seconds: float, fps: float) -> None:
+    """Refuse a film [s] of too many frames, before any is made.
+
+    Raises:
+        UserMistake: more than `MOST_FRAMES`.
+    """
+    if seconds * fps > MOST_FRAMES:
+        raise UserMistake(
+            f"speed: a film of {seconds:.3g} s has {seconds * fps:.3g} frames, expected at most "
+            f"{MOST_FRAMES}; take a higher speed, or fewer frames a second (fps)"
+        )
+
+
 def require_format(file: Path, fps: float) -> None:
     """Refuse what cannot be written, before frames are made.
 
@@ -73,6 +90,8 @@ def require_format(file: Path, fps: float) -> None:
         raise UserMistake(f"{file}: expected a name that ends in {' or '.join(WRITERS)}")
     if not 0 < fps < float("inf"):
         raise UserMistake(f"fps: expected more than 0 frames a second, got {fps:g}")
+    if fps < SLOWEST:
+        raise UserMistake(f"fps: expected at least {SLOWEST} frames a second, got {fps:g}")
     if ending == ".gif" and fps > FASTEST:
         raise UserMistake(f"fps: a GIF shows at most {FASTEST} frames a second, got {fps:g}")
     if ending == ".mp4":
