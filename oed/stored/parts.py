@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from oed.names import name_flaw
+from oed.names import identifier_flaw, name_flaw
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
@@ -32,6 +32,13 @@ def _name(text: str) -> str:
     return text
 
 
+def _identifier(text: str) -> str:
+    flaw = identifier_flaw(text)
+    if flaw:
+        raise ValueError(flaw)
+    return text
+
+
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
 Positive = Annotated[float, Field(ge=0, le=LARGEST)]
@@ -40,8 +47,8 @@ Count = Annotated[int, Field(ge=0, le=10**12)]
 Seed = Annotated[int, Field(ge=0)]
 Name = Annotated[str, AfterValidator(_name)]
 """What files are named after."""
-Identifier = Annotated[str, Field(pattern=r"^\w[\w.]*$", max_length=180)]
-"""The name of an input or of what it is, which files and figures are named after too."""
+Identifier = Annotated[str, AfterValidator(_identifier)]
+"""The name of a parameter, an input or of what it is, which files and figures are named after too."""
 Numbers = list[Number]
 Matrix = list[Numbers]
 Sizes = list[list[Size]]
