@@ -8,11 +8,10 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from oed.names import identifier_flaw, name_flaw
+from oed.quantities import LARGEST as FARTHEST
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
-FARTHEST = 1e9
-"""Of lengths and other sizes that are drawn [SI]."""
 
 
 class Stored(BaseModel):
@@ -41,6 +40,7 @@ def _identifier(text: str) -> str:
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+"""A length or another size that is drawn: as large as a study's may be [SI]."""
 Positive = Annotated[float, Field(ge=0, le=LARGEST)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=10**12)]
