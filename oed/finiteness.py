@@ -53,7 +53,7 @@ def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: st
     # The earliest moment of any run.
     rows = np.array(np.split(inside, trajectory.runs))
     moments = np.flatnonzero(~rows.all(axis=(0, 2)))
-    states = ~rows[:, moments[0]].all(axis=0)
+    states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
     names = ", ".join(name for name, wrong in zip(problem.robot.states, states, strict=True) if wrong)
     each = trajectory.duration / trajectory.runs
     return f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
