@@ -92,18 +92,27 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
     Raises:
         RecordError: no estimate there, or not one of this format.
     """
-    # Imported late, as in `oed.record`.
-    from oed.recorded_study import checked_echo
-
     path = saved_file(folder, FILE)
     expected = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
     data = read_object(path, "no estimate there; make one with `oed estimate`", expected)
     if data.get("format") != FORMAT or "parameters" not in data:
         raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return EstimateRecord(known_estimate(data, path), path)
+
+
+def known_estimate(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """What estimate.json holds as this version knows it.
+
+    Raises:
+        RecordError: as `load_estimate` does.
+    """
+    # Imported late, as in `oed.record`.
+    from oed.recorded_study import checked_echo
+
     known = checked(StoredEstimate, data, path).plain()
     if "study" in known:
         known["study"] = checked_echo(known["study"], path)
-    return EstimateRecord(known, path)
+    return known
 
 
 def calibration_data(found: Calibration) -> dict[str, Any]:

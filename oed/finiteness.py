@@ -11,9 +11,11 @@ from oed.errors import Flaw, NotFinite
 from oed.measurements.sensor import row_times
 from oed.measurements.several import sensors_of
 from oed.problem import Problem
+from oed.quantities import LARGEST
 from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 def require_finite(
@@ -23,7 +25,7 @@ def require_finite(
     responses: Sequence[Array],
     derivatives: Sequence[Array],
 ) -> None:
-    """Refuse a drive that cannot be scored.
+    """Refuse a drive that cannot be scored, or goes farther than anything that a study may speak of.
 
     Args:
         problem: that scores it.
@@ -33,10 +35,11 @@ def require_finite(
         derivatives: of these by what is estimated, (M, p).
 
     Raises:
-        NotFinite: says what is not finite, and when.
+        NotFinite: says what is not finite, or beyond `LARGEST`, and when.
     """
-    if not np.isfinite(path).all():
-        raise NotFinite(Flaw(("robot",), _departure(problem, trajectory, path)))
+    for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
+        if not inside.all():
+            raise NotFinite(Flaw(("robot",), _departure(problem, trajectory, inside, what)))
     pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
     for what, array in pairs:
         rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))
@@ -46,14 +49,14 @@ def require_finite(
             raise NotFinite(Flaw(("measurement",), _sentence(problem, what, where, columns)))
 
 
-def _departure(problem: Problem, trajectory: Trajectory, path: Array) -> str:
+def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: str) -> str:
     # The earliest moment of any run.
-    rows = np.array(np.split(path, trajectory.runs))
-    moments = np.flatnonzero(~np.isfinite(rows).all(axis=(0, 2)))
-    states = ~np.isfinite(rows[:, moments[0]]).all(axis=0)
+    rows = np.array(np.split(inside, trajectory.runs))
+    moments = np.flatnonzero(~rows.all(axis=(0, 2)))
+    states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
     names = ", ".join(name for name, wrong in zip(problem.robot.states, states, strict=True) if wrong)
     each = trajectory.duration / trajectory.runs
-    return f"{names}: not finite from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
+    return f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
 
 
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:

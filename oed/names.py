@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 from oed.errors import UserMistake
-from oed.shown import shown
+from oed.shown import shown, written
 
 TAKEN = 255
 """Bytes of a file's name that every common file system takes."""
@@ -17,6 +18,16 @@ DEVICES = frozenset(
     ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
 )
 """What Windows opens instead of a file of that name."""
+
+_IDENTIFIER = re.compile(r"\w[\w.]*")
+
+
+def identifier_flaw(name: object) -> str:
+    """Why a robot's parameter, input or state cannot have that name; "" where it can."""
+    if isinstance(name, str) and _IDENTIFIER.fullmatch(name) and len(name.encode()) <= LONGEST:
+        return ""
+    text = f"expected a name of letters, digits, underscores and dots, of at most {LONGEST} bytes"
+    return f"{text}, got {written(name)}"
 
 
 def name_flaw(name: str, longest: int = LONGEST) -> str:

@@ -107,19 +107,28 @@ def load_record(folder: str | Path) -> Record:
     Raises:
         RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
-    # Imported late: studies take priors from records.
-    from oed.recorded_study import checked_echo
-
     path = saved_file(folder, FILE)
     expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
     kept = "" if path.exists() else beside(folder)
     data = read_object(path, f"no record there; make one with `oed run`{kept}", expected)
     if data.get("format") != FORMAT or "results" not in data:
         raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return Record(known_record(data, path), path)
+
+
+def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """What record.json holds as this version knows it, defaults filled in.
+
+    Raises:
+        RecordError: as `load_record` does.
+    """
+    # Imported late: studies take priors from records.
+    from oed.recorded_study import checked_echo
+
     known = checked(StudyRecord, data, path).plain()
     known["study"] = checked_echo(known["study"], path)
     require_one_study(known, path)
-    return Record(known, path)
+    return known
 
 
 def saved_file(folder: str | Path, name: str) -> Path:
@@ -150,6 +159,15 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
 def finite(value: float | None) -> float | None:
     """The value where JSON can hold it, else None."""
     return float(value) if value is not None and math.isfinite(value) else None
+
+
+def finite_data(value: Any) -> Any:
+    """Plain data, null where JSON cannot hold a number."""
+    if isinstance(value, Mapping):
+        return {key: finite_data(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_data(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def finite_rows(matrix: Any) -> list[list[float | None]]:

@@ -26,6 +26,7 @@ from oed.record import (
     Record,
     certificate_data,
     finite,
+    finite_data,
     result_data,
 )
 from oed.robustness import nominal_search, robustness, safe, tried
@@ -234,26 +235,28 @@ def record(
         for solution in solutions
     ]
     made = Record(
-        {
-            "format": FORMAT,
-            "oed_version": package_version("oed"),
-            "study": study.echo(),
-            "study_text": study.text,
-            "seed": seed,
-            "inputs": input_table(study.problem),
-            "states": state_table(study.problem),
-            "parameters": parameter_table(study.problem),
-            "nuisances": nuisance_table(study.problem),
-            "results": results,
-            "best": None if best is None else best.name,
-            "certificate": None if certificate is None else certified(study, certificate, solutions),
-            "robustness": robustness(study, solutions, seed),
-            "validation": validation,
-            "physics": physics,
-            "interrupted": interrupted,
-            "notes": _notes(certificate, interrupted),
-            "provenance": provenance(),
-        }
+        finite_data(
+            {
+                "format": FORMAT,
+                "oed_version": package_version("oed"),
+                "study": study.echo(),
+                "study_text": study.text,
+                "seed": seed,
+                "inputs": input_table(study.problem),
+                "states": state_table(study.problem),
+                "parameters": parameter_table(study.problem),
+                "nuisances": nuisance_table(study.problem),
+                "results": results,
+                "best": None if best is None else best.name,
+                "certificate": None if certificate is None else certified(study, certificate, solutions),
+                "robustness": robustness(study, solutions, seed),
+                "validation": validation,
+                "physics": physics,
+                "interrupted": interrupted,
+                "notes": _notes(certificate, interrupted),
+                "provenance": provenance(),
+            }
+        )
     )
     with run_folder(out) as folder:
         return folder.finish(made, record_files(study, solutions, made))

@@ -4,6 +4,7 @@ while anything can still be written somewhere.
 
 from __future__ import annotations
 
+import json
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -15,7 +16,7 @@ from typing import Any
 from oed.errors import Failure, OedError, RecordError
 from oed.files import write_files
 from oed.folders import Draft, drafted, updated
-from oed.record import FILE, Record, load_record, pages
+from oed.record import FILE, Record, known_record, load_record, pages
 
 Files = Mapping[str, str]
 """Texts by file name."""
@@ -76,12 +77,13 @@ class RunFolder:
             interrupted: whether the run was cut short.
 
         Raises:
-            NotSaved: they could not be written there; says where they are instead.
+            NotSaved: they could not be written there, or not be read again; says where they are instead.
         """
         draft = self.draft
         if draft is None:
             return None
         try:
+            require_readable(files, draft.target)
             draft.write(files)
             if not self._whole:
                 return draft.target
@@ -127,10 +129,31 @@ def save_files(folder: Path, files: Files, found: Any, drop: Collection[str] = (
     """
     try:
         with updated(folder) as draft:
+            require_readable(files, folder)
             draft.write(files)
             draft.publish(drop)
     except OedError as error:
         raise NotSaved(_rescued(folder, error, files), found) from None
+
+
+def require_readable(files: Files, folder: Path) -> None:
+    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved.
+
+    Raises:
+        Failure: says which keys are in the way.
+    """
+    # Imported late, for it saves by this module.
+    from oed.calibration_record import FILE as ESTIMATE_FILE
+    from oed.calibration_record import known_estimate
+
+    for name, read in ((FILE, known_record), (ESTIMATE_FILE, known_estimate)):
+        if name not in files:
+            continue
+        try:
+            read(json.loads(files[name]), folder / name)
+        except RecordError as error:
+            reasons = "; ".join(map(str, error.flaws))
+            raise Failure(f"not saved, for it could not be read again: {reasons}") from None
 
 
 def outdated(folder: Path, record: Record | None) -> set[str]:

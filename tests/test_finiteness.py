@@ -92,6 +92,13 @@ class TestWhatIsSaid:
         with pytest.raises(NotFinite, match=r"^robot: x, y: not finite from 3.55 s on$"):
             evaluate(problem, drive)
 
+    def test_of_a_drive_farther_than_anything(self):
+        # Of numbers that its record could not hold.
+        problem = problem_of()
+        drive = Trajectory.from_samples(np.full((20, 2), 2e13), 10.0, np.zeros((1, 3)), rest_to_rest=False)
+        with pytest.raises(NotFinite, match=r"^robot: x: beyond 1e\+12 from 1.05 s on$"):
+            evaluate(problem, drive)
+
     def test_of_a_limit(self):
         problem = problem_of(limits=(SPEED, ACCELERATION, BOX, Nowhere()))
         with pytest.raises(NotFinite, match=r"^limits.nowhere: not a number"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -183,6 +184,52 @@ class TestNoRoom:
         assert "genetic" in out
         assert err == "there/report.html: cannot be written: No space left on device\n"
         assert load_record("there").best is not None
+
+
+class TestUnreadable:
+    """A record that could not be read again is not saved as if it were one; what was found is not lost."""
+
+    @pytest.fixture
+    def damaged(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        made = {"packages": {}, "python": math.nan, "platform": "any", "finished": "now"}
+        monkeypatch.setattr("oed.runner.provenance", lambda: made)
+        (tmp_path / "spare").mkdir()
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
+        monkeypatch.chdir(tmp_path)
+        write_study(tmp_path, TEXT)
+
+    @pytest.mark.parametrize("as_json", [False, True])
+    def test_printed_all_the_same(self, finished: Path, damaged, as_json: bool, capsys):
+        before = contents(finished)
+        more = ["--json"] if as_json else []
+        assert main(["run", "study.yaml", "--out", "out", "--quiet", "--workers", "1", *more]) == 1
+        out, err = capsys.readouterr()
+        assert contents(finished) == before
+        assert "genetic" in out
+        if as_json:
+            assert json.loads(out)["error"] == err.strip()
+        (line,) = err.splitlines()
+        assert line.startswith(
+            "not saved, for it could not be read again: out/record.json: provenance.python: expected text, "
+            "got None; what was in out is as it was. The results are in "
+        )
+        (place,) = re.findall(r"The results are in (\S+) instead", line)
+        assert (Path(place) / "genetic.csv").is_file()
+
+    def test_the_largest_numbers_of_a_study_are_none(self, tmp_path: Path):
+        text = TEXT.replace("10 rad/s", "1e10 rad/s").replace("20 rad/s^2", "1e11 rad/s^2")
+        study = saved_study(tmp_path, text.replace("[-1 m, 1 m]", "[-1e11 m, 1e11 m]"))
+        record = run(study, tmp_path / "out", workers=1)
+        speeds = [entry["drive"]["coefficients"] for entry in record.results]
+        assert max(abs(value) for drive in speeds for row in drive for value in row) > 1e9
+        assert load_record(tmp_path / "out").data == json.loads(record.to_json())
+
+    def test_a_point_of_a_sweep_says_so(self, damaged, capsys):
+        again = ["--over", "robot.track=17,18 cm", "--workers", "1", "--quiet", "--out", "swept"]
+        assert main(["sweep", "study.yaml", *again]) == 1
+        told = "".join(capsys.readouterr())
+        assert "could not be read again" in told
+        assert "defect" not in told
 
 
 def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[str]:

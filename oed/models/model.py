@@ -22,6 +22,7 @@ from pydantic import Field
 from oed.component import Component
 from oed.errors import Flaw
 from oed.expression import Expression
+from oed.models.own_code import in_words
 from oed.quantities import Length
 
 Integration = Literal["arc", "midpoint"]
@@ -174,7 +175,7 @@ def twist_flaws(model: Model) -> list[Flaw]:
         twist = ca.SX(model.twist(inputs, parameters))
     except Exception as error:
         # A class of the user's own may fail in any way.
-        return [Flaw(("robot",), f"its twist cannot be made: {type(error).__name__}: {error}")]
+        return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
     if twist.shape == (3, 1):
         return []
     text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -11,9 +10,12 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validator
 
+from oed.errors import UserMistake
 from oed.expression import Expression
-from oed.models.model import Input, Model, Parameter, step, twist_flaws
+from oed.models.model import Input, Model, Parameter
+from oed.models.own_code import in_words, lent_streams
 from oed.models.own_module import own_module
+from oed.models.tryout import try_out
 
 UNMADE = {"robots": "unmade"}
 """Pydantic's context in which robots of the user's own are read as the names they are: no code is run."""
@@ -57,8 +59,9 @@ class PythonRobot(Model):
         found = _class_of(self.object, self.folder)
         own = {"body_radius": self.body_radius} if "body_radius" in self.model_fields_set else {}
         try:
-            made = found(**own, **(self.model_extra or {}))
-            _try_out(made)
+            with lent_streams():
+                made = found(**own, **(self.model_extra or {}))
+                try_out(made)
         except ValidationError as error:
             reasons = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
             raise ValueError(f"{self.object} cannot be made: {'; '.join(reasons)}") from None
@@ -66,62 +69,73 @@ class PythonRobot(Model):
             raise
         except BaseException as error:
             # Whatever it is, even one that ends programs without a word.
-            raise ValueError(f"{self.object} cannot be made: {_in_words(error)}") from None
+            raise ValueError(f"{self.object} cannot be made: {in_words(error)}") from None
         return made
 
     @property
     def short_forms(self) -> tuple[str, ...]:  # type: ignore[override]
         """The robot's own."""
-        return self.robot.short_forms
+        return tuple(self._asked("short_forms"))
 
     @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
         """The robot's inputs."""
-        return self.robot.inputs
+        return tuple(self._asked("inputs"))
 
     @property
     def states(self) -> tuple[str, ...]:  # type: ignore[override]
         """The robot's states."""
-        return self.robot.states
+        return tuple(self._asked("states"))
 
     @property
     def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
         """Their units."""
-        return self.robot.state_units
+        return tuple(self._asked("state_units"))
 
     @property
     def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
         """The robot's coefficient names."""
-        return self.robot.coefficient_names
+        return tuple(self._asked("coefficient_names"))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The robot's parameters."""
-        return self.robot.parameters
+        return tuple(self._asked("parameters"))
 
     def coefficients(self, parameters: Expression) -> Expression:
         """The robot's matrix c."""
-        return self.robot.coefficients(parameters)
+        return self._asked("coefficients", parameters)
 
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """The robot's own."""
-        return self.robot.effective_inputs(inputs, parameters)
+        return self._asked("effective_inputs", inputs, parameters)
 
     def mean_twist(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """The robot's own."""
-        return self.robot.mean_twist(state, twist, parameters, period)
+        return self._asked("mean_twist", state, twist, parameters, period)
 
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """The robot's own."""
-        return self.robot.internal_step(state, twist, parameters, period)
+        return self._asked("internal_step", state, twist, parameters, period)
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """The robot's own."""
-        return self.robot.twist(inputs, parameters)
+        return self._asked("twist", inputs, parameters)
+
+    def _asked(self, name: str, *arguments: Expression) -> Any:
+        # The user's code may fail later as well, with what it was not tried with.
+        try:
+            with lent_streams():
+                found = getattr(self.robot, name)
+                return found(*arguments) if arguments else found
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise UserMistake(f"{self.object}: {name}: {in_words(error)}") from None
 
     def __eq__(self, other: Any) -> bool:
         """By the robot that is made: its class may have changed since."""
@@ -152,8 +166,9 @@ def _class_of(place: str, folder: str | None) -> type[Model]:
 
 def _module(name: str, folder: str | None) -> ModuleType:
     try:
-        own = None if folder is None else own_module(Path(folder), name)
-        return importlib.import_module(name) if own is None else own
+        with lent_streams():
+            own = None if folder is None else own_module(Path(folder), name)
+            return importlib.import_module(name) if own is None else own
     except ModuleNotFoundError as error:
         if error.name != name.partition(".")[0]:
             raise ValueError(f"{name} cannot be imported: {error}") from None
@@ -163,29 +178,4 @@ def _module(name: str, folder: str | None) -> ModuleType:
         raise
     except BaseException as error:
         # A module that ends the program must not end this one as if all were well.
-        raise ValueError(f"{name} cannot be imported: {_in_words(error)}") from None
-
-
-def _in_words(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
-
-
-def _try_out(robot: Model) -> None:
-    """Ask a robot once for all that is asked of robots, so that its errors are told where it is named.
-
-    Raises:
-        BaseException: whatever its own methods raise.
-    """
-    for entries, kind in ((robot.inputs, Input), (robot.parameters, Parameter)):
-        if not entries or not all(isinstance(entry, kind) for entry in entries):
-            raise ValueError(f"expected a tuple of oed.{kind.__name__}, got {entries!r}")
-    wrong = [entry.name for entry in robot.parameters if not math.isfinite(entry.nominal)]
-    if wrong:
-        raise ValueError(f"{', '.join(wrong)}: expected a finite nominal value")
-    flaws = twist_flaws(robot)
-    if flaws:
-        raise ValueError(flaws[0].message)
-    moved = step(robot, "arc")(len(robot.states) * [0.0], len(robot.inputs) * [0.0], robot.nominal, 0.1)
-    if moved.shape != (len(robot.states), 1):
-        text = f"expected next values of {len(robot.states) - 3} further states"
-        raise ValueError(f"{text}; a step gives {moved.shape[0]} states of {len(robot.states)}")
+        raise ValueError(f"{name} cannot be imported: {in_words(error)}") from None

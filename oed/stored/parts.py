@@ -7,12 +7,11 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from oed.names import name_flaw
+from oed.names import identifier_flaw, name_flaw
+from oed.quantities import LARGEST as FARTHEST
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
-FARTHEST = 1e9
-"""Of lengths and other sizes that are drawn [SI]."""
 
 
 class Stored(BaseModel):
@@ -32,16 +31,24 @@ def _name(text: str) -> str:
     return text
 
 
+def _identifier(text: str) -> str:
+    flaw = identifier_flaw(text)
+    if flaw:
+        raise ValueError(flaw)
+    return text
+
+
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+"""A length or another size that is drawn: as large as a study's may be [SI]."""
 Positive = Annotated[float, Field(ge=0, le=LARGEST)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=10**12)]
 Seed = Annotated[int, Field(ge=0)]
 Name = Annotated[str, AfterValidator(_name)]
 """What files are named after."""
-Identifier = Annotated[str, Field(pattern=r"^\w[\w.]*$", max_length=180)]
-"""The name of an input or of what it is, which files and figures are named after too."""
+Identifier = Annotated[str, AfterValidator(_identifier)]
+"""The name of a parameter, an input or of what it is, which files and figures are named after too."""
 Numbers = list[Number]
 Matrix = list[Numbers]
 Sizes = list[list[Size]]

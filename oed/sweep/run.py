@@ -16,7 +16,7 @@ from oed.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.record import FILE as RECORD
 from oed.record import Record, load_record, pages, saved_file
 from oed.runner import package_version, run
-from oed.saving import NotSaved
+from oed.saving import NotSaved, require_readable
 from oed.signals import interrupts_named
 from oed.solvers import Progress, Silent, Workers, default_workers
 from oed.solvers.parallel import run_tasks
@@ -171,10 +171,15 @@ class _Sweep:
         if result.failure:
             self.failures[index] = result.failure
             return
+        folder = self.points[index].folder
+        try:
+            require_readable(result.files, self.draft.target / folder)
+        except OedError as error:
+            self.failures[index] = str(error)
+            return
         record = Record(json.loads(result.files[RECORD]))
         self.records[index] = record
         try:
-            folder = self.points[index].folder
             # The record last: where it is, everything is.
             names = sorted(result.files, key=lambda name: name == RECORD)
             self.draft.write({f"{folder}/{name}": result.files[name] for name in names})

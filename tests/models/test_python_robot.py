@@ -13,7 +13,7 @@ from builders import SPEED, make_problem
 
 import oed
 from oed.cli import main
-from oed.errors import StudyError
+from oed.errors import StudyError, UserMistake
 from oed.limits import YawRate
 from oed.limits.implied import implied_bounds
 from oed.models import PythonRobot
@@ -415,3 +415,195 @@ def test_a_robot_that_ends_programs_ends_no_check(folder: Path, capsys: pytest.C
     (folder / "study.yaml").write_text(STUDY.format(object="ender:Robot"))
     assert main(["check", str(folder / "study.yaml")]) == 2
     assert "study.yaml:4: robot: ender:Robot cannot be made: SystemExit: 0" in capsys.readouterr().err
+
+
+OWN = """
+import sys
+import casadi as ca
+import oed
+
+
+class Robot(oed.Model):
+    kind: str = "own"
+    inputs = (oed.Input("v", "wheel_speed", "rad/s"), oed.Input("w", "wheel_speed", "rad/s"))
+
+    @property
+    def parameters(self):
+        return (oed.Parameter("gain", 1.0, ""), oed.Parameter("turn", 0.5, ""))
+
+    def twist(self, inputs, parameters):
+        return ca.vertcat(parameters[0] * inputs[0], 0, parameters[1] * inputs[1])
+
+"""
+
+
+def own(folder: Path, more: str = "", **changes: str) -> oed.Study:
+    """A study of the robot above with further lines of its class, and other words in it."""
+    text = OWN + more
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    (folder / "own.py").write_text(text)
+    return load(folder, "own:Robot", **{"gain: 0.9": "body_radius: 0.1"})
+
+
+def refused(folder: Path, more: str = "", **changes: str) -> str:
+    """What is said of it, in the one flaw that it has, by the line of the robot."""
+    with pytest.raises(StudyError) as caught:
+        own(folder, more, **changes)
+    (flaw,) = caught.value.flaws
+    assert (flaw.key, flaw.line) == ("robot", 4)
+    assert len(str(flaw)) < 1000
+    assert "prototypes" not in flaw.message
+    return flaw.message
+
+
+class TestNames:
+    """What a robot calls its parts can be saved, and read again."""
+
+    @pytest.mark.parametrize("name", ["soft ness", "../../x", "\\x1b[2J", 181 * "a", "a\\n"])
+    @pytest.mark.parametrize(
+        ("old", "new"), [('"gain"', '"{}"'), ('"v"', '"{}"'), ('"w", "wheel_speed"', '"w", "{}"')]
+    )
+    def test_no_such_name(self, folder: Path, old: str, new: str, name: str):
+        said = refused(folder, **{old: new.format(name)})
+        assert "expected a name of letters, digits, underscores and dots" in said
+
+    def test_no_such_name_of_a_state(self, folder: Path):
+        said = refused(folder, further_state("hitch angle", "rad"))
+        assert "states: expected a name of letters" in said
+
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ('"turn"', '"gain"', "parameters: a second one named 'gain'"),
+            ('"w", "wheel_speed"', '"v", "wheel_speed"', "inputs: a second one named 'v'"),
+            ('"w", "wheel_speed"', '"x", "wheel_speed"', "inputs and states: a second one named 'x'"),
+            ('"w", "wheel_speed"', '"t", "wheel_speed"', "inputs and states: a second one named 't'"),
+            ('"w", "wheel_speed"', '"run", "wheel_speed"', "inputs and states: a second one named 'run'"),
+            ('0.5, ""', '0.5, "\\x1b[2J"', "turn: expected a unit"),
+            ('0.5, ""', "0.5, None", "turn: expected a unit"),
+            ("0.5", "1e13", "turn: expected a finite nominal value of at most 1e+12"),
+            ("0.5", "'fast'", "ValueError"),
+            ('0.5, ""', '0.5, "", -1.0', "turn: expected a size of at least 0"),
+            ('"wheel_speed", "rad/s"))', '"wheel_speed", "rad/s", float("nan")))', "w: expected `below`"),
+        ],
+    )
+    def test_other_mistakes_of_its_tables(self, folder: Path, old: str, new: str, words: str):
+        assert words in refused(folder, **{old: new})
+
+    def test_far_too_many(self, folder: Path):
+        said = refused(folder, **{'0.5, ""))': '0.5, "")) * 150_000'})
+        assert "parameters: expected at most 200, got 300000" in said
+
+    @pytest.mark.parametrize("states", ["('x', 'y')", "('a', 'b', 'c')", "'abc'"])
+    def test_states_that_are_no_pose(self, folder: Path, states: str):
+        assert "states: expected" in refused(folder, f"    states = {states}\n")
+
+
+def further_state(name: str = "lag", unit: str = "rad") -> str:
+    """Lines of a class with a state after the pose, which stays as it is."""
+    return f"""
+    states = ("x", "y", "heading", "{name}")
+    state_units = ("m", "m", "rad", "{unit}")
+
+    def internal_step(self, state, twist, parameters, period):
+        return state[3]
+"""
+
+
+def member(name: str, body: str) -> str:
+    """Lines of a class that say otherwise what a robot has or does."""
+    lines = f"    def {name}(self, *given):\n        {body}\n"
+    names = ("state_units", "states", "coefficient_names", "short_forms", "inputs", "parameters")
+    return f"    @property\n{lines}" if name in names else lines
+
+
+class TestEveryMember:
+    """All that is ever asked of a robot is asked where it is named."""
+
+    @pytest.mark.parametrize("name", ["state_units", "states", "coefficient_names", "short_forms", "inputs"])
+    @pytest.mark.parametrize("body", ["return None", "return ((1, 2), (3,))"])
+    def test_what_is_no_tuple_of_texts(self, folder: Path, name: str, body: str):
+        assert f"{name}: expected" in refused(folder, member(name, body))
+
+    @pytest.mark.parametrize("name", ["effective_inputs", "mean_twist", "internal_step", "coefficients"])
+    @pytest.mark.parametrize("body", ["return None", "return ((1, 2), (3,))"])
+    def test_what_is_no_expression(self, folder: Path, name: str, body: str):
+        names = "    coefficient_names = (('a', 'b'), ('c', 'd'))\n"
+        assert f"{name}: expected" in refused(folder, names + member(name, body))
+
+    @pytest.mark.parametrize(
+        "name", ["state_units", "effective_inputs", "mean_twist", "internal_step", "short_forms", "twist"]
+    )
+    def test_what_fails_is_told_with_its_line(self, folder: Path, name: str):
+        said = refused(folder, member(name, "raise RuntimeError('two\\nlines')"))
+        assert f"RuntimeError: two lines (own.py, line {self.line(folder)})" in said
+
+    @pytest.mark.parametrize(
+        ("body", "words"),
+        [
+            ("sys.exit(0)  # raise", "SystemExit: 0"),
+            ("raise type('E', (Exception,), {'__str__': lambda self: 5})", "E:"),
+            ("raise type('E', (Exception,), {'__str__': lambda self: 1 / 0})", "E:"),
+            ("raise ValueError(10**6 * 'x')", "xxx..."),
+        ],
+    )
+    @pytest.mark.parametrize("name", ["state_units", "twist"])
+    def test_whatever_fails_is_told_with_its_line(self, folder: Path, name: str, body: str, words: str):
+        said = refused(folder, member(name, body))
+        assert f"{words} (own.py, line {self.line(folder)})" in said
+
+    def line(self, folder: Path) -> int:
+        """The line of the robot's file that fails."""
+        lines = (folder / "own.py").read_text().splitlines()
+        return next(number for number, line in enumerate(lines, 1) if "raise" in line)
+
+    @pytest.mark.parametrize(
+        ("more", "words"),
+        [
+            ("    state_units = ('m', 'm')\n", "state_units: expected 3, one of each state, got 2"),
+            (further_state(unit="\\x1b"), "lag: expected a unit"),
+            ("    coefficient_names = (('a', 'b'),)\n", "coefficient_names: expected 2 or 3 rows"),
+            ("    coefficient_names = (('a', 'b'), ('c',))\n", "coefficient_names: expected 2 or 3 rows"),
+            (
+                "    coefficient_names = (('a', 'b'), ('c', 'a'))\n",
+                "coefficient_names: a second one named 'a'",
+            ),
+            ("    coefficient_names = (('a', 'b'), ('c', '.'))\n", "coefficient_names: expected a name of"),
+            ("    coefficient_names = (('a', 'b'), ('c', 'd'))\n", "not linear in coefficients"),
+            (member("mean_twist", "return given[1][:2]"), "mean_twist: expected (3, 1), got (2, 1)"),
+            (member("internal_step", "return given[1]"), "internal_step: expected (0, 1), got (3, 1)"),
+        ],
+    )
+    def test_parts_that_do_not_fit_each_other(self, folder: Path, more: str, words: str):
+        assert words in refused(folder, more)
+
+    def test_one_that_has_everything_is_taken(self, folder: Path):
+        more = further_state() + "    coefficient_names = (('a', 'b'), ('c', 'd'))\n"
+        more += member("coefficients", "return ca.diag(given[0])") + member("short_forms", "return ('both',)")
+        model = own(folder, more).problem.model
+        assert model.states[3:] == ("lag",)
+        assert model.short_forms == ("both",)
+
+    def test_what_fails_later_is_named_too(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        model = own(folder).problem.model
+        monkeypatch.setattr(type(model.robot), "twist", lambda *_: sys.exit(3))
+        with pytest.raises(UserMistake, match="own:Robot: twist: SystemExit: 3"):
+            model.twist(ca.DM([1, 1]), ca.DM([1, 1]))
+
+
+class TestStreams:
+    """What a module does to the program's streams stays within it."""
+
+    @pytest.mark.parametrize(
+        "line",
+        ["sys.stdout.close()", "sys.stdout = sys.stderr = None", "sys.stderr.close()", "print('hello')"],
+    )
+    def test_the_answer_is_told_all_the_same(self, folder: Path, line: str, capsys):
+        own(folder)
+        (folder / "own.py").write_text(OWN.replace("import sys", f"import sys; {line}"))
+        assert main(["check", str(folder / "study.yaml"), "--json"]) == 0
+        out, err = capsys.readouterr()
+        assert out.startswith("{")
+        assert out.endswith("}\n")
+        assert err == ("hello\n" if "hello" in line else "")
