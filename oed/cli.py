@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from oed.commands import COMMANDS
-from oed.commands.command import DONE, FAILED, MISTAKE
+from oed.commands.command import FAILED, MISTAKE
 
 if TYPE_CHECKING:
     from oed.errors import OedError
@@ -26,6 +26,13 @@ OBJECTS = 50_000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    from oed.streams import steady_streams, warnings_shown
+
+    with steady_streams(), warnings_shown():
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     options = _parser().parse_args(arguments)
     if options.command is None:
         _parser().print_help()
@@ -40,7 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], int] = options.run
     try:
         with ending_alike(), interrupts_named():
-            return command(options)
+            code = command(options)
+            # What cannot be printed is known only now.
+            sys.stdout.flush()
+            return code
     except OedError as raised:
         error = _located(raised, options)
         flaws = error.flaws if isinstance(error, FileError) else ()
@@ -50,13 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
-    except BrokenPipeError:
-        # The reader of our output has left (`oed ... | head`): nothing more to say.
-        sys.stderr.close()
-        return DONE
     except OSError as error:
         # A disk that is full, a file that may not be read: no fault of the program's.
-        _report_error(options, _with_notes(str(error), error), [])
+        _report_error(options, _with_notes(_of_system(error), error), [])
         return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
@@ -65,6 +71,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _with_notes(message: str, error: BaseException) -> str:
     # What was done before the error, and where it is.
     return "; ".join([message, *getattr(error, "__notes__", ())])
+
+
+def _of_system(error: OSError) -> str:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        # Of names that begin there the system says no more than that something is not there.
+        return f"the working directory has been deleted: change to another folder ({error})"
+    return str(error)
 
 
 def _located(error: OedError, options: argparse.Namespace) -> OedError:
