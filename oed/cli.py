@@ -26,10 +26,17 @@ OBJECTS = 50_000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    from oed.errors import Failure
+    from oed.messages import say
     from oed.streams import steady_streams, warnings_shown
 
     with steady_streams(), warnings_shown():
-        return _run(arguments)
+        try:
+            return _run(arguments)
+        except Failure as error:
+            # Nor can it be printed what was wrong.
+            say(str(error))
+            return FAILED
 
 
 def _run(arguments: Sequence[str] | None) -> int:

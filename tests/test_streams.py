@@ -80,16 +80,18 @@ def test_closed_streams_of_the_program(folder: Path) -> None:
     assert subprocess.run(["/bin/sh", "-c", command], check=False).returncode == 2
 
 
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["check", "study.yaml"], ["check", "study.yaml", "--json"]]
+)
 def test_full_output(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, arguments: list[str]
 ) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no device that is always full")
     with suppress(OSError), open("/dev/full", "w") as full:
         monkeypatch.setattr(sys, "stdout", full)
-        assert main(["check", "study.yaml"]) == 1
-    said = "standard output cannot be written: No space left on device\n"
-    assert capsys.readouterr().err == said
+        assert main(arguments) == 1
+    assert capsys.readouterr().err == "standard output cannot be written: No space left on device\n"
 
 
 def test_who_closes_the_stream_closes_their_own(
