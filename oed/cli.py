@@ -32,9 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     with steady_streams(), warnings_shown():
         try:
-            return _run(arguments)
+            try:
+                return _run(arguments)
+            finally:
+                # What cannot be printed is known only now.
+                sys.stdout.flush()
         except Failure as error:
-            # Nor can it be printed what was wrong.
             say(str(error))
             return FAILED
 
@@ -54,10 +57,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     command: Callable[[argparse.Namespace], int] = options.run
     try:
         with ending_alike(), interrupts_named():
-            code = command(options)
-            # What cannot be printed is known only now.
-            sys.stdout.flush()
-            return code
+            return command(options)
     except OedError as raised:
         error = _located(raised, options)
         flaws = error.flaws if isinstance(error, FileError) else ()

@@ -74,9 +74,7 @@ def steady_streams() -> Iterator[None]:
         try:
             yield
         finally:
-            for stream in (sys.stdout, sys.stderr):
-                with suppress(Failure):
-                    stream.flush()
+            sys.stderr.flush()
             for name, stream in before.items():
                 setattr(sys, name, stream)
 

@@ -80,11 +80,9 @@ def test_closed_streams_of_the_program(folder: Path) -> None:
     assert subprocess.run(["/bin/sh", "-c", command], check=False).returncode == 2
 
 
-@pytest.mark.parametrize(
-    "arguments", [["--help"], ["check", "study.yaml"], ["check", "study.yaml", "--json"]]
-)
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "study.yaml"], ["schema", "--json"]])
 def test_full_output(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, arguments: list[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
 ) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no device that is always full")
