@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from oed.commands import COMMANDS
-from oed.commands.command import DONE, FAILED, MISTAKE
+from oed.commands.command import FAILED, MISTAKE
 
 if TYPE_CHECKING:
     from oed.errors import OedError
@@ -27,6 +27,23 @@ OBJECTS = 50_000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    from oed.errors import Failure
+    from oed.messages import say
+    from oed.streams import steady_streams, warnings_shown
+
+    with steady_streams(), warnings_shown():
+        try:
+            try:
+                return _run(arguments)
+            finally:
+                # What cannot be printed is known only now.
+                sys.stdout.flush()
+        except Failure as error:
+            say(str(error))
+            return FAILED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     options = _parser().parse_args(arguments)
     if options.command is None:
         _parser().print_help()
@@ -52,13 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         _report_error(options, _with_notes("interrupted", error), [])
         return FAILED
-    except BrokenPipeError:
-        # The reader of our output has left (`oed ... | head`): nothing more to say.
-        sys.stderr.close()
-        return DONE
     except OSError as error:
         # A disk that is full, a file that may not be read: no fault of the program's.
-        _report_error(options, _with_notes(str(error), error), [])
+        _report_error(options, _with_notes(_of_system(error), error), [])
         return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
@@ -77,6 +90,15 @@ def _require_names(options: argparse.Namespace) -> None:
 def _with_notes(message: str, error: BaseException) -> str:
     # What was done before the error, and where it is.
     return "; ".join([message, *getattr(error, "__notes__", ())])
+
+
+def _of_system(error: OSError) -> str:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        # Of names that begin there the system says no more than that something is not there.
+        return f"the working directory has been deleted: change to another folder ({error})"
+    return str(error)
 
 
 def _located(error: OedError, options: argparse.Namespace) -> OedError:

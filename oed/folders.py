@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
-from oed.errors import UserMistake
+from oed.errors import Failure, UserMistake
 from oed.files import (
     LEADS_OUT,
     require_replaceable,
@@ -64,7 +64,11 @@ class Draft:
         """
         for name in files:
             require_replaceable(within(self.target, name), links=True)
-        write_files(self.path, files)
+        try:
+            write_files(self.path, files)
+        except (UserMistake, Failure) as error:
+            # The user knows the folder, not its draft.
+            raise type(error)(str(error).replace(str(self.path), str(self.target))) from None
 
     def adopt(self, folder: Path) -> None:
         """Take over a folder with all that it holds; it stays where it is, too."""

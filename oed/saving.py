@@ -171,8 +171,7 @@ def outdated(folder: Path, record: Record | None) -> set[str]:
 
 def _rescued(folder: Path, error: Exception, files: Files, draft: Draft | None = None) -> str:
     """What is said of results that cannot be saved, having written them wherever they can be."""
-    # The user knows the folder, not its draft.
-    text = str(error) if draft is None else str(error).replace(str(draft.path), str(folder))
+    text = str(error)
     if folder.exists():
         text += f"; what was in {folder} is as it was"
     elsewhere = _written_elsewhere(folder.name or "results", files)

@@ -33,6 +33,11 @@ def shown_lines(text: str) -> str:
     return "\n".join(map(shown, text.split("\n")))
 
 
+def page_text(text: str) -> str:
+    """The same of a page's text, whose tabs stay."""
+    return "\t".join(map(shown_lines, text.split("\t")))
+
+
 def written(value: object, most: int = 60) -> str:
     """A value as messages show it, cut after `most` characters."""
     try:

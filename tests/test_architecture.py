@@ -66,7 +66,7 @@ FLOORS: tuple[set[str], ...] = (
     {"exporters"},
     {"report"},
     {"physics_film"},
-    {"cli", "commands", "console", "messages", "__init__", "__main__"},
+    {"cli", "commands", "console", "messages", "streams", "__init__", "__main__"},
 )
 """Files and folders of the package, each importing only from its own floor and those above it here."""
 

@@ -560,6 +560,15 @@ def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error
         main(["schema"])
 
 
+def test_a_working_directory_that_has_been_deleted(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    (folder / "gone").mkdir()
+    monkeypatch.chdir(folder / "gone")
+    (folder / "gone").rmdir()
+    code, out, err = call(capsys, "run", str(folder / "study.yaml"), "--quiet")
+    assert (code, out) == (1, "")
+    assert err.startswith("the working directory has been deleted: change to another folder (")
+
+
 def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: Any, **__: Any) -> None:
         raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])

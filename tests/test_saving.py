@@ -21,7 +21,7 @@ from studies import GENETIC, saved_study, small, write_study
 from oed import files
 from oed.cli import main
 from oed.errors import Failure, UserMistake
-from oed.folders import interrupted_runs
+from oed.folders import interrupted_runs, updated
 from oed.record import load_record
 from oed.runner import run
 from oed.study import Study
@@ -182,8 +182,18 @@ class TestNoRoom:
         assert main(["run", "study.yaml", "--out", "there", "--quiet", "--workers", "1"]) == 1
         out, err = capsys.readouterr()
         assert "genetic" in out
-        assert err == "there/report.html: cannot be written: No space left on device\n"
+        assert err == (
+            "there/report.html: cannot be written: No space left on device; "
+            "the record is saved: `oed report there` makes the report\n"
+        )
         assert load_record("there").best is not None
+
+    def test_drafts_are_told_by_the_folder_they_are_of(self, tmp_path: Path, full, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        with updated("there") as draft:
+            full.append(tmp_path / "nowhere")
+            with pytest.raises(Failure, match=r"^there/figures: cannot write there: No space left"):
+                draft.write({"figures/a.svg": "a"})
 
 
 class TestUnreadable:

@@ -52,17 +52,20 @@ def saved(work: Callable[[], Found]) -> tuple[Found, Failure | None]:
 def reported(work: Callable[[], Path], folder: str | Path) -> tuple[Path | None, OedError | None]:
     """The page that work writes of what is saved in a folder; None, and the error, where it cannot.
 
+    The error says that the record is saved, and how the report is made.
+
     Raises:
-        Failure: interrupted; says how the report is made.
+        Failure: interrupted; says the same.
     """
     from oed.errors import Failure, OedError
 
+    later = f"the record is saved: `oed report {folder}` makes the report"
     try:
         return work(), None
     except KeyboardInterrupt:
-        raise Failure(f"interrupted; the record is saved: `oed report {folder}` makes the report") from None
-    except OedError as error:
-        return None, error
+        raise Failure(f"interrupted; {later}") from None
+    except (OedError, OSError) as error:
+        return None, Failure(f"{error}; {later}")
 
 
 def cut_short(folder: Path | None, out: Path | None) -> str:

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from oed.report.inputs import Series
 from oed.report.reading import Cloud
-from oed.report.wording import unit_text
+from oed.report.wording import as_drawn, unit_text
 
 INK = "#222222"
 FAINT = "#767676"
@@ -47,7 +47,7 @@ def plot_series(ax: Axes, series: Series, bounds: tuple[float, float] | None, un
 def _label_bounds(ax: Axes, bounds: tuple[float, float], unit: str) -> None:
     for bound, offset, alignment in ((bounds[1], 3, "bottom"), (bounds[0], -3, "top")):
         ax.annotate(
-            f"limit {bound:g} {unit_text(unit)}",
+            as_drawn(f"limit {bound:g} {unit_text(unit)}"),
             (0.99, bound),
             xycoords=("axes fraction", "data"),
             xytext=(0, offset),
@@ -81,8 +81,8 @@ def plot_cloud(ax: Axes, cloud: Cloud) -> Axes:
     for covariance, line in ((cloud.promised, ELLIPSES[0]), (cloud.sampled, ELLIPSES[1])):
         ax.plot(*ellipse(cloud.true, covariance), **line, zorder=3)
     ax.plot(*cloud.true, **TRUTH)
-    ax.set_xlabel(cloud.labels[0])
-    ax.set_ylabel(cloud.labels[1])
+    ax.set_xlabel(as_drawn(cloud.labels[0]))
+    ax.set_ylabel(as_drawn(cloud.labels[1]))
     return ax
 
 

@@ -18,6 +18,7 @@ from oed.report.animation import with_film
 from oed.report.section import Animation, Section
 from oed.report.sections import SECTIONS
 from oed.report.wording import slug
+from oed.shown import page_text
 
 NAME = REPORT
 """Of a report's files, without suffix."""
@@ -57,7 +58,10 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = _environment()
-    html, markdown = (templates.get_template(template).render(content) for template in (HTML, MARKDOWN))
+    # Whatever a text comes from: pages steer neither a terminal that shows them nor the direction of writing.
+    html, markdown = (
+        page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
+    )
     files = {f"{FIGURES}/{figure}.svg": text for figure, text in drawings.items()}
     with updated(target) as draft:
         draft.write({**files, f"{name}.md": markdown, f"{name}.html": html})

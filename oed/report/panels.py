@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from oed.report import figures
 from oed.report.inputs import Series
 from oed.report.reading import Cloud
 from oed.report.wording import as_drawn, unit_text
+from oed.shown import page_text
 
 WIDTH = 7.2
 """Width of a report's column [inch]."""
@@ -58,11 +60,13 @@ STYLE = {
 
 def svg_text(draw: Any) -> str:
     """The SVG of the Figure that `draw()` makes: the same text for the same data."""
-    with style.context(["default", STYLE]):
+    with style.context(["default", STYLE]), warnings.catch_warnings():
+        # Letters that the font here has not: those of the viewer are drawn.
+        warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         draw().savefig(buffer, format="svg", metadata=nothing)
-    return _compact(buffer.getvalue())
+    return page_text(_compact(buffer.getvalue()))
 
 
 def _compact(svg: str) -> str:
@@ -88,8 +92,8 @@ class Grid:
         for index, ax in enumerate(self.axes):
             below, beside = index + columns >= len(self.axes), index % columns == 0
             ax.tick_params(labelbottom=below, labelleft=beside)
-            ax.set_xlabel(x if below else "")
-            ax.set_ylabel(y if beside else "")
+            ax.set_xlabel(as_drawn(x) if below else "")
+            ax.set_ylabel(as_drawn(y) if beside else "")
 
 
 def new_grid(count: int, columns: int, width: float, panel_height: float, share_y: bool = True) -> Grid:

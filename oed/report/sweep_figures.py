@@ -127,5 +127,5 @@ def heat_map(chart: Chart) -> Figure:
     ax.set_yticks(range(len(values)), [as_drawn(name) for name, _ in chart.series])
     ax.grid(visible=False)
     ax.set_xlabel(as_drawn(chart.across))
-    figure.colorbar(image, ax=ax, label=chart.quantity)
+    figure.colorbar(image, ax=ax, label=as_drawn(chart.quantity))
     return figure

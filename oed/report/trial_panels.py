@@ -143,7 +143,8 @@ def went(drives: Sequence[Went]) -> Figure:
     figure.supylabel("y [m]", fontsize="medium")
     handles = [Line2D([], [], **PLANNED, label="planned")]
     handles += [
-        Line2D([], [], **_went_style(index), label=name) for index, (name, _) in enumerate(drives[0].true)
+        Line2D([], [], **_went_style(index), label=as_drawn(name))
+        for index, (name, _) in enumerate(drives[0].true)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from oed.report.tables import significant
+from oed.shown import shown_lines
 
 READABLE_UNITS = {"m": ("cm", 100.0)}
 """SI unit -> unit in which parameters are shown, and its factor."""
@@ -88,8 +89,8 @@ def words(identifier: str) -> str:
 
 
 def as_drawn(text: str) -> str:
-    """Text as figures are given it: a dollar sign begins no formula."""
-    return text.replace("$", r"\$")
+    """Text as figures are given it: a dollar sign begins no formula, and nothing steers."""
+    return shown_lines(text).replace("$", r"\$")
 
 
 def listing(items: Sequence[str]) -> str:

@@ -240,7 +240,7 @@ class _Sweep:
 
     def _not_saved(self, error: OedError, data: dict[str, Any]) -> NotSaved:
         kept = self.draft.put_aside()
-        text = f"{str(error).replace(str(self.draft.path), str(self.draft.target))}: make room"
+        text = f"{error}: make room"
         return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(data))
 
     def data(self, file: Path, axes: Sequence[Axis]) -> dict[str, Any]:

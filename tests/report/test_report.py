@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import sample_records
+from matplotlib.figure import Figure
 from sample_records import RECORDS
 
 import oed.report
@@ -20,8 +21,11 @@ from oed.errors import UserMistake
 from oed.record import Record, load_record, save_record
 from oed.report import write_report
 from oed.report.page import html_text, markdown_text, sections_of
+from oed.report.panels import svg_text
 from oed.report.section import Section
 from oed.report.tables import Table
+from oed.report.wording import as_drawn
+from oed.shown import shown_lines
 
 
 def section(record: Record, title: str) -> Section:
@@ -247,7 +251,15 @@ def test_text_filters() -> None:
 
 
 def test_reports_only_read() -> None:
-    allowed = {"oed.record", "oed.files", "oed.folders", "oed.errors", "oed.criteria", "oed.report"}
+    allowed = {
+        "oed.record",
+        "oed.files",
+        "oed.folders",
+        "oed.errors",
+        "oed.criteria",
+        "oed.report",
+        "oed.shown",
+    }
     for file in Path(oed.report.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -262,3 +274,40 @@ def test_reports_only_read() -> None:
 def test_drawing_is_loaded_late() -> None:
     code = "import sys, oed.report; assert not any(name.startswith('matplotlib') for name in sys.modules)"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
+
+
+STEERING = "\x1b[2J\x9b\u202e\x07"
+FREE = ("message", "notes", "unit", "study_text", "violations")
+"""Keys of a record under which there may be any text."""
+
+
+def _steered(value: object, key: str = "") -> object:
+    if isinstance(value, dict):
+        ending = STEERING * (key == "violations")
+        return {name + ending: _steered(one, name) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_steered(one, key) for one in value]
+    return f"{value}{STEERING} $x" if isinstance(value, str) and key in FREE else value
+
+
+def test_nothing_that_steers_reaches_pages_and_figures(tmp_path: Path) -> None:
+    record = Record(_steered(dict(sample_records.full().data)))
+    write_report(record, tmp_path)
+    files = [file for file in tmp_path.rglob("*") if file.is_file()]
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert shown_lines(text.replace("\t", "")) == text.replace("\t", ""), file
+    for name in ("report.md", "report.html"):
+        assert r"\x1b[2J\x9b\u202e\x07" in (tmp_path / name).read_text(encoding="utf-8")
+
+
+def _titled(text: str) -> Figure:
+    figure = Figure()
+    figure.suptitle(text)
+    return figure
+
+
+def test_figures_do_not_steer_and_leave_letters_to_the_viewer() -> None:
+    assert r"a\x1b[2J" in svg_text(lambda: _titled(f"a{STEERING}"))
+    assert r"a\x1b[2J\x9b\u202e\x07 $x" in svg_text(lambda: _titled(as_drawn(f"a{STEERING} $x")))
+    assert "車輪" in svg_text(lambda: _titled("車輪"))

@@ -11,6 +11,7 @@ import pytest
 from studies import INFEASIBLE, small, without_seconds, write_study
 
 from oed.cli import main
+from oed.console import print_sweep
 from oed.errors import Failure, RecordError
 from oed.folders import Draft
 from oed.record import Record, load_record, save_record
@@ -22,6 +23,8 @@ from oed.sweep import run as running
 
 TINY = "{kind: genetic, population: 20, generations: 3}"
 OVER = "limits.wheel_speed=5,10 rad/s"
+MARKUP = ("[bold]speed[/]\\x1b[2J", "[red]", "[/nope]", "[link=x]", "[5]")
+"""What the library that draws tables would take for its own."""
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +66,16 @@ def test_the_table_says_what_the_records_say(swept):
         assert (folder / "out" / row["folder"] / record.best["trajectory"]).is_file()
     best = max(data["points"], key=lambda row: row["objective"])
     assert data["best"] == best["folder"]
+
+
+def test_names_are_no_markup(swept, capsys: pytest.CaptureFixture[str]):
+    data = json.loads(json.dumps(swept[1]))
+    data["keys"][0]["name"] = "[bold]speed[/]\x1b[2J"
+    data["points"][0].update(status="[red]", design="[/nope]", message="[link=x]", objective=None)
+    data["points"][0]["values"] = {"limits.wheel_speed": "[5]"}
+    print_sweep(data)
+    out = capsys.readouterr().out
+    assert {text for text in MARKUP if text in out} == set(MARKUP)
 
 
 def test_a_point_is_what_a_run_of_its_study_is(swept, tmp_path: Path):

@@ -18,6 +18,7 @@ from oed.report.estimate.reckoned import Reckoned
 from oed.report.estimate.residuals import MOST_DOTS, Array, Readings, Residuals, one_after_the_other, thinned
 from oed.report.figures import FAINT, INK
 from oed.report.panels import WIDTH, new_grid
+from oed.report.wording import as_drawn
 
 SHADES = ("#123f6d", "#8fa9c2")
 """Of logs one after the other."""
@@ -41,7 +42,7 @@ def residuals(one: Residuals) -> Figure:
     for index, (name, logs) in enumerate(one.quantities.items()):
         ax = panels[f"time {index}"]
         _plot_time(ax, logs, limit, one.numbered and index == 0)
-        ax.set_ylabel(f"{name} [{one.unit}]")
+        ax.set_ylabel(as_drawn(f"{name} [{one.unit}]"))
         ax.tick_params(labelbottom=index == count - 1)
     panels[f"time {count - 1}"].set_xlabel("time [s], one log after the other")
     _plot_speed(panels["speed"], one, limit)
@@ -110,7 +111,7 @@ def _plot_speed(ax: Axes, one: Residuals, limit: float) -> None:
     ax.set_xlim(0.0, fastest)
     ax.set_ylim(-limit, limit)
     ax.set_xlabel("speed [m/s]")
-    ax.set_ylabel(f"residual [{one.unit}]")
+    ax.set_ylabel(as_drawn(f"residual [{one.unit}]"))
     ax.xaxis.set_major_locator(MaxNLocator(nbins=4))
 
 
@@ -154,7 +155,7 @@ def paths(drawn: Sequence[Reckoned]) -> Figure:
     grid.figure.set_size_inches(WIDTH, rows * (max(panel * shape, 1.3) + 0.45) + 0.5)
     for ax, one in zip(grid.axes, drawn, strict=True):
         _plot_reckoned(ax, one)
-        ax.set_title(one.title, fontsize=(10, 9.5, 8.5)[columns - 1], parse_math=False)
+        ax.set_title(as_drawn(one.title), fontsize=(10, 9.5, 8.5)[columns - 1])
     grid.label("x [m]", "y [m]")
     for ax in grid.axes:
         ax.tick_params(labelbottom=True, labelleft=True)
