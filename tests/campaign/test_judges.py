@@ -20,7 +20,7 @@ from .oracle.limits import excesses
 from .oracle.motion import extrapolated
 from .oracle.robots import robot_of
 from .oracle.score import score
-from .oracle.shapes import inside_distance, thickness
+from .oracle.shapes import beyond_walls, inside_distance, thickness
 from .oracle.splines import clamped_run, polygon_run
 from .oracle.track import Track
 
@@ -109,6 +109,9 @@ def test_distances_from_a_turned_square() -> None:
     found = inside_distance(square, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 0.0]))
     np.testing.assert_allclose(found, [math.sqrt(0.5), -math.sqrt(0.5), -1.0])
     assert thickness(square.tolist()) == pytest.approx(math.sqrt(2))
+    # Past the corner at (1, 0) both walls are as far; past the first alone it is the farther one.
+    found = beyond_walls(square, np.array([1.0, 2.0, 1.5]), np.array([1.0, 0.0, 0.1]))
+    np.testing.assert_allclose(found, [math.sqrt(0.5), math.sqrt(0.5), 0.6 * math.sqrt(0.5)])
 
 
 SOUND = b"t,a,b\n0,1,2\n1,3,4\n2,,\n"

@@ -18,7 +18,9 @@ def room_clearance(room: Mapping[str, Any], x: Array, y: Array) -> Array:
         return np.minimum(np.minimum(x - left, right - x), np.minimum(y - low, high - y))
     if room["kind"] == "circle":
         return room["radius"] - np.hypot(x - room.get("x", 0.0), y - room.get("y", 0.0))
-    return inside_distance(np.array(room["points"], dtype=float), x, y)
+    corners = np.array(room["points"], dtype=float)
+    clearance = inside_distance(corners, x, y)
+    return np.where(clearance >= 0, clearance, -beyond_walls(corners, x, y))
 
 
 def obstacle_clearance(obstacle: Mapping[str, Any], x: Array, y: Array) -> Array:
@@ -41,6 +43,27 @@ def inside_distance(corners: Array, x: Array, y: Array) -> Array:
             crosses = (ay > y) != (by > y)
             inside ^= crosses & (x < ax + (y - ay) / (by - ay) * (bx - ax))
     return np.where(inside, nearest, -nearest)
+
+
+def beyond_walls(corners: Array, x: Array, y: Array) -> Array:
+    """How far points (K,) are beyond the nearest wall of a polygon; past a corner the farther one of its two
+    walls, for a room's limit is on every wall by itself.
+    """
+    nearest = np.full(len(x), np.inf)
+    walls = [_wall(*ends, x, y) for ends in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    for (along, away), (before, away_before) in zip(walls, [walls[-1], *walls[:-1]], strict=True):
+        nearest = np.minimum(nearest, np.where((along >= 0) & (along <= 1), away, np.inf))
+        past = (along < 0) & (before > 1)
+        nearest = np.minimum(nearest, np.where(past, np.maximum(away, away_before), np.inf))
+    return nearest
+
+
+def _wall(start: Array, end: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    # Where along a wall points are (0 to 1), and how far from its line.
+    (ax, ay), (dx, dy) = start, end - start
+    square = dx**2 + dy**2
+    away = np.abs((x - ax) * dy - (y - ay) * dx) / np.sqrt(square)
+    return ((x - ax) * dx + (y - ay) * dy) / square, away
 
 
 def room_size(room: Mapping[str, Any]) -> float:
