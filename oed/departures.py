@@ -59,9 +59,9 @@ class Leaving:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        told = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+        share = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
         points = ", ".join(self.checked_at_points)
-        return f"{told} Checked at points only: {points}; between them more may leave." if points else told
+        return f"{share} Checked at points only: {points}; between them more may leave." if points else share
 
     def surely_below(self, probability: float) -> bool:
         """Whether the whole interval lies below a probability."""
@@ -249,7 +249,7 @@ def _exceeded(
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
-    # Of all values. The largest of numbers is told of those alone: what is not one anywhere keeps no limit.
+    # Of all values. `mmax` leaves out what is no number: one anywhere keeps no limit.
     numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
     return ca.if_else(numbers, ca.mmax(values), np.inf)
 

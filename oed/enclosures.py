@@ -213,9 +213,9 @@ def _logarithm(one: Enclosure) -> Enclosure:
     return _where(one.value.low > 0, _chained(value, one.value.inverse, one))
 
 
-def _where(known: Expression, found: Enclosure) -> Enclosure:
+def _where(defined: Expression, found: Enclosure) -> Enclosure:
     # Where it is a number, all along; elsewhere it may be anything, even none.
-    return Enclosure(found.value.where(known, EVERYTHING), found.slope.where(known, EVERYTHING))
+    return Enclosure(found.value.where(defined, EVERYTHING), found.slope.where(defined, EVERYTHING))
 
 
 def _wave(one: Interval, shift: float) -> Interval:

@@ -24,7 +24,7 @@ class _Steady:
     """
 
     def __init__(self, stream: TextIO, *, needed: bool) -> None:
-        """Of a stream; where it is `needed`, it is told that it takes no more, if somebody still reads."""
+        """Of a stream; where it is `needed`, a full one is a failure, if somebody still reads."""
         self._stream, self._needed = stream, needed
 
     def __getattr__(self, name: str) -> Any:

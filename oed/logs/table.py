@@ -30,7 +30,7 @@ MOST = 2**30
 """Bytes of a log: days of driving."""
 
 NAMES = 40
-"""Of a header's columns that are told."""
+"""Of a header's columns that are shown."""
 
 _LOOKED_AT = 20
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")

@@ -13,7 +13,7 @@ from typing import Any
 from oed.models.own_module import PREFIX
 
 LONGEST = 300
-"""Characters of an error that are told."""
+"""Characters of an error that are shown."""
 
 
 def in_words(error: BaseException, longest: int = LONGEST) -> str:

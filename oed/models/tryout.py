@@ -26,7 +26,7 @@ EXPRESSIONS: tuple[Any, ...] = (ca.SX, ca.DM, np.ndarray, int, float)
 
 
 def try_out(robot: Model) -> None:
-    """Ask a robot for everything, so that its errors are told where it is named.
+    """Ask a robot for everything, so that its errors are reported where it is named.
 
     Raises:
         ValueError: what it says of itself is not what it is to be, or does not fit together.
