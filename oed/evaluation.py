@@ -332,8 +332,9 @@ class _Scorer:
             for one, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
+        sight = Sight.of(problem, trajectory, poses, speeds.ravel())
         margins = [
-            _margin(problem, limit, Sight(trajectory, poses, speeds.ravel()), rows, values.ravel())
+            _margin(problem, limit, sight, rows, values.ravel())
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         return Evaluation(

@@ -371,3 +371,18 @@ def test_jumps_at_knots_are_seen_from_both_sides(limit, knots, degree, coefficie
     table = np.repeat(np.array(coefficients, dtype=float)[:, None], 2, axis=1)
     drive = Trajectory(np.array(knots, dtype=float), degree, table, np.zeros(3), 2)
     assert margin(problem, drive, limit.name).margin == pytest.approx(worst)
+
+
+@pytest.mark.parametrize(("degree", "runs"), [(0, 1), (1, 1), (3, 2), (5, 1)])
+def test_speeds_that_are_weighted_sums_of_splines_are_exact(degree: int, runs: int):
+    space = {"spline": Spline(degree=degree, coefficients=11), "runs": runs, "duration": 7.0, "samples": 5}
+    problem = moving(BodySpeed(bounds=(-0.05, 0.1)), YawRate(bounds=0.5), space=space)
+    drive = random_drive(problem, degree)
+    knots = np.unique(drive.each[0].knots)
+    times = np.union1d(np.linspace(0, 7, 20_001), np.concatenate([knots - 1e-9, knots + 1e-9]).clip(0, 7))
+    each = [oracle.spline_values(one, times, 0) for one in drive.each]
+    right, left = (drive.inputs if degree == 0 else np.concatenate(each)).T
+    speed, yaw_rate = RADIUS * (right + left) / 2, RADIUS * (right - left) / TRACK
+    worst = max(speed.max() - 0.1, -0.05 - speed.min())
+    assert margin(problem, drive, "body_speed").margin == pytest.approx(-worst, rel=1e-6, abs=1e-9)
+    assert margin(problem, drive, "yaw_rate").margin == pytest.approx(0.5 - np.abs(yaw_rate).max(), rel=1e-6)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed import spline
 from oed.between.periods import Periods, Stretches
 from oed.direct_call import direct_call
 from oed.enclosures import Enclosure, enclosed
@@ -17,14 +17,9 @@ from oed.intervals import ONE, Interval, number
 from oed.limits.limit import Rows
 from oed.models.model import Integration, Model
 from oed.rollout import Moment, moment
-from oed.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
 
-NARROWEST = 1e-9
-"""Share of a period below which a stretch is not cut any more: where rows change from one formula to another
-no bound gets close, but what they jump from and to they are at its ends."""
 AT_ONCE = 1024
 """Stretches bounded in one call."""
 
@@ -85,8 +80,10 @@ class Excess:
             run=run,
         )
         rows = rows_of(instant)
+        self._inputs = inputs
         self.size, excess = rows.size, ca.cse(exceeded(rows))
         self.by_splines = bool(ca.depends_on(excess, asked))
+        self._affine = _affine(excess, asked, robot)
         arguments = [*self._given, asked, fraction]
         speed = ca.hypot(instant.twist[0], instant.twist[1])
         self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(ca.vertcat(excess, speed))])
@@ -110,33 +107,38 @@ class Excess:
         results = ca.densify(ca.cse(ca.vertcat(*ends, *bounds)))
         return ca.Function("over", [ca.vertcat(*self._given, *asked, begin, end)], [results])
 
-    def whole(self, periods: Periods) -> Stretches:
+    def everywhere(self, periods: Periods) -> Stretches:
         """All periods; cut where splines have knots, if the rows look at them."""
+        return periods.pieces if self.by_splines else periods.whole
+
+    def exactly(self, periods: Periods) -> float | None:
+        """The most at any time of one drive, of rows that are affine in the inputs' splines: splines
+        themselves, whose extremes are known. None of others.
+        """
+        if self._affine is None:
+            return None
+        gains, offsets = (np.array(one) for one in self._affine(periods.parameters[0]))
         drive = periods.trajectory
-        if not self.by_splines or drive.degree == 0:
-            rows = np.arange(len(periods.states))
-            return Stretches(rows, np.zeros(len(rows)), np.ones(len(rows)))
-        cuts = [_cuts(one) for one in drive.each]
-        each = drive.samples // drive.runs
-        begins, ends = (np.concatenate([cut[side] for cut in cuts]) for side in (1, 2))
-        rows = np.concatenate([run * each + row for run, (row, _, _) in enumerate(cuts)])
-        return Stretches(rows, begins, ends)
+        values = replace(drive, coefficients=drive.coefficients @ gains.T).extremes(0) + offsets.T
+        return float(_highest(values, values).max())
 
     def over(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
         """The larger excess of both ends, and the largest there may be between, (K,) each.
 
         Nobody needs to know how much less than `enough` (K,) that is: the cheapest bound will do.
         """
+        own = periods.splines(stretches) if self.by_splines else np.zeros((6, len(stretches), self._inputs))
         parts = [
-            self._some(periods, stretches.chosen(own), enough[own])
-            for own in (slice(first, first + AT_ONCE) for first in range(0, len(stretches), AT_ONCE))
+            self._some(periods, stretches.chosen(some), own[:, some], enough[some])
+            for some in (slice(first, first + AT_ONCE) for first in range(0, len(stretches), AT_ONCE))
         ]
         found, bounds = zip(*parts, strict=True)
         return np.concatenate(found), np.concatenate(bounds)
 
-    def _some(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
+    def _some(
+        self, periods: Periods, stretches: Stretches, splines: Array, enough: Array
+    ) -> tuple[Array, Array]:
         given = periods.table[stretches.row]
-        splines = self._splines(periods, stretches)
         begin, end = stretches.begin[:, None], stretches.end[:, None]
         table, width = np.hstack([given, *splines, begin, end]), end - begin
         if not np.isfinite(self.per_metre):
@@ -152,27 +154,6 @@ class Excess:
             _, closer = self._closer(self._call("over", self._over, table[near]), width[near])
             bounds[near] = np.fmin(bounds[near], closer)
         return found, np.maximum(bounds, found)
-
-    def _splines(self, periods: Periods, stretches: Stretches) -> list[Array]:
-        # The splines' values at both ends, and bounds of values and slopes (by the fraction) between.
-        drive, place = periods.trajectory, periods.place_of(stretches.row)
-        tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
-        if not self.by_splines:
-            return list(tables)
-        if drive.degree == 0:
-            # Steps are what is held: nobody drives a value between two periods' middles.
-            tables[:4] = drive.inputs[place]
-            return list(tables)
-        each = drive.samples // drive.runs
-        for run, one in enumerate(drive.each):
-            own = place // each == run
-            begin, end = (
-                (place % each + side)[own] * drive.period for side in (stretches.begin, stretches.end)
-            )
-            bounds = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
-            slopes = [bounds.least * drive.period, bounds.most * drive.period]
-            tables[:, own] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
-        return list(tables)
 
     def _call(self, name: str, function: ca.Function, table: Array) -> Array:
         # Mapped over a power of two: few maps serve all numbers of stretches.
@@ -201,12 +182,14 @@ def exceeded(rows: Rows) -> Expression:
     return ca.densify(ca.vertcat(*sides))
 
 
-def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
-    # The parts of a run's periods between its knots: the period, from which fraction to which.
-    knots = np.unique(run.knots) / run.period
-    edges = np.sort(np.append(np.arange(run.samples + 1), knots[np.abs(knots - np.rint(knots)) > NARROWEST]))
-    rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), run.samples - 1)
-    return rows, edges[:-1] - rows, edges[1:] - rows
+def _affine(excess: Expression, asked: Expression, robot: Expression) -> ca.Function | None:
+    # parameters -> gains (rows, inputs) and offsets (rows, 1) of rows that are affine in what is asked for
+    # and look at nothing else but the robot.
+    gains, offsets = ca.jacobian(excess, asked), ca.substitute(excess, asked, ca.DM.zeros(asked.shape))
+    others = [one for one in ca.symvar(ca.veccat(gains, offsets)) if not ca.depends_on(robot, one)]
+    if others or not ca.depends_on(excess, asked):
+        return None
+    return ca.Function("affine", [robot], [ca.densify(gains), ca.densify(offsets)])
 
 
 def _highest(begin: Array, end: Array) -> Array:

@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from oed.between.excess import NARROWEST, Excess
-from oed.between.periods import Periods, Stretches, periods_of
+from oed.between.excess import Excess
+from oed.between.periods import NARROWEST, Periods, Stretches, periods_of
 from oed.enclosures import NotEnclosed
 from oed.limits.limit import Limit, PathLimit, Rows
 from oed.models.model import Integration, Model, follows_state
@@ -42,14 +42,19 @@ class Sight:
     """What is known of a drive before anybody looks between its points.
 
     Attributes:
-        drive: the trajectory.
-        poses: states at the samples, (N + runs, states).
-        speeds: mean speed in every period [m/s], (N,).
+        periods: of the nominal robot.
+        speeds: mean speed in every one of them [m/s], (N,).
     """
 
-    drive: Trajectory
-    poses: Array
+    periods: Periods
     speeds: Array
+
+    @classmethod
+    def of(cls, problem: Problem, drive: Trajectory, poses: Array, speeds: Array) -> Sight:
+        """What is known by the states at the samples, (N + runs, states)."""
+        begins = np.concatenate([run[:-1] for run in np.split(poses, drive.runs)])
+        nominal = np.array([problem.robot.nominal])
+        return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
 
 
 def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> tuple[float, bool]:
@@ -73,12 +78,15 @@ def _looked_at(
     problem: Problem, limit: Limit, sight: Sight, seen: Array
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
     # The nominal robot, with what is kept in reserve; and the other robots that are to keep the limit.
-    robust, spread, rule, drive = problem.robust, problem.spread, problem.design.integration, sight.drive
+    robust, spread, rule, drive = (
+        problem.robust,
+        problem.spread,
+        problem.design.integration,
+        sight.periods.trajectory,
+    )
     if robust is None or spread is None or not isinstance(limit, PathLimit):
-        begins = np.concatenate([run[:-1] for run in np.split(sight.poses, drive.runs)])
-        own = Periods(drive, begins, np.array([problem.robot.nominal]), np.zeros((len(begins), 0)))
         excess = excess_of(limit, problem.robot, rule)
-        yield excess, own, _near(excess, sight, seen)
+        yield excess, sight.periods, _near(excess, sight, seen)
         return
     robot = spread.robot
     if robust.kind != "scenarios":
@@ -99,7 +107,7 @@ def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
     # them; None where nobody knows how far rows change with that.
     if not np.isfinite(excess.per_metre):
         return None
-    found, drive = seen.max(keepdims=True), sight.drive
+    found, drive = seen.max(keepdims=True), sight.periods.trajectory
     # Of every run all points, (runs, points); at each its most exceeded row.
     points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
     reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
@@ -146,8 +154,10 @@ def largest(
     """
     found = np.array(found, dtype=float)
     sure = np.ones(len(found), dtype=bool)
+    if (most := excess.exactly(periods)) is not None:
+        return np.maximum(found, most), sure
     left = PATIENCE + 20 * len(periods.states)
-    stretches = excess.whole(periods) if stretches is None else stretches
+    stretches = excess.everywhere(periods) if stretches is None else stretches
     while len(stretches):
         drives = periods.drive_of(stretches.row)
         ceiling = (found + gap_of(excess.size, found))[drives]
