@@ -69,19 +69,21 @@ def square_root(
         prior: information on (parameters, unwanted) had beforehand, SI.
     """
     width = len(parameters)
-    rows = block.rows(jacobian[:, _columns(block, (*parameters, *unwanted))])
-    rows[:, _rounding_alone(block, (*parameters, *unwanted), rows)] = 0.0
+    everything, chosen = block.rows(jacobian), _columns(block, (*parameters, *unwanted))
+    everything[:, _rounding_alone(block, everything)] = 0.0
+    rows = everything[:, chosen]
     rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
     sizes = np.linalg.norm(rows[:, :width], axis=0)
     left, rounding = project_out(rows, width, rounding_of(jacobian))
     return SquareRoot.of_rows(left, sizes, rounding)
 
 
-def _rounding_alone(block: Block, parameters: Sequence[str], rows: Array) -> list[int]:
+def _rounding_alone(block: Block, rows: Array) -> list[int]:
     # Columns of parameters that, changed by as much as they are, change the readings by less than the largest
-    # change of another is rounded by: motions that cancel, as of a robot that goes sideways, leave that much.
-    sizes = scale_factors(block, "relative", parameters)
-    changes = np.linalg.norm(rows[:, : len(parameters)], axis=0) * sizes
+    # change of another is rounded by, whether that is to be estimated or known: motions that cancel, as of a
+    # robot that goes sideways, leave that much.
+    sizes = scale_factors(block, "relative")
+    changes = np.linalg.norm(rows[:, : len(sizes)], axis=0) * sizes
     lost = changes <= rounding_of(rows[:1, :1]) * changes.max(initial=0.0)
     return np.flatnonzero(lost & (sizes > 0)).tolist()
 

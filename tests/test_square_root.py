@@ -338,6 +338,20 @@ def test_motions_that_cancel_to_rounding_tell_nothing(kind: str, path: str):
         assert 0 < radius < 0.01
 
 
+def test_a_wheel_that_stands_but_for_rounding_tells_nothing_although_the_others_are_known():
+    problem = make_problem(
+        measurement=Displacements(segments=4, noise={"position": 1e-3, "heading": 1e-2}),
+        criterion=E(scaling="relative"),
+        estimate=("c21",),
+        design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+    )
+    turning = problem.design.trajectory(np.tile([3.0, 1.0], (8, 1)), np.zeros(3))
+    standing = replace(turning, coefficients=turning.coefficients * [1e-17, 1.0])
+    assert evaluate(problem, turning).identifiable
+    assert not evaluate(problem, standing).identifiable
+    assert evaluate(problem, standing).standard_deviations["c21"] == np.inf
+
+
 def test_a_faint_motion_is_none_that_cancels():
     problem = load_study(PROBLEMS / "mecanum.yaml").problem
     (sideways, *_) = baselines(problem, "sideways_square")

@@ -18,6 +18,9 @@ from .splines import Run
 
 Array = npt.NDArray[Any]
 
+DRIFTING = 1e-10
+"""Share of the largest change of the readings by any parameter, below which rounding of the inputs, some 1e-16
+of them, may reach a millionth of another's."""
 STEEP = 1e7
 """lambda_max / lambda_min above which rounding of F itself may reach a millionth of lambda_min."""
 
@@ -58,7 +61,7 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
         if _Estimate(study, block).judged
     ]
     told = [one.judged_information() for one in found]
-    sort = _sort(told)
+    sort = "unclear" if any(one.drifting for one in found) else _sort(told)
     deviations: dict[str, float] = {}
     for one in found:
         deviations |= one.deviations() if sort == "well" and one.block.noise is not None else {}
@@ -106,6 +109,14 @@ class _Estimate:
         self.names = [*self.judged, *(name for name in estimated if name not in self.judged)]
         self.places = [block.names.index(name) for name in self.names]
         self.prior = _prior_rows(study.get("prior"), self.names, block)
+
+    @property
+    def drifting(self) -> bool:
+        """Whether some parameter changes the readings by little more than rounding of what others do."""
+        block = self.block
+        changes = np.linalg.norm(block.rows[:, : len(block.names)], axis=0) * block.sizes
+        own = changes[self.places]
+        return bool(np.any((own > 0) & (own < DRIFTING * changes.max())))
 
     @property
     def scales(self) -> Array:
