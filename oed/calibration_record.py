@@ -13,8 +13,7 @@ import numpy.typing as npt
 from oed.calibration import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.calibration.noise import group_of, groups, places_of
 from oed.errors import FileFlaw, RecordError
-from oed.record import ESTIMATE, Record, finite, finite_rows, pages, saved_file
-from oed.saving import save_files
+from oed.record import Record, finite, finite_rows, saved_file
 from oed.stored.door import checked, read_object
 from oed.stored.estimate import StoredEstimate
 
@@ -69,16 +68,6 @@ class EstimateRecord:
         favourites (as good as the best by every measure).
         """
         return list((self.data.get("comparison") or {}).get("models") or [])
-
-
-def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
-    """Write estimate.json into `folder`, where the page of an earlier one goes; returns the file.
-
-    Raises:
-        NotSaved: it could not be written there; says where it is instead.
-    """
-    save_files(Path(folder), estimate_files(record), record, pages(Path(folder), ESTIMATE))
-    return Path(folder) / FILE
 
 
 def estimate_files(record: EstimateRecord) -> dict[str, str]:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from oed.calibration import calibrate
-from oed.calibration_record import FORMAT, EstimateRecord, calibration_data, save_estimate
+from oed.calibration_record import FORMAT, EstimateRecord, calibration_data
 from oed.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
 from oed.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.runner import package_version, provenance
+from oed.saving import save_estimate
 from oed.solvers import Progress, Silent
 from oed.study import Study
 from oed.yaml_source import parse_yaml

@@ -172,6 +172,22 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         ValueError: inputs or states that do not match the robot's, another number of runs.
         NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
     """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.evaluation(trajectory, extremes)
+
+
+def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, SquareRoot]:
+    """The same trajectory's `full_square_roots` alone, whatever limits it keeps.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.full_information(trajectory, extremes)
+
+
+def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
+    # The scorer of a trajectory, and its splines' extremes, which are further arguments.
     expected = len(problem.model.inputs)
     if trajectory.coefficients.shape[1] != expected:
         names = ", ".join(problem.model.input_names)
@@ -183,48 +199,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         )
     extremes = [trajectory.extremes(order) for order in range(3)]
     extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
-    scorer = _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes))
-    return scorer.evaluation(trajectory, extremes)
-
-
-def parameter_table(problem: Problem) -> list[dict[str, Any]]:
-    """The estimated parameters: name, nominal value, SI unit, the block that tells it, its noise, and
-    whether the criterion judges it.
-    """
-    return [
-        {
-            "name": name,
-            "nominal": float(nominal),
-            "unit": unit,
-            "block": one.block.name,
-            "noise": one.block.noise,
-            "judged": name in one.judged,
-        }
-        for one in problem.any_estimations
-        for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
-    ]
-
-
-def input_table(problem: Problem) -> list[dict[str, Any]]:
-    """The robot's inputs: name, quantity, SI unit."""
-    return [
-        {"name": entry.name, "quantity": entry.quantity, "unit": entry.unit} for entry in problem.model.inputs
-    ]
-
-
-def state_table(problem: Problem) -> list[dict[str, Any]]:
-    """The robot's states: name, SI unit."""
-    model = problem.model
-    return [{"name": name, "unit": unit} for name, unit in zip(model.states, model.state_units, strict=True)]
-
-
-def nuisance_table(problem: Problem) -> list[dict[str, Any]]:
-    """What is estimated along: name, SI unit, the block, and the deviation known beforehand (or None)."""
-    return [
-        {"name": entry.name, "unit": entry.unit, "block": one.block.name, "deviation": entry.deviation}
-        for one in problem.any_estimations
-        for entry in one.block.nuisances
-    ]
+    return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
 
 
 class _Scorer:
@@ -312,17 +287,27 @@ class _Scorer:
             for one, jacobian in zip(self.estimations, jacobians, strict=True)
         ]
 
-    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
-        problem, drive = self.problem, trajectory
-        robot, period = np.array(problem.robot.nominal), np.array(drive.period)
+    def _values(self, drive: Trajectory, extremes: Sequence[Array]) -> list[list[Array]]:
+        # What the function finds, in the groups of its outputs.
+        robot, period = np.array(self.problem.robot.nominal), np.array(drive.period)
         given = [drive.inputs.T, drive.starts.T, robot, period, *(one.T for one in extremes)]
         results = direct_call(self.function, *given)
         arrays = [
             result.reshape(self.function.size_out(place), order="F") for place, result in enumerate(results)
         ]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
+        (_, _, path, _), _, responses, jacobians, _ = groups
+        require_finite(self.problem, drive, path, responses, jacobians)
+        return groups
+
+    def full_information(self, trajectory: Trajectory, extremes: Sequence[Array]) -> dict[str, SquareRoot]:
+        _, full = self._square_roots(self._values(trajectory, extremes)[3])
+        return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
+
+    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
+        problem = self.problem
+        groups = self._values(trajectory, extremes)
         (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
-        require_finite(problem, drive, path, responses, jacobians)
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians)
         robots, criterion = self._robots(trajectory, roots), problem.objective

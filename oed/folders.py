@@ -22,6 +22,7 @@ from oed.files import (
     require_replaceable,
     require_short,
     require_writable,
+    special,
     unwritten,
     within,
     write_files,
@@ -207,7 +208,7 @@ def require_usable(folder: str | Path) -> None:
     home = _home(target)
     require_short(target, home.name)
     if home.exists() and not home.is_dir():
-        raise UserMistake(f"{target}: cannot write there: it is a file")
+        raise UserMistake(f"{target}: cannot write there: it is {special(home) or 'a file'}")
     require_writable(home, target)
 
 

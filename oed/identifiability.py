@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from oed.coarser import as_well_read
 from oed.errors import Flaw, NotFinite, ProblemError
-from oed.evaluation import Evaluation, evaluate
+from oed.evaluation import full_information
 from oed.models.model import Model
 from oed.problem import Estimation, Problem
 from oed.square_root import SquareRoot
@@ -92,9 +92,9 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
 
 def _untold(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     rng = np.random.default_rng(0)
-    found = _evaluated(problem, [_random_drive(problem, rng) for _ in range(drives)])
+    found = _informed(problem, [_random_drive(problem, rng) for _ in range(drives)])
     pairs = [
-        (one, SquareRoot.together([each.full_square_roots[one.block.name] for each in found]))
+        (one, SquareRoot.together([each[one.block.name] for each in found]))
         for one in problem.any_estimations
     ]
     asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
@@ -103,12 +103,12 @@ def _untold(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 
-def _evaluated(problem: Problem, drives: Sequence[Trajectory]) -> list[Evaluation]:
+def _informed(problem: Problem, drives: Sequence[Trajectory]) -> list[dict[str, SquareRoot]]:
     # Of those that are finite: a robot at its fastest may go beyond all bounds. Where none is, why not.
-    found, failed = [], list[NotFinite]()
+    found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
     for drive in drives:
         try:
-            found.append(evaluate(problem, drive))
+            found.append(full_information(problem, drive))
         except NotFinite as error:
             failed.append(error)
     if not found:

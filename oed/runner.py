@@ -15,11 +15,12 @@ from oed.baselines import baselines
 from oed.bounds import LATTICE, Certificate, bound
 from oed.criteria import A, Criterion, D, E
 from oed.errors import NotFinite
-from oed.evaluation import evaluate, input_table, nuisance_table, parameter_table, state_table
+from oed.evaluation import evaluate
 from oed.experiments import driven_in_physics, simulated
 from oed.folders import Draft
 from oed.names import file_stem
 from oed.path_file import trajectory_csv
+from oed.problem_tables import input_table, nuisance_table, parameter_table, state_table
 from oed.record import (
     FILE,
     FORMAT,

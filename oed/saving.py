@@ -13,10 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from oed.calibration_record import FILE as ESTIMATE_FILE
+from oed.calibration_record import EstimateRecord, estimate_files, known_estimate
 from oed.errors import Failure, OedError, RecordError
 from oed.files import write_files
 from oed.folders import Draft, drafted, updated
-from oed.record import FILE, Record, known_record, load_record, pages
+from oed.record import ESTIMATE, FILE, Record, known_record, load_record, pages
 
 Files = Mapping[str, str]
 """Texts by file name."""
@@ -121,19 +123,22 @@ def _drives(record: Record) -> bool:
     return any(entry["drive"] is not None for entry in record.results)
 
 
-def save_files(folder: Path, files: Files, found: Any, drop: Collection[str] = ()) -> None:
-    """Write files of what was found into a folder whose other files have nothing to do with them.
+def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
+    """Write estimate.json into `folder`, where the page of an earlier one goes, and whose other files have
+    nothing to do with it; returns the file.
 
     Raises:
-        NotSaved: they could not be written there; says where they are instead.
+        NotSaved: it could not be written there; says where it is instead.
     """
+    target, files = Path(folder), estimate_files(record)
     try:
-        with updated(folder) as draft:
-            require_readable(files, folder)
+        with updated(target) as draft:
+            require_readable(files, target)
             draft.write(files)
-            draft.publish(drop)
+            draft.publish(pages(target, ESTIMATE))
     except OedError as error:
-        raise NotSaved(_rescued(folder, error, files), found) from None
+        raise NotSaved(_rescued(target, error, files), record) from None
+    return target / ESTIMATE_FILE
 
 
 def require_readable(files: Files, folder: Path) -> None:
@@ -142,10 +147,6 @@ def require_readable(files: Files, folder: Path) -> None:
     Raises:
         Failure: says which keys are in the way.
     """
-    # Imported late, for it saves by this module.
-    from oed.calibration_record import FILE as ESTIMATE_FILE
-    from oed.calibration_record import known_estimate
-
     for name, read in ((FILE, known_record), (ESTIMATE_FILE, known_estimate)):
         if name not in files:
             continue

@@ -37,7 +37,7 @@ FLOORS: tuple[set[str], ...] = (
     {"criteria"},
     {"problem"},
     {"between", "finiteness", "coarser"},
-    {"evaluation"},
+    {"evaluation", "problem_tables"},
     {"departures", "solution", "identifiability"},
     {"solvers", "baselines", "bounds"},
     {"estimators"},

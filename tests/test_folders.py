@@ -331,6 +331,11 @@ class TestRefused:
             with pytest.raises(UserMistake, match="cannot write there"), drafted(place):
                 pass
 
+    @pytest.mark.skipif(os.name != "posix", reason="no such device")
+    def test_a_device_by_its_name(self):
+        with pytest.raises(UserMistake, match="cannot write there: it is a device"), drafted("/dev/null"):
+            pass
+
     def test_a_long_name(self, tmp_path: Path):
         with pytest.raises(UserMistake, match="a name of 400 bytes"), drafted(tmp_path / ("ä" * 200)):
             pass

@@ -9,11 +9,11 @@ import pytest
 import yaml
 from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
 
-from oed.calibration_record import save_estimate
 from oed.cli import main
 from oed.estimation import estimate
 from oed.record import Record
 from oed.recorded_study import recorded_study
+from oed.saving import save_estimate
 from oed.study import load_study
 
 

@@ -16,8 +16,8 @@ from oed.calibration_record import (
     calibration_data,
     load_estimate,
     mean_numbers,
-    save_estimate,
 )
+from oed.saving import save_estimate
 
 NOISE = (0.002, 0.005)
 

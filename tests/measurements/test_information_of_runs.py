@@ -14,9 +14,10 @@ from sensors import PERIOD, Example, Experiment, named
 
 from oed.criteria import E
 from oed.errors import ProblemError
-from oed.evaluation import Evaluation, evaluate, nuisance_table
+from oed.evaluation import Evaluation, evaluate
 from oed.measurements import Displacements, Poses, Several
 from oed.problem import Problem
+from oed.problem_tables import nuisance_table
 from oed.trajectory import DesignSpace, Trajectory
 
 SAMPLES, RUNS = 11, 3

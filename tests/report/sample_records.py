@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from oed.evaluation import evaluate, parameter_table
+from oed.evaluation import evaluate
+from oed.problem_tables import parameter_table
 from oed.record import Record, result_data
 from oed.runner import record as record_of
 from oed.solution import Solution, Status

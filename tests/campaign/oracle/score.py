@@ -19,7 +19,7 @@ from .splines import Run
 Array = npt.NDArray[Any]
 
 DRIFTING = 1e-10
-"""Share of the largest change of the readings by any parameter, below which rounding of the inputs, some 1e-16
+"""Share of the largest change of the readings by any parameter below which rounding of the inputs, some 1e-16
 of them, may reach a millionth of another's."""
 STEEP = 1e7
 """lambda_max / lambda_min above which rounding of F itself may reach a millionth of lambda_min."""
