@@ -383,8 +383,7 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
         offset = np.abs(trajectory.starts - problem.fixed_starts).max()
         margins.append(Margin("start", problem.start_spare - float(offset), 1.0, "m or rad"))
     if space.rest_to_rest:
-        ends = np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in trajectory.each])
         size = float(np.abs(problem.input_bounds).max())
-        spare = problem.rest_spare - float(np.abs(ends).max())
+        spare = problem.rest_spare - float(np.abs(trajectory.ends).max())
         margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))
     return margins

@@ -97,6 +97,16 @@ def basis(knots: Array, degree: int, times: Array, side: Literal["left", "right"
     return Band(count, place - degree, values.T)
 
 
+def kept_basis(knots: Array, degree: int, times: Array) -> Band:
+    """`basis` of knots and times that come again and again."""
+    return _kept_basis(knots.tobytes(), degree, times.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _kept_basis(knots: bytes, degree: int, times: bytes) -> Band:
+    return basis(np.frombuffer(knots), degree, np.frombuffer(times))
+
+
 def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     """The derivative as a spline of one degree less: its coefficients' matrix (n - 1, n) and its knots.
 
@@ -124,29 +134,7 @@ def extremes(knots: Array, degree: int, coefficients: Array, order: int) -> Arra
     """Values (K, curves) among which the derivative of an order (0 to degree) of every curve has its least
     and largest, those on both sides of its jumps included. K depends on knots and degree alone.
 
-    Args:
-        knots: of the curves.
-        degree: of the curves.
-        coefficients: (n, curves).
-        order: of the derivative.
-    """
-    times = extreme_times(knots, degree, coefficients, order)
-    # Of constant pieces one side is all there is.
-    ended = jumps(knots, degree, order) if order < degree else np.zeros(0)
-    for lower in range(degree, degree - order, -1):
-        steps, knots = derivative(knots, lower)
-        coefficients = steps @ coefficients
-    after = basis(knots, degree - order, times) @ coefficients
-    before = basis(knots, degree - order, ended, "left") @ coefficients
-    return np.concatenate([after, before])
-
-
-def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
-    """Times [s] among which the derivative of an order (0 to degree) of every curve has its extremes, on one
-    side or the other.
-
-    Where each piece begins, its other end included unless the derivative jumps at all knots, and where the
-    next derivative vanishes. Always as many for the same knots and degree: some may be there twice.
+    Those at both ends of every piece, and those where the next derivative vanishes inside.
 
     Args:
         knots: of the curves.
@@ -155,14 +143,19 @@ def extreme_times(knots: Array, degree: int, coefficients: Array, order: int) ->
         order: of the derivative.
     """
     inner, series = _series(knots, degree, coefficients)
-    ends = inner[:-1] if order == degree else inner
-    if degree - order < 2:
-        return ends
-    middles, halves = (inner[1:] + inner[:-1]) / 2, np.diff(inner) / 2
-    # In units of half a piece, for numbers of one size.
-    scaled = [(part.T * halves**power).T / factorial(power) for power, part in enumerate(series[order + 1 :])]
-    roots = np.clip(_real_roots(scaled), -1.0, 1.0)
-    return np.concatenate([ends, (middles[:, None, None] + halves[:, None, None] * roots).ravel()])
+    halves = np.diff(inner)[:, None] / 2
+    # Every piece a polynomial in units of half its length, from -1 to 1.
+    powers = [part * halves**power / factorial(power) for power, part in enumerate(series[order:])]
+    even, odd = sum(powers[::2]), sum(powers[1::2], np.zeros_like(powers[0]))
+    found = [even - odd, even + odd]
+    if degree - order > 1:
+        roots = _real_roots([power * part for power, part in enumerate(powers)][1:])
+        inside = np.moveaxis(np.clip(roots, -1.0, 1.0), -1, 0)
+        values = powers[-1] * np.ones_like(inside)
+        for part in powers[-2::-1]:
+            values = values * inside + part
+        found += list(values)
+    return np.concatenate(found)
 
 
 def _series(knots: Array, degree: int, coefficients: Array) -> tuple[Array, Array]:
@@ -179,11 +172,11 @@ def _kept_series(
     knots, coefficients = np.frombuffer(knots_bytes), np.frombuffer(table).reshape(shape)
     inner = np.unique(knots)
     times = (inner[1:] + inner[:-1]) / 2
-    found = [basis(knots, degree, times) @ coefficients]
+    found = [kept_basis(knots, degree, times) @ coefficients]
     for lower in range(degree - 1, -1, -1):
         steps, knots = derivative(knots, lower + 1)
         coefficients = steps @ coefficients
-        found.append(basis(knots, lower, times) @ coefficients)
+        found.append(kept_basis(knots, lower, times) @ coefficients)
     return inner, np.stack(found)
 
 

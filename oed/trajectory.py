@@ -179,10 +179,19 @@ class Trajectory:
     def inputs(self) -> Array:
         """Inputs held in each period, (N, inputs), read-only."""
         # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
-        held = [one.inputs_at(middles(one.duration, one.samples)) for one in self.each]
+        held = [one._often_at(middles(one.duration, one.samples)) for one in self.each]
         table = np.concatenate(held)
         table.setflags(write=False)
         return table
+
+    @property
+    def ends(self) -> Array:
+        """Inputs at the begin and at the end of every run, (2 runs, inputs)."""
+        return np.concatenate([one._often_at(np.array([0.0, one.duration])) for one in self.each])
+
+    def _often_at(self, times: Array) -> Array:
+        # `inputs_at` times that all drives with these knots are asked for.
+        return spline.kept_basis(self.knots, self.degree, times) @ self.coefficients
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""

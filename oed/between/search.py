@@ -29,8 +29,8 @@ Bools = npt.NDArray[np.bool_]
 
 GAP = 1e-6
 """Share of a limit's size to which its largest excess is found."""
-INSIDE = 1e-4
-"""Share of the distance to a limit to which that is found, of drives that keep it."""
+SHARE = 1e-4
+"""Share of the distance from a limit to which that is found."""
 MANY, PARTS = 128, 32
 """Stretches that are bounded about as fast as one; parts that each of a few is cut into at most."""
 PATIENCE = 200_000
@@ -176,8 +176,8 @@ def largest(
 
 
 def gap_of(size: float, found: Array) -> Array:
-    """How closely the largest excess is found: to a share of the limit's size, or of the distance to it."""
-    return np.maximum(GAP * size, -INSIDE * found)
+    """How closely the largest excess is found: to a share of the limit's size, or of the distance from it."""
+    return np.maximum(GAP * size, SHARE * np.abs(found))
 
 
 def change_per_metre(limit: PathLimit, robot: Model, rule: Integration) -> float:
