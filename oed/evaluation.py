@@ -248,6 +248,7 @@ class _Scorer:
             [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
             [one.block.jacobian for one in self.estimations],
+            [one.block.magnitudes for one in self.estimations],
             [rows.expression for rows in self.rows],
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
@@ -257,8 +258,10 @@ class _Scorer:
 
     @cached_property
     def _jacobians(self) -> ca.Function:
-        # Of any robot; only where others than the nominal one count.
-        return ca.Function("jacobians", self._symbols, [one.block.jacobian for one in self.estimations])
+        # Of any robot, with what their columns add up; only where others than the nominal one count.
+        blocks = [one.block for one in self.estimations]
+        results = [*(one.jacobian for one in blocks), *(one.magnitudes for one in blocks)]
+        return ca.Function("jacobians", self._symbols, results)
 
     def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
         """What the criterion sees of every robot that is judged."""
@@ -266,18 +269,19 @@ class _Scorer:
         if problem.robust is None or problem.robust.objective == "nominal":
             return [roots]
         for parameters, shift in problem.judged_robots:
-            jacobians = self._jacobians.call(
-                [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
-            )
-            found.append(self._square_roots([np.array(each) for each in jacobians])[0])
+            given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
+            results = [np.array(each) for each in self._jacobians.call(given)]
+            jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]
+            found.append(self._square_roots(jacobians, summed)[0])
         return found
 
-    def _square_roots(self, jacobians: Sequence[Array]) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
+    def _square_roots(
+        self, jacobians: Sequence[Array], summed: Sequence[Array]
+    ) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
         # What the criterion sees of each block, and of all its estimated parameters.
-        seen, full = zip(
-            *(one.square_roots(each) for one, each in zip(self.estimations, jacobians, strict=True)),
-            strict=True,
-        )
+        each = zip(self.estimations, jacobians, summed, strict=True)
+        pairs = [one.square_roots(jacobian, own.ravel()) for one, jacobian, own in each]
+        seen, full = zip(*pairs, strict=True)
         return seen, full
 
     def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
@@ -296,20 +300,21 @@ class _Scorer:
             result.reshape(self.function.size_out(place), order="F") for place, result in enumerate(results)
         ]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (_, _, path, _), _, responses, jacobians, _ = groups
+        (_, _, path, _), _, responses, jacobians, *_ = groups
         require_finite(self.problem, drive, path, responses, jacobians)
         return groups
 
     def full_information(self, trajectory: Trajectory, extremes: Sequence[Array]) -> dict[str, SquareRoot]:
-        _, full = self._square_roots(self._values(trajectory, extremes)[3])
+        *_, jacobians, summed, _ = self._values(trajectory, extremes)
+        _, full = self._square_roots(jacobians, summed)
         return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem
         groups = self._values(trajectory, extremes)
-        (length, poses, path, speeds), regressors, responses, jacobians, limits = groups
+        (length, poses, path, speeds), regressors, responses, jacobians, summed, limits = groups
         designs = self._designs(regressors, jacobians)
-        roots, full = self._square_roots(jacobians)
+        roots, full = self._square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
         # Of the paper's regressors W is what it is, of sensors what is left of it.
         singular = [

@@ -21,6 +21,10 @@ Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Scaling = Literal["relative", "none"] | Mapping[str, Scale]
 
 
+CANCELLED = 1e-13
+"""Share of the sum of their magnitudes to which thousands of numbers that cancel are known."""
+
+
 def information(
     block: Block,
     scaling: Scaling,
@@ -58,6 +62,7 @@ def square_root(
     parameters: Sequence[str],
     unwanted: Sequence[str] = (),
     prior: Array | None = None,
+    summed: Array | None = None,
 ) -> SquareRoot:
     """F of a drive in numbers, SI, in units of the block's noise: by its square root, nothing is squared.
 
@@ -67,10 +72,13 @@ def square_root(
         parameters: those of interest.
         unwanted: further parameters that are unknown but not of interest.
         prior: information on (parameters, unwanted) had beforehand, SI.
+        summed: the drive's values of `block.magnitudes`, (p,).
     """
     width = len(parameters)
     everything, chosen = block.rows(jacobian), _columns(block, (*parameters, *unwanted))
     everything[:, _rounding_alone(block, everything)] = 0.0
+    if summed is not None:
+        everything[:, _cancelled(jacobian, summed)] = 0.0
     rows = everything[:, chosen]
     rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
     sizes = np.linalg.norm(rows[:, :width], axis=0)
@@ -86,6 +94,13 @@ def _rounding_alone(block: Block, rows: Array) -> list[int]:
     changes = np.linalg.norm(rows[:, : len(sizes)], axis=0) * sizes
     lost = changes <= rounding_of(rows[:1, :1]) * changes.max(initial=0.0)
     return np.flatnonzero(lost & (sizes > 0)).tolist()
+
+
+def _cancelled(jacobian: Array, summed: Array) -> list[int]:
+    # Columns of parameters whose entries are sums that cancel to rounding, as of closed drives.
+    own = jacobian[:, : len(summed)]
+    lost = np.linalg.norm(own, axis=0) <= CANCELLED * summed
+    return np.flatnonzero(lost & (summed > 0)).tolist()
 
 
 def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:

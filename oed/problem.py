@@ -70,13 +70,13 @@ class Estimation:
             prior=self.prior,
         )
 
-    def square_roots(self, jacobian: Array) -> tuple[SquareRoot, SquareRoot]:
-        """Information of a drive with these values of the block's jacobian: what `matrix` is of it, and F on
-        all estimated parameters, SI (per unit of noise where that is not known).
+    def square_roots(self, jacobian: Array, summed: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Information of a drive with these values of the block's jacobian and its magnitudes: what `matrix`
+        is of it, and F on all estimated parameters, SI (per unit of noise where that is not known).
         """
         block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
-        full = square_root(block, jacobian, self.parameters, prior=self.prior)
-        seen = square_root(block, jacobian, judged, others, self.prior) if others else full
+        full = square_root(block, jacobian, self.parameters, prior=self.prior, summed=summed)
+        seen = square_root(block, jacobian, judged, others, self.prior, summed) if others else full
         return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property

@@ -352,6 +352,25 @@ def test_a_wheel_that_stands_but_for_rounding_tells_nothing_although_the_others_
     assert evaluate(problem, standing).standard_deviations["c21"] == np.inf
 
 
+@pytest.mark.parametrize("noise_model", ["increments", "absolute"])
+def test_displacements_that_cancel_to_rounding_tell_nothing(noise_model: str):
+    """Twice once round the block: the displacements of both segments are sums that cancel."""
+    measurement = Displacements(
+        segments=2, regressor="position", noise={"position": 0.01, "heading": 0.01}, noise_model=noise_model
+    )
+    problem = make_problem(measurement=measurement, criterion=E(scaling="relative"))
+    wheels = np.tile([[4.0, 4.0], [3.0, -3.0]] * 4, (10, 1))
+    turn = np.pi / 2 * TRACK / (2 * RADIUS * 3.0)
+    drives = [
+        Trajectory.from_samples(wheels, 80 * turn, np.zeros(3), rest_to_rest=False),
+        Trajectory.from_samples(wheels * [1.0, 1.001], 80 * turn, np.zeros(3), rest_to_rest=False),
+    ]
+    closed, open_ = (evaluate(problem, drive) for drive in drives)
+    assert (closed.objective, closed.identifiable, closed.lambda_max) == (0.0, False, 0.0)
+    assert open_.identifiable
+    assert open_.objective > 0
+
+
 def test_a_faint_motion_is_none_that_cancels():
     problem = load_study(PROBLEMS / "mecanum.yaml").problem
     (sideways, *_) = baselines(problem, "sideways_square")

@@ -103,7 +103,7 @@ class Displacements(Measurement):
     def _heading_block(self, drive: Drive) -> Block:
         rows = drive.period * drive.effective_inputs
         matrix = self._segment_sums(drive, every=1, offset=0) @ rows
-        return self._block(drive, "heading", matrix)
+        return self._block(drive, "heading", matrix, ca.sum1(ca.fabs(rows)))
 
     def _position_block(self, drive: Drive) -> Block:
         # Rows x, y of each segment alternate, as they are stacked in [Choi, eq. 14].
@@ -116,9 +116,10 @@ class Displacements(Measurement):
             self._segment_sums(drive, every=2, offset=0) @ along_x
             + self._segment_sums(drive, every=2, offset=1) @ along_y
         )
-        return self._block(drive, "position", matrix)
+        way = ca.sum1(ca.repmat(ca.fabs(drive.gain), 1, columns) * ca.fabs(drive.effective_inputs))
+        return self._block(drive, "position", matrix, ca.repmat(way, 1, matrix.shape[1] // columns))
 
-    def _block(self, drive: Drive, name: str, matrix: Expression) -> Block:
+    def _block(self, drive: Drive, name: str, matrix: Expression, summed: Expression) -> Block:
         # The heading row of c turns wheel angles into an angle, the other rows into lengths.
         rows, unit, noise, coordinates = {
             "heading": (slice(0, 1), "", self.noise.heading, 1),
@@ -134,6 +135,7 @@ class Displacements(Measurement):
             units=(unit,) * len(nominal),
             noise=noise,
             jacobian=self._jacobian(matrix, coordinates, drive.runs),
+            summed=summed,
             shared=self._shared(matrix.shape[0], coordinates, drive.runs),
         )
 

@@ -58,6 +58,8 @@ class Block:
         nuisances: what is estimated along.
         raw: whether `scaling: none` leaves the noise out, as the paper does.
         sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        summed: (1, p) of every parameter's column the most that its entries are if nothing cancels: sums of
+            magnitudes, beside which the column may be rounding. 0 where nobody says.
         shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
             same; else the jacobian's rows are independent.
     """
@@ -74,7 +76,13 @@ class Block:
     nuisances: tuple[Nuisance, ...] = ()
     raw: bool = False
     sizes: Array | None = None
+    summed: Expression | None = None
     shared: scipy.sparse.csc_matrix | None = None
+
+    @property
+    def magnitudes(self) -> Expression:
+        """`summed`, (1, p)."""
+        return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
 
     def rows(self, jacobian: Array) -> Array:
         """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""
@@ -101,6 +109,7 @@ def regression(
     units: Sequence[str],
     noise: float | None,
     jacobian: Expression | None = None,
+    summed: Expression | None = None,
     shared: scipy.sparse.csc_matrix | None = None,
 ) -> Block:
     """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
@@ -128,6 +137,7 @@ def regression(
         information=information,
         noise=noise,
         raw=True,
+        summed=summed,
         shared=shared,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,9 @@ from .splines import Run
 
 Array = npt.NDArray[Any]
 
-DRIFTING = 1e-10
-"""Share of the largest change of the readings by any parameter below which rounding of the inputs, some 1e-16
-of them, may reach a millionth of another's."""
+SHAKEN, MOVED = 1e-11, 1e-3
+"""Share of the largest input by which all are changed; share of an eigenvalue by which that may change it if
+rounding, some 1e-15 of the inputs, is not to reach a millionth of it."""
 STEEP = 1e7
 """lambda_max / lambda_min above which rounding of F itself may reach a millionth of lambda_min."""
 
@@ -55,13 +55,11 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
     """Score a drive by a study, SI."""
     criterion = study.get("criterion", {"kind": "E"})
     robot, rule = estimated_robot(study), study["trajectory"].get("integration", "arc")
-    found = [
-        _Estimate(study, block)
-        for block in blocks_of(study["measurement"], robot, runs, rule)
-        if _Estimate(study, block).judged
-    ]
+    found = _estimates(study, runs)
     told = [one.judged_information() for one in found]
-    sort = "unclear" if any(one.drifting for one in found) else _sort(told)
+    sort = _sort(told)
+    if sort == "well" and not _steady(study, runs, told):
+        sort = "unclear"
     deviations: dict[str, float] = {}
     for one in found:
         deviations |= one.deviations() if sort == "well" and one.block.noise is not None else {}
@@ -72,6 +70,30 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
         rows = [one.predictions(robot) for one in found] if criterion["kind"] in "GI" else ()
         objective = value(criterion["kind"], told, rows)
     return Score(objective, smallest, largest, deviations, path_length(robot, runs, rule), sort)
+
+
+def _estimates(study: Mapping[str, Any], runs: Sequence[Run]) -> list[_Estimate]:
+    rule = study["trajectory"].get("integration", "arc")
+    blocks = blocks_of(study["measurement"], estimated_robot(study), runs, rule)
+    return [one for one in (_Estimate(study, block) for block in blocks) if one.judged]
+
+
+def _steady(study: Mapping[str, Any], runs: Sequence[Run], told: Sequence[Told]) -> bool:
+    # Whether the information is more than what rounding of the inputs leaves: as of wheels that stand but for
+    # that, or of displacements that cancel.
+    rng = np.random.default_rng(0)
+    size = max(float(np.abs(run.coefficients).max()) for run in runs)
+    shaken = [
+        replace(
+            run, coefficients=run.coefficients + SHAKEN * size * rng.uniform(-1, 1, run.coefficients.shape)
+        )
+        for run in runs
+    ]
+    others = (one.judged_information() for one in _estimates(study, shaken))
+    return all(
+        np.allclose(one.eigenvalues, other.eigenvalues, rtol=MOVED, atol=0)
+        for one, other in zip(told, others, strict=True)
+    )
 
 
 def _sort(told: Sequence[Told]) -> str:
@@ -109,14 +131,6 @@ class _Estimate:
         self.names = [*self.judged, *(name for name in estimated if name not in self.judged)]
         self.places = [block.names.index(name) for name in self.names]
         self.prior = _prior_rows(study.get("prior"), self.names, block)
-
-    @property
-    def drifting(self) -> bool:
-        """Whether some parameter changes the readings by little more than rounding of what others do."""
-        block = self.block
-        changes = np.linalg.norm(block.rows[:, : len(block.names)], axis=0) * block.sizes
-        own = changes[self.places]
-        return bool(np.any((own > 0) & (own < DRIFTING * changes.max())))
 
     @property
     def scales(self) -> Array:
