@@ -21,6 +21,8 @@ Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Scaling = Literal["relative", "none"] | Mapping[str, Scale]
 
 
+FAINT = 2e-15
+"""Share of the largest change of the readings that is rounding of it."""
 CANCELLED = 1e-13
 """Share of the sum of their magnitudes to which thousands of numbers that cancel are known."""
 
@@ -75,32 +77,25 @@ def square_root(
         summed: the drive's values of `block.magnitudes`, (p,).
     """
     width = len(parameters)
-    everything, chosen = block.rows(jacobian), _columns(block, (*parameters, *unwanted))
-    everything[:, _rounding_alone(block, everything)] = 0.0
-    if summed is not None:
-        everything[:, _cancelled(jacobian, summed)] = 0.0
-    rows = everything[:, chosen]
+    own = np.array(jacobian)
+    own[:, _rounding_alone(block, jacobian, summed)] = 0.0
+    rows = block.rows(own[:, _columns(block, (*parameters, *unwanted))])
     rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
     sizes = np.linalg.norm(rows[:, :width], axis=0)
     left, rounding = project_out(rows, width, rounding_of(jacobian))
     return SquareRoot.of_rows(left, sizes, rounding)
 
 
-def _rounding_alone(block: Block, rows: Array) -> list[int]:
+def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list[int]:
     # Columns of parameters that, changed by as much as they are, change the readings by less than the largest
     # change of another is rounded by, whether that is to be estimated or known: motions that cancel, as of a
-    # robot that goes sideways, leave that much.
+    # robot that goes sideways, leave that much. And columns whose entries are sums that cancel themselves.
     sizes = scale_factors(block, "relative")
-    changes = np.linalg.norm(rows[:, : len(sizes)], axis=0) * sizes
-    lost = changes <= rounding_of(rows[:1, :1]) * changes.max(initial=0.0)
-    return np.flatnonzero(lost & (sizes > 0)).tolist()
-
-
-def _cancelled(jacobian: Array, summed: Array) -> list[int]:
-    # Columns of parameters whose entries are sums that cancel to rounding, as of closed drives.
-    own = jacobian[:, : len(summed)]
-    lost = np.linalg.norm(own, axis=0) <= CANCELLED * summed
-    return np.flatnonzero(lost & (summed > 0)).tolist()
+    lengths = np.linalg.norm(jacobian[:, : len(sizes)], axis=0)
+    lost = (lengths * sizes <= FAINT * (lengths * sizes).max(initial=0.0)) & (sizes > 0)
+    if summed is not None:
+        lost |= (lengths <= CANCELLED * summed) & (summed > 0)
+    return np.flatnonzero(lost).tolist()
 
 
 def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:

@@ -155,16 +155,17 @@ class TestExactly:
         np.testing.assert_allclose(np.diag(root.covariance), np.diag(covariance), rtol=1e-8)
         assert root.log_determinant == pytest.approx(-np.linalg.slogdet(covariance)[1], abs=1e-7)
 
+    @pytest.mark.parametrize("estimate", [None, ("c21",)], ids=["both", "one known"])
     @pytest.mark.parametrize("estimator", ["gls", "ols"])
-    def test_regressions_on_poses_that_segments_share(self, estimator: str):
+    def test_regressions_on_poses_that_segments_share(self, estimator: str, estimate):
         measurement = Displacements(
             segments=5, noise={"position": 0.02}, noise_model="absolute", estimator=estimator
         )
-        problem = make_problem(measurement=measurement, criterion=E())
+        problem = make_problem(measurement=measurement, criterion=E(), estimate=estimate)
         rng = np.random.default_rng(3)
         drive = Trajectory.from_samples(rng.uniform(-5, 5, (40, 2)), 10.0, (0, 0, 0), rest_to_rest=False)
         found = evaluate(problem, drive)
-        W = found.design_matrices["position"]
+        W = found.design_matrices["position"][:, : len(estimate or "..")]
         # Increments of six poses, x and y by turns: v = D e.
         steps = np.eye(5, 6, 1) - np.eye(5, 6)
         noise = 0.02**2 * np.kron(steps @ steps.T, np.eye(2))
