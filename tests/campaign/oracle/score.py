@@ -148,12 +148,14 @@ class _Estimate:
         return self._information(len(self.judged), self.scales, 1.0 if raw else self.block.noise)
 
     def deviations(self) -> dict[str, float]:
-        """Standard deviations of all estimated parameters."""
+        """Standard deviations of all estimated parameters; none where some are not told."""
         told = self._information(len(self.names), np.ones(len(self.names)), self.block.noise)
+        if told.weakest <= FAINT:
+            return {}
         lengths = np.linalg.norm(told.root, axis=0)
         inverse = np.linalg.inv(told.root / lengths)
         found = np.linalg.norm(inverse, axis=1) / lengths
-        return dict(zip(self.names, found.tolist(), strict=True)) if told.weakest > FAINT else {}
+        return dict(zip(self.names, found.tolist(), strict=True))
 
     def predictions(self, robot: Robot) -> Array:
         """What G and I judge, by the scaled parameters."""
