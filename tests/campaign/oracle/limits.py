@@ -70,6 +70,8 @@ def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> It
         if name in limits:
             twists = twists or motions(robot, run, track, points)
             yield check(limits[name], robot, twists)
+    if "turning_radius" in limits and robot.lag is None and run.degree:
+        yield _turning(limits["turning_radius"], robot, _about_to_turn(limits["turning_radius"], robot, run))
     yield from _places(limits, robot, track, points)
     yield from _ends(limits, robot, run, track)
 
@@ -116,8 +118,12 @@ def motions(robot: Robot, run: Run, track: Track, points: int) -> Twist:
     """
     if robot.lag is not None:
         return track.lagging(points)
+    return _asked(robot, run.held if run.degree == 0 else np.vstack([run.dense(0, points), run.held]))
+
+
+def _asked(robot: Robot, values: Array) -> Twist:
+    # The twists of inputs (K, inputs).
     nominal = [np.array([[value]]) for value in robot.values]
-    values = run.held if run.degree == 0 else np.vstack([run.dense(0, points), run.held])
     return tuple(np.ravel(np.broadcast_to(one, (1, len(values)))) for one in robot.asked(values, nominal))
 
 
@@ -142,9 +148,32 @@ def _lateral(bound: Any, robot: Robot, twists: Twist) -> Excess:
 
 
 def _turning(radius: Any, robot: Robot, twists: Twist) -> Excess:
+    return Excess("turning_radius", float(_lacking(radius, twists).max()), float(radius))
+
+
+def _lacking(radius: Any, twists: Twist) -> Array:
     speed, needed = twists[0] ** 2 + twists[1] ** 2, (radius * twists[2]) ** 2
-    lacking = radius * (needed - speed) / (needed + speed + 2 * (CREEP * radius) ** 2)
-    return Excess("turning_radius", float(lacking.max()), float(radius))
+    return radius * (needed - speed) / (needed + speed + 2 * (CREEP * radius) ** 2)
+
+
+def _about_to_turn(radius: Any, robot: Robot, run: Run, points: int = 200, places: int = 40) -> Twist:
+    # The twists around the tightest turns: a robot that reverses turns on the spot for less than the time
+    # from one point to the next.
+    breaks = np.unique(run.knots)
+    inside = np.linspace(1e-6, 1 - 1e-6, points)
+    times = breaks[:-1, None] + np.diff(breaks)[:, None] * inside
+    steps = np.diff(breaks) / points
+    for _ in range(4):
+        twists = _asked(robot, run.at(0, times.ravel()))
+        lacking = _lacking(radius, twists).reshape(times.shape)
+        rows = np.argsort(-lacking.max(axis=1))[:places]
+        best = np.take_along_axis(times[rows], lacking[rows].argmax(axis=1)[:, None], axis=1)
+        times, steps = best + 2 * steps[rows, None] * np.linspace(-1, 1, points), 4 * steps[rows] / points
+        # Nobody looks past a knot.
+        piece = np.clip(np.searchsorted(breaks, best, side="right") - 1, 0, len(breaks) - 2)
+        margin = 1e-6 * np.diff(breaks)[piece]
+        times = np.clip(times, breaks[piece] + margin, breaks[piece + 1] - margin)
+    return _asked(robot, run.at(0, times.ravel()))
 
 
 _BODY: dict[str, Callable[[Any, Robot, Twist], Excess]] = {

@@ -21,6 +21,9 @@ Array = npt.NDArray[Any]
 SHAKEN, MOVED = 1e-11, 1e-3
 """Share of the largest input by which all are changed; share of an eigenvalue by which that may change it if
 rounding, some 1e-15 of the inputs, is not to reach a millionth of it."""
+STANDING = 1e-10
+"""Share of the largest change of the readings by any parameter below which another may change them
+by rounding alone: nobody can say what hides behind it."""
 STEEP = 1e7
 """lambda_max / lambda_min above which rounding of F itself may reach a millionth of lambda_min."""
 
@@ -59,6 +62,8 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
     told = [one.judged_information() for one in found]
     sort = _sort(told)
     if sort == "well" and not _steady(study, runs, told):
+        sort = "unclear"
+    if sort == "singular" and any(one.standing for one in found):
         sort = "unclear"
     deviations: dict[str, float] = {}
     for one in found:
@@ -131,6 +136,14 @@ class _Estimate:
         self.names = [*self.judged, *(name for name in estimated if name not in self.judged)]
         self.places = [block.names.index(name) for name in self.names]
         self.prior = _prior_rows(study.get("prior"), self.names, block)
+
+    @property
+    def standing(self) -> bool:
+        """Whether some parameter changes the readings by rounding alone, as that of a wheel that stands."""
+        block = self.block
+        changes = np.linalg.norm(block.rows[:, : len(block.names)], axis=0) * block.sizes
+        own = changes[self.places]
+        return bool(np.any((own > 0) & (own < STANDING * changes.max())))
 
     @property
     def scales(self) -> Array:
