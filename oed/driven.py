@@ -14,7 +14,7 @@ from oed.bounds import bound, bound_on
 from oed.errors import FileFlaw, LogError
 from oed.evaluation import Evaluation
 from oed.folders import in_order
-from oed.logs import Log, read_logs
+from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
 from oed.models import Model
 from oed.path_file import read_trajectory
@@ -64,12 +64,14 @@ class DrivenPaths:
         bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
         robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
             nothing in reserve.
+        findings: by the name of the log, what was found in it.
     """
 
     paths: tuple[DrivenPath, ...]
     best: tuple[str, float] | None
     bound: float | None
     robustness: Mapping[str, Any] | None = None
+    findings: tuple[tuple[str, Finding], ...] = ()
 
     @property
     def first(self) -> DrivenPath:
@@ -93,7 +95,8 @@ class DrivenPaths:
         ]
         best = None if self.best is None else {"name": self.best[0], "objective": self.best[1]}
         known = {"best_design": best, "upper_bound": self.bound, "robustness": self.robustness}
-        return {**self.first.entry, "worth": worth, **known}
+        findings = [{"log": name, **vars(one)} for name, one in self.findings]
+        return {**self.first.entry, "worth": worth, **known, "findings": findings}
 
 
 def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
@@ -156,7 +159,8 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
         _worth(study, scored(study.problem, trajectory, name), seconds, known, proved)
         for name, trajectory, seconds in parts
     )
-    return DrivenPaths(worth, known, _exact(proved))
+    findings = tuple((log.name, one) for log in logs for one in log.findings)
+    return DrivenPaths(worth, known, _exact(proved), findings=findings)
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,13 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     assert 0 < found.first.share_of_bound <= found.first.share_of_best
 
 
+def test_what_is_found_in_the_log_is_told(study, record, saved, tmp_path, capsys):
+    file = log_of(study, record, "square", tmp_path / "log.csv")
+    file.write_text(file.read_text().rsplit(",", 2)[0])
+    found = score_logs(study, [file], saved).data["findings"]
+    assert [(one["log"], one["name"]) for one in found if one["name"] == "cut_off"] == [("log", "cut_off")]
+
+
 def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path):
     path = log_of(study, record, "square", tmp_path / "log.csv")
     rows = [line.split(",") for line in path.read_text().splitlines()]

@@ -21,7 +21,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.console import print_results, print_worth
     from oed.driven import score_path
-    from oed.messages import print_json
+    from oed.messages import print_json, say
     from oed.study import load_study
 
     study = load_study(options.study)
@@ -32,6 +32,8 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print_results([one.entry for one in found.paths], found.robustness)
         print_worth(found)
+    for name, one in found.findings:
+        say(f"{name}: {one.message}")
     return DONE
 
 

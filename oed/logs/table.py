@@ -191,6 +191,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if first == len(rows):
         raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows after its header")])
     rows, lines = rows[first:], lines[first:]
+    _require_room(file, max(len(names), len(cells(rows[0]))), rows, lines, cells)
     cut_off = _is_cut_off(rows, cells)
     last = len(rows) - cut_off
     return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
@@ -247,6 +248,19 @@ def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: 
             stray = "a stray double quote: a cell in quotes has to end with one, in its line"
             text = f"is not a table: {error}" if "larger" in str(error) else stray
             flaws.append(FileFlaw(str(file), line, 0, "", text))
+    if flaws:
+        raise LogError(shortened(flaws))
+
+
+def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
+    # A cell too many moves those after it into columns of others; empty ones at the end do no harm. A single
+    # column is no table's.
+    flaws = []
+    for row, line in zip(rows, lines.tolist(), strict=True) if width > 1 else ():
+        found = cells(row)
+        if len(found) > width and any(map(str.strip, found[width:])):
+            text = f"expected {width} cells, as in the first line, got {len(found)}"
+            flaws.append(FileFlaw(str(file), line, width + 1, "", text))
     if flaws:
         raise LogError(shortened(flaws))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import HEADER, INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, write
+from logged import HEADER, INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, read_one, write
 from pydantic import ValidationError
 
 from oed.errors import LogError, ProblemError
@@ -193,6 +193,19 @@ class TestCells:
         rows[7] = rows[7][:5]
         flaw = flaw_of(write(file, rows))
         assert (flaw.line, flaw.key) == (9, "heading")
+
+    @pytest.mark.parametrize("mark", [",", ";", " "])
+    def test_a_cell_too_many(self, file: Path, rows: list[list[str]], mark: str):
+        # All after it stand in columns of others.
+        rows[7][4:4] = ["463.78"]
+        flaw = flaw_of(write(file, rows, mark=mark))
+        assert flaw.line == 9
+        assert flaw.message == f"expected {len(HEADER)} cells, as in the first line, got {len(HEADER) + 1}"
+
+    def test_empty_cells_too_many_do_no_harm(self, file: Path, rows: list[list[str]]):
+        before = read_one(write(file, rows), ROBOT)
+        after = read_one(write(file, [[*row, "", " "] for row in rows]), ROBOT)
+        np.testing.assert_array_equal(before.poses, after.poses)
 
     def test_no_inputs_at_all(self, file: Path, rows: list[list[str]]):
         empty = [[row[0], "", "", *row[3:]] for row in rows]
