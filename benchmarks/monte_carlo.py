@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.figure import Figure, peak_memory, seconds
 from oed import Problem, Trajectory, load_study, validate
-from oed.validation.monte_carlo import BATCH, STREAM
+from oed.simulation.monte_carlo import BATCH, STREAM
 
 REPLICATES = 100_000
 STUDY = Path(__file__).parent.parent / "problems" / "choi_skid_steer.yaml"

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.forms import SEGMENTS
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.rollout import Drive, roll_out
+from oed.kernel.dynamics.rollout import Drive, roll_out
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements
 
 OPTIONS = {
     "print_time": False,

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.figure import Figure, best_seconds
 from benchmarks.forms import problem_of
-from oed.solvers.design import DesignExpressions
-from oed.solvers.genetic import REFINE
+from oed.optimize.genetic import REFINE
+from oed.optimize.transcription.design import DesignExpressions
 
 POPULATION, SAMPLES, WANTED = 200, 200, 50_000
 

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.figure import Figure, seconds
 from benchmarks.forms import FORMS, problem_of
 from benchmarks.plain import Plain, multiple_shooting, single_shooting
-from oed.problem import Problem
-from oed.solvers.local import LocalSearch, Settings
+from oed.kernel.problem import Problem
+from oed.optimize.local import LocalSearch, Settings
 
 COMPARED = (200, 1000)
 LONGER = (5000, 20_000)

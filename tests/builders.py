@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from oed.criteria import E
-from oed.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
-from oed.measurements import Displacements
-from oed.models import DifferentialDrive
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.problem import Problem
+from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Displacements
 
 RADIUS, TRACK = 0.049, 0.18
 

@@ -14,10 +14,10 @@ import pytest
 from builders import make_flagship
 from hypothesis import settings
 
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.solution import Solution
-from oed.solvers import Ipopt, solve
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.optimize import Ipopt, solve
+from oed.robots.sensors import Displacements
 
 settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=12)
 settings.register_profile("quick", settings.get_profile("seeded"), max_examples=6)

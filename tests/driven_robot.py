@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.problem import Problem
-from oed.rollout import roll_out
-from oed.trajectory import Trajectory
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
 
 ROOM_STUDY = """
 format: 1

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.baselines import baselines
-from oed.study import load_study
+from oed.robots.baselines import baselines
+from oed.study.study import load_study
 
 ROOT = Path(__file__).parents[1]
 STUDY = ROOT / "problems" / "room_robot.yaml"

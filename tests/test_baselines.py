@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem
 
-from oed.baselines import NAMES, Move, baselines
-from oed.baselines.kinematics import Kinematics
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.evaluation import evaluate
-from oed.limits import Rectangle, WheelSpeed
-from oed.measurements import Poses
-from oed.models import DifferentialDrive, SkidSteer, SkidSteerSlip
-from oed.problem import Problem
-from oed.solution import Solution, Status
-from oed.trajectory import DesignSpace
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.robots.baselines import NAMES, Move, baselines
+from oed.robots.baselines.kinematics import Kinematics
+from oed.robots.limits import Rectangle, WheelSpeed
+from oed.robots.models import DifferentialDrive, SkidSteer, SkidSteerSlip
+from oed.robots.sensors import Poses
 
 FULL_TURN = 2 * np.pi
 SAMPLING = 0.02

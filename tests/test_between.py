@@ -11,9 +11,13 @@ import pytest
 from builders import RADIUS, TRACK, make_problem, random_drive
 
 from oed.bounds import bound
-from oed.criteria import E
-from oed.evaluation import TOLERANCE, evaluate
-from oed.limits import (
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.problem import Problem
+from oed.robots.limits import (
     BodySpeed,
     LateralAcceleration,
     Obstacles,
@@ -25,14 +29,10 @@ from oed.limits import (
     WheelSpeed,
     YawRate,
 )
-from oed.limits.limit import Limit, Rows
-from oed.measurements import Displacements, Poses
-from oed.models import SkidSteerSlip, TractorTrailer
-from oed.problem import Problem
-from oed.robust import Robust
-from oed.rollout import Drive
-from oed.trajectory import DesignSpace, Spline, Trajectory
-from oed.uncertainty import Uncertainty
+from oed.robots.models import SkidSteerSlip, TractorTrailer
+from oed.robots.sensors import Displacements, Poses
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 FAST = WheelSpeed(bounds=100)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from oed.calibration_record import EstimateRecord, load_estimate
-from oed.errors import RecordError
-from oed.saving import save_estimate
+from oed.foundation.errors import RecordError
+from oed.records.calibration_record import EstimateRecord, load_estimate
+from oed.workflow.saving import save_estimate
 
 RECORD = EstimateRecord({"format": 1, "parameters": [{"name": "track", "value": 0.2}], "notes": []})
 

@@ -15,9 +15,9 @@ import pytest
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
-from oed.console import percent
-from oed.errors import Flaw, ProblemError
-from oed.record import load_record
+from oed.cli.terminal.console import percent
+from oed.foundation.errors import Flaw, ProblemError
+from oed.records.record import load_record
 
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
 
@@ -106,7 +106,7 @@ class TestHelp:
 
     def test_as_a_module(self):
         done = subprocess.run(
-            [sys.executable, "-m", "oed.cli", "--version"], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "oed", "--version"], capture_output=True, text=True, check=False
         )
         assert (done.returncode, done.stdout) == (0, f"oed {version('oed')}\n")
 
@@ -198,7 +198,7 @@ class TestSolve:
         def strike(*_: object, **__: object) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("oed.runner.search", strike)
+        monkeypatch.setattr("oed.workflow.runner.search", strike)
         code, data, err = call_json(capsys, "solve", "study.yaml", "--quiet")
         assert code == 1
         assert "interrupted" in data["error"]
@@ -298,9 +298,9 @@ class TestRefusedAtTheStart:
         def work(*_: object, **__: object) -> None:
             pytest.fail("work has begun")
 
-        monkeypatch.setattr("oed.runner.solve", work)
-        monkeypatch.setattr("oed.experiments.validate", work)
-        monkeypatch.setattr("oed.estimation.calibrate", work)
+        monkeypatch.setattr("oed.workflow.runner.solve", work)
+        monkeypatch.setattr("oed.workflow.experiments.validate", work)
+        monkeypatch.setattr("oed.workflow.estimate_logs.calibrate", work)
 
     @pytest.mark.parametrize("out", ["path.csv", "path.csv/deeper", "x" * 250], ids=lambda out: out[:15])
     @pytest.mark.parametrize(
@@ -484,7 +484,7 @@ class TestValidate:
         def strike(*_: object, **__: object) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("oed.experiments.validate", strike)
+        monkeypatch.setattr("oed.workflow.experiments.validate", strike)
         (folder / "report.html").write_text("old")
         before = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
         assert main(["validate", str(folder), "--quiet"]) == 1
@@ -523,7 +523,7 @@ def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
     def interrupted():
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
 
-    monkeypatch.setattr("oed.study.json_schema", interrupted)
+    monkeypatch.setattr("oed.study.study.json_schema", interrupted)
     assert call(capsys, "schema") == (1, "", "interrupted\n")
 
 
@@ -547,7 +547,7 @@ def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error
         raise error
 
     monkeypatch.delenv("OED_DEBUG", raising=False)
-    monkeypatch.setattr("oed.study.json_schema", fail)
+    monkeypatch.setattr("oed.study.study.json_schema", fail)
     code, out, err = call(capsys, "schema")
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert err.startswith(words)
@@ -573,7 +573,7 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
     def refuse(*_: Any, **__: Any) -> None:
         raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])
 
-    monkeypatch.setattr("oed.study.Study.require_identifiable", refuse)
+    monkeypatch.setattr("oed.study.study.Study.require_identifiable", refuse)
     code, data, err = call_json(capsys, "run", "study.yaml", "--quiet")
     assert code == 2
     assert err.splitlines() == [

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-import oed.study
-from oed.component import Component
-from oed.errors import StudyError
-from oed.models.coefficient_robot import CoefficientRobot
-from oed.study import parse_study
+import oed.study.study
+from oed.foundation.component import Component
+from oed.foundation.errors import StudyError
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.study.study import parse_study
 
 STUDY = """
 format: 1
@@ -50,7 +50,7 @@ def numbers() -> list[tuple[type[Component], str]]:
 
 
 def test_there_are_many_numbers():
-    assert oed.study is not None
+    assert oed.study.study is not None
     assert len(numbers()) > 80
 
 

@@ -15,17 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from oed.criteria import E
-from oed.departures import Leaving, leaving, left, path_limits, paths
-from oed.evaluation import TOLERANCE, evaluate
-from oed.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
-from oed.limits.limit import PathLimit, Rows
-from oed.measurements import Poses
-from oed.models import TractorTrailer
-from oed.models.model import Input, Model, Parameter
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, Trajectory
-from oed.uncertainty import Uncertainty
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.limit import PathLimit, Rows
+from oed.kernel.problem import Problem
+from oed.robots.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
+from oed.robots.models import TractorTrailer
+from oed.robots.models.model import Input, Model, Parameter
+from oed.robots.sensors import Poses
+from oed.uncertainty.departures import Leaving, leaving, left, path_limits, paths
+from oed.uncertainty.uncertainty import Uncertainty
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "5 %", "track": "5 %"}
@@ -219,7 +219,7 @@ class TestDraws:
 
     def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         problem, drive, found, _ = counted("box")
-        monkeypatch.setattr("oed.departures.BATCH", 7)
+        monkeypatch.setattr("oed.uncertainty.departures.BATCH", 7)
         again = leaving(problem, drive, draws=FEW, seed=0)
         assert (again.probability, again.farthest) == (found.probability, pytest.approx(found.farthest))
 
@@ -326,5 +326,5 @@ def test_what_patience_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch):
     found = leaving(problem, drive, draws=5)
     assert found.checked_at_points == ()
     assert "points only" not in found.sentence
-    monkeypatch.setattr("oed.between.search.PATIENCE", -(10**6))
+    monkeypatch.setattr("oed.kernel.between.search.PATIENCE", -(10**6))
     assert leaving(problem, drive, draws=5).checked_at_points == ("workspace",)

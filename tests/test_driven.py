@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
-from oed.departures import leaving
-from oed.driven import driven_parts, score_logs, score_path
-from oed.errors import LogError
-from oed.evaluation import evaluate
+from oed.foundation.errors import LogError
+from oed.kernel.evaluation import evaluate
 from oed.logs import Log
-from oed.record import Record, drive_of
-from oed.runner import run
-from oed.study import Study, parse_study
+from oed.records.record import Record, drive_of
+from oed.study.study import Study, parse_study
+from oed.uncertainty.departures import leaving
+from oed.workflow.driven import driven_parts, score_logs, score_path
+from oed.workflow.runner import run
 
 STUDY = f"{ROOM_STUDY}solvers: []\nbaselines: [square, figure_eight]\nlog: {{}}\n"
 

@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from oed.enclosures import Enclosure, NotEnclosed, enclosed
-from oed.intervals import ONE, Interval, number
-from oed.models.model import sinc
-from oed.models.skid_steer_slip import _means
+from oed.kernel.dynamics.enclosures import Enclosure, NotEnclosed, enclosed
+from oed.kernel.dynamics.intervals import ONE, Interval, number
+from oed.robots.models.model import sinc
+from oed.robots.models.skid_steer_slip import _means
 
 FUNCTIONS = {
     "polynomial": lambda x, a: x**3 - a * x**2 + (x - 1) ** 5 + (x + 9) ** -3,

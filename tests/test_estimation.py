@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from studies import saved_study
 
-from oed.calibration_record import EstimateRecord, load_estimate
-from oed.errors import LogError
-from oed.estimation import estimate
-from oed.saving import NotSaved
-from oed.study import Study
+from oed.foundation.errors import LogError
+from oed.records.calibration_record import EstimateRecord, load_estimate
+from oed.study.study import Study
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.saving import NotSaved
 
 STUDY = """\
 format: 1

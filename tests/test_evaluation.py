@@ -9,11 +9,11 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, rand
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed.criteria import E
-from oed.evaluation import Evaluation, evaluate
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements
 
 NOISE = {"position": 0.1, "heading": 0.2}
 seeds = st.integers(0, 2**32 - 1)

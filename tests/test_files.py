@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from oed.errors import Failure, UserMistake
-from oed.files import read_bytes, read_text, require_writable, write_text
-from oed.folders import updated
+from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.files import read_bytes, read_text, require_writable, write_text
+from oed.foundation.work.folders import updated
 from oed.report.film import write_frames
 
 

@@ -10,17 +10,17 @@ import pytest
 from builders import ACCELERATION, BOX, SPEED, make_problem, random_drive
 
 import oed
-from oed.baselines import baselines
-from oed.errors import NotFinite
-from oed.evaluation import evaluate
-from oed.identifiability import ambiguities, require_identifiable
-from oed.limits import WheelJerk
-from oed.limits.limit import PathLimit, Rows
-from oed.measurements import Poses, Several, YawRate
-from oed.measurements.sensor import Moment, PlacedSensor
-from oed.models import DifferentialDrive
-from oed.solution import Status
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.foundation.errors import NotFinite
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.identifiability import ambiguities, require_identifiable
+from oed.kernel.limit import PathLimit, Rows
+from oed.kernel.measurement.sensor import Moment, PlacedSensor
+from oed.kernel.solution import Status
+from oed.robots.baselines import baselines
+from oed.robots.limits import WheelJerk
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Poses, Several, YawRate
 
 POSES = Poses(noise={"position": 0.01, "heading": 0.01})
 SPACE = DesignSpace(duration=10, samples=20, spline=Spline(coefficients=8))
@@ -105,7 +105,7 @@ class TestWhatIsSaid:
             evaluate(problem, random_drive(problem, 0))
 
     def test_it_survives_the_way_from_a_worker(self):
-        error = NotFinite(oed.errors.Flaw(("robot",), "x: not finite"))
+        error = NotFinite(oed.foundation.errors.Flaw(("robot",), "x: not finite"))
         again = pickle.loads(pickle.dumps(error))
         assert (str(again), again.flaw) == (str(error), error.flaw)
 
@@ -130,7 +130,7 @@ class TestWhatIsDone:
 
     def test_a_search_of_nothing_else_says_why(self, monkeypatch: pytest.MonkeyPatch):
         # Where the random drives asked first happened to be finite.
-        monkeypatch.setattr("oed.solvers.require_identifiable", lambda problem: None)
+        monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
         options = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
         found = oed.solve(problem_of(measurement=PlainRanges()), options, seed=0, workers=1)
         assert found.status is Status.FAILED

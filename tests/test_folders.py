@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from oed.errors import UserMistake
-from oed.folders import drafted, in_order, interrupted_runs, updated
+from oed.foundation.errors import UserMistake
+from oed.foundation.work.folders import drafted, in_order, interrupted_runs, updated
 
 OLD = {"record.json": "old", "gone.csv": "old", "figures/a.svg": "old", "mine/notes.txt": "mine"}
 NEW = {"record.json": "new", "figures/b.svg": "new"}
@@ -306,7 +306,7 @@ class TestLock:
     @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nothing ends a process so suddenly")
     def test_a_killed_process_leaves_no_lock_and_its_run_is_kept(self, old: Path, caplog):
         program = (
-            "import sys, os, signal; from oed.folders import drafted\n"
+            "import sys, os, signal; from oed.foundation.work.folders import drafted\n"
             "with drafted(sys.argv[1]) as draft:\n"
             "    draft.write({'record.json': 'begun'})\n"
             "    os.kill(os.getpid(), signal.SIGKILL)\n"

@@ -13,21 +13,21 @@ from builders import RADIUS, SPEED, TRACK, input_limits, make_problem, random_dr
 from robots import ROBOTS, Example
 
 import oed
-from oed.coarser import OFTEN, as_well_read
-from oed.criteria import D, E
-from oed.errors import ProblemError
-from oed.evaluation import evaluate, full_information
-from oed.expression import Expression
-from oed.identifiability import STEP, ambiguities, require_identifiable
-from oed.measurements import Displacements, Measurement, Poses, Ranges, Several, TrailerAngle, YawRate
-from oed.models import DifferentialDrive, Model, Parameter, SkidSteer
-from oed.models.wheels import TWO_WHEEL_SPEEDS
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.solution import Solution
-from oed.solvers import Context, Ipopt, Solver
-from oed.square_root import SquareRoot
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.foundation.errors import ProblemError
+from oed.kernel.coarser import OFTEN, as_well_read
+from oed.kernel.criteria import D, E
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate, full_information
+from oed.kernel.identifiability import STEP, ambiguities, require_identifiable
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.optimize import Context, Ipopt, Solver
+from oed.robots.models import DifferentialDrive, Model, Parameter, SkidSteer
+from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
+from oed.robots.sensors import Displacements, Measurement, Poses, Ranges, Several, TrailerAngle, YawRate
 
 OUTER, INNER = 0.1, -0.05
 POSES = Poses(noise={"position": 2e-3, "heading": 0.02})
@@ -320,7 +320,7 @@ class TestSubset:
 
 def test_limits_are_not_asked_about(monkeypatch: pytest.MonkeyPatch):
     """Of drives of any length: what limits are kept between the points may take long to find."""
-    monkeypatch.setattr("oed.evaluation.most_exceeded", None)
+    monkeypatch.setattr("oed.kernel.evaluation.most_exceeded", None)
     assert ambiguities(problem_of(DIFFERENTIAL, POSES)) == ()
 
 
@@ -352,7 +352,7 @@ class TestManySamples:
             seen.add(drive.samples)
             return full_information(problem, drive)
 
-        monkeypatch.setattr("oed.identifiability.full_information", counted)
+        monkeypatch.setattr("oed.kernel.identifiability.full_information", counted)
         return names_of(problem), seen
 
     @staticmethod
@@ -389,7 +389,7 @@ class TestManySamples:
         found, seen = self.tried(problem, monkeypatch)
         assert (found == []) == told
         assert max(seen) < 1000
-        monkeypatch.setattr("oed.identifiability.as_well_read", lambda problem: problem)
+        monkeypatch.setattr("oed.kernel.identifiability.as_well_read", lambda problem: problem)
         assert found == names_of(problem)
 
     @pytest.mark.parametrize("every", [1, 3, 399, 401, 3333, 6667, 19_999, 20_000])
@@ -407,7 +407,7 @@ class TestManySamples:
         assert as_well_read(problem).design.period > 0.5
         found, seen = self.tried(problem, monkeypatch)
         assert 2000 in seen
-        monkeypatch.setattr("oed.identifiability.as_well_read", lambda problem: problem)
+        monkeypatch.setattr("oed.kernel.identifiability.as_well_read", lambda problem: problem)
         assert found == names_of(problem)
 
 

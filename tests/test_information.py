@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed.information import information, scale_factors, scaling_flaws
-from oed.measurements import Block, regression
+from oed.kernel.measurement.information import information, scale_factors, scaling_flaws
+from oed.robots.sensors import Block, regression
 
 DESIGN = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.25]])
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oed.matrices import eliminate, harmonic, quotient, solve_lower
+from oed.kernel.measurement.matrices import eliminate, harmonic, quotient, solve_lower
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oed.console import print_results
-from oed.errors import FileFlaw, Flaw, UserMistake
-from oed.files import inside
-from oed.messages import say, tell
-from oed.names import file_stem, name_flaw
-from oed.shown import shown
+from oed.cli.terminal.console import print_results
+from oed.cli.terminal.messages import say, tell
+from oed.foundation.errors import FileFlaw, Flaw, UserMistake
+from oed.foundation.files import inside
+from oed.foundation.names import file_stem, name_flaw
+from oed.foundation.shown import shown
 
 ESCAPE = "\x1b[2J\x1b]0;gone\x07"
 BIDI = "safe\u202etxt.exe"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
 
-from oed.calibration_record import load_estimate
-from oed.errors import Failure, StudyError, UserMistake
-from oed.estimation import estimate
-from oed.next_drive import next_drive
-from oed.record import Record, drive_of, save_record
-from oed.runner import run
-from oed.study import Study, load_study, parse_study
+from oed.foundation.errors import Failure, StudyError, UserMistake
+from oed.records.calibration_record import load_estimate
+from oed.records.record import Record, drive_of, save_record
+from oed.study.study import Study, load_study, parse_study
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.next_drive import next_drive
+from oed.workflow.runner import run
 
 SEARCH = "solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]"
 STUDY = f"{ROOM_STUDY}{SEARCH}\nbaselines: [square]\n"
@@ -66,7 +66,7 @@ class TestInterrupted:
             raise error
 
         log = drive(study, designed, None, tmp_path / "log.csv", np.random.default_rng(1))
-        monkeypatch.setattr("oed.runner.solve", strike)
+        monkeypatch.setattr("oed.workflow.runner.solve", strike)
         before = all_files(old)
         if isinstance(error, Failure):
             with pytest.raises(Failure, match="no memory"):

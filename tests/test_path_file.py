@@ -11,12 +11,12 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, rand
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from oed.errors import FileFlaw, PathFileError
-from oed.evaluation import evaluate
-from oed.limits import WheelJerk
-from oed.models import SkidSteer
-from oed.path_file import read_trajectory, trajectory_csv, write_trajectory
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.foundation.errors import FileFlaw, PathFileError
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.records.path_file import read_trajectory, trajectory_csv, write_trajectory
+from oed.robots.limits import WheelJerk
+from oed.robots.models import SkidSteer
 
 PROBLEM = make_problem()
 HEADER = "t,wheel_speed_right,wheel_speed_left"

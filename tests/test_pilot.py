@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oed.next_drive import next_drive
-from oed.record import drive_of
-from oed.runner import run
-from oed.study import Study, parse_study
-from oed.trajectory import Trajectory
-from oed.validation.physics import FourWheels, Motion, drive
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.records.record import drive_of
+from oed.simulation.physics import FourWheels, Motion, drive
+from oed.study.study import Study, parse_study
+from oed.workflow.next_drive import next_drive
+from oed.workflow.runner import run
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.slow

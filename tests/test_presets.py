@@ -8,9 +8,9 @@ from importlib import resources
 import pytest
 
 import oed
-from oed.errors import StudyError
-from oed.presets import preset, preset_names
-from oed.quantities import parse_quantity
+from oed.foundation.errors import StudyError
+from oed.foundation.quantities import parse_quantity
+from oed.robots.presets import preset, preset_names
 
 PUBLISHED = {
     "create_3",
@@ -65,7 +65,7 @@ def test_its_limits_fit_each_other(name: str):
 
 @presets
 def test_every_value_has_a_source(name: str):
-    text = resources.files("oed.presets").joinpath(f"{name}.yaml").read_text(encoding="utf-8")
+    text = resources.files("oed.robots.presets").joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     entries = re.split(r"\n(?=  \w+:)", text)
     values = [entry for entry in entries if re.match(r"  (?!kind)\w+: \S", entry)]
     keys = [key for part in preset(name).values() for key in part if key != "kind"]
@@ -140,7 +140,7 @@ class TestMistakes:
 
 
 def test_the_schema_knows_them():
-    from oed.study import json_schema
+    from oed.study.study import json_schema
 
     forms = json_schema()["properties"]["robot"]["anyOf"]
     assert any(

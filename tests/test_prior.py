@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from oed.prior import Prior
+from oed.kernel.measurement.prior import Prior
 
 NAMES = ("wheel_radius", "track", "slip")
 NOMINAL, UNITS = np.array([0.05, -0.2, 0.1]), ("m", "m", "")

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
 
-from oed.criteria import A, E
-from oed.errors import ProblemError, UserMistake
-from oed.evaluation import evaluate
-from oed.limits import WheelSpeed
-from oed.measurements import Displacements, Poses, Ranges, Several, YawRate
-from oed.models import DifferentialDrive, Input, Model, Parameter, SkidSteer
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose
+from oed.foundation.errors import ProblemError, UserMistake
+from oed.kernel.criteria import A, E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.robots.limits import WheelSpeed
+from oed.robots.models import DifferentialDrive, Input, Model, Parameter, SkidSteer
+from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
 
 
 class Unicycle(Model):

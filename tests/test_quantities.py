@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from oed.component import Component
-from oed.quantities import (
+from oed.foundation.component import Component
+from oed.foundation.quantities import (
     _COMMON,
     LARGEST,
     SMALLEST,

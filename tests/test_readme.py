@@ -12,12 +12,12 @@ import pytest
 import yaml
 
 from oed.cli import main
-from oed.estimation import estimate
-from oed.limits import LIMITS
-from oed.models import MODELS
-from oed.presets import preset_names
 from oed.report.estimate.console import estimate_rows
-from oed.study import load_study, parse_study
+from oed.robots.limits import LIMITS
+from oed.robots.models import MODELS
+from oed.robots.presets import preset_names
+from oed.study.study import load_study, parse_study
+from oed.workflow.estimate_logs import estimate
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

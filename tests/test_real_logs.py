@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from oed.estimation import estimate
-from oed.study import Study, load_study, parse_study
+from oed.study.study import Study, load_study, parse_study
+from oed.workflow.estimate_logs import estimate
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("OED_LOGS", ROOT.parent / "shared" / "data"))

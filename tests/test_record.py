@@ -14,8 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from studies import SMALL
 
-from oed.errors import RecordError
-from oed.record import (
+from oed.foundation.errors import RecordError
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
+from oed.records.record import (
     Record,
     drive_of,
     finite,
@@ -24,11 +26,9 @@ from oed.record import (
     save_record,
     validation_data,
 )
-from oed.runner import record
-from oed.solution import HistoryPoint, Solution, Start, Status, scored
-from oed.study import ValidationOptions, parse_study
-from oed.trajectory import Trajectory
-from oed.validation import validate
+from oed.simulation import validate
+from oed.study.study import ValidationOptions, parse_study
+from oed.workflow.runner import record
 
 STUDY = parse_study(SMALL)
 PROBLEM = STUDY.problem

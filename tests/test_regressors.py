@@ -10,11 +10,11 @@ import pytest
 from builders import make_problem
 from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
-from oed.evaluation import evaluate
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.regressors import Regressors
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.estimation.prediction.regressors import Regressors
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements
 
 SPLINE = Spline(coefficients=8)
 robots = pytest.mark.parametrize("example", cases(TWO_SIDED))

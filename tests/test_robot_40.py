@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.peers import scorer, task
-from oed.criteria import A, D, E
-from oed.evaluation import evaluate
-from oed.solvers import Ipopt, solve
-from oed.study import Study, load_study
+from oed.kernel.criteria import A, D, E
+from oed.kernel.evaluation import evaluate
+from oed.optimize import Ipopt, solve
+from oed.study.study import Study, load_study
 
 FILE = Path(__file__).parent.parent / "problems" / "robot_40.yaml"
 

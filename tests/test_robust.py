@@ -17,19 +17,19 @@ from builders import ACCELERATION, RADIUS, SPEED, TRACK, make_problem, random_dr
 from pydantic import ValidationError
 from scipy.stats import norm
 
-from oed.criteria import A, D, E
-from oed.errors import ProblemError
-from oed.evaluation import evaluate
-from oed.limits import Circle, Obstacles, Polygon, Rectangle, TrailerAngle
-from oed.limits.limit import ROUNDED, PathLimit
-from oed.measurements import Poses
-from oed.models import DifferentialDrive
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.robust import Robust
-from oed.rollout import FINE, roll_out
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
-from oed.uncertainty import Uncertainty
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import A, D, E
+from oed.kernel.dynamics.rollout import FINE, roll_out
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.limit import ROUNDED, PathLimit
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.robots.limits import Circle, Obstacles, Polygon, Rectangle, TrailerAngle
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Poses
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "3 %", "track": "4 %"}

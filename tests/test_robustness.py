@@ -12,16 +12,16 @@ import yaml
 from driven_robot import ROOM_STUDY, write_log
 from studies import saved_study, small
 
-from oed.departures import leaving
-from oed.driven import score_logs
-from oed.errors import StudyError
-from oed.evaluation import evaluate
-from oed.next_drive import next_drive
-from oed.record import Record, drive_of, load_record
-from oed.robustness import safe
-from oed.runner import run
-from oed.solution import Solution, Status
-from oed.study import Study, parse_study
+from oed.foundation.errors import StudyError
+from oed.kernel.evaluation import evaluate
+from oed.kernel.solution import Solution, Status
+from oed.records.record import Record, drive_of, load_record
+from oed.study.study import Study, parse_study
+from oed.uncertainty.departures import leaving
+from oed.workflow.driven import score_logs
+from oed.workflow.next_drive import next_drive
+from oed.workflow.robustness import safe
+from oed.workflow.runner import run
 
 WITHIN = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %, x: 1 cm}"
 ROBUST = "{confidence: 0.98, draws: 400}"

@@ -10,8 +10,8 @@ import oracle
 import pytest
 from robots import PLANAR, ROBOTS, Example, cases, draw_inputs
 
-from oed.models.coefficient_robot import CoefficientRobot
-from oed.rollout import FINE, Drive, drive_shape, roll_out
+from oed.kernel.dynamics.rollout import FINE, Drive, drive_shape, roll_out
+from oed.robots.coefficient_robot import CoefficientRobot
 
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
 FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from studies import GENETIC, IPOPT, saved_study, small
 
-from oed.criteria import E
-from oed.errors import StudyError
-from oed.evaluation import evaluate
-from oed.path_file import read_trajectory
-from oed.record import Record, drive_of, load_record
-from oed.runner import best_of, run, search
-from oed.study import Study
+from oed.foundation.errors import StudyError
+from oed.kernel.criteria import E
+from oed.kernel.evaluation import evaluate
+from oed.records.path_file import read_trajectory
+from oed.records.record import Record, drive_of, load_record
+from oed.study.study import Study
+from oed.workflow.runner import best_of, run, search
 
 MINE = "t,wheel_speed_right,wheel_speed_left\n" + "".join(f"{0.25 * k},0.5,0.25\n" for k in range(40))
 TEXT = small(

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from studies import SMALL, write_study
 
 from oed.cli import main
-from oed.errors import PathFileError
-from oed.evaluation import Evaluation, evaluate
-from oed.limits import BodySpeed, PathLength, WheelJerk
-from oed.measurements import Displacements
-from oed.path_file import read_trajectory, write_trajectory
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.foundation.errors import PathFileError
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.records.path_file import read_trajectory, write_trajectory
+from oed.robots.limits import BodySpeed, PathLength, WheelJerk
+from oed.robots.sensors import Displacements
 
 RUNS, COEFFICIENTS = 3, 9
 STARTS = (StartPose(x=0.1), StartPose(x=-0.2, y=0.3, heading=2.0), StartPose(y=-0.4, heading=-1.0))

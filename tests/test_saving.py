@@ -18,13 +18,13 @@ from typing import Any
 import pytest
 from studies import GENETIC, saved_study, small, write_study
 
-from oed import files
 from oed.cli import main
-from oed.errors import Failure, UserMistake
-from oed.folders import interrupted_runs, updated
-from oed.record import load_record
-from oed.runner import run
-from oed.study import Study
+from oed.foundation import files
+from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.work.folders import interrupted_runs, updated
+from oed.records.record import load_record
+from oed.study.study import Study
+from oed.workflow.runner import run
 
 TEXT = small(solvers=GENETIC, baselines="[circle]")
 
@@ -202,7 +202,7 @@ class TestUnreadable:
     @pytest.fixture
     def damaged(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         made = {"packages": {}, "python": math.nan, "platform": "any", "finished": "now"}
-        monkeypatch.setattr("oed.runner.provenance", lambda: made)
+        monkeypatch.setattr("oed.workflow.runner.provenance", lambda: made)
         (tmp_path / "spare").mkdir()
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
         monkeypatch.chdir(tmp_path)

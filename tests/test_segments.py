@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from robots import ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
-from oed.segments import SegmentReadings
+from oed.estimation.prediction.segments import SegmentReadings
 
 COUNT, PERIODS = 3, 6
 XYH = ("x", "y", "heading")

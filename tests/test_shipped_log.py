@@ -10,11 +10,11 @@ import yaml
 from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
 
 from oed.cli import main
-from oed.estimation import estimate
-from oed.record import Record
-from oed.recorded_study import recorded_study
-from oed.saving import save_estimate
-from oed.study import load_study
+from oed.records.record import Record
+from oed.records.recorded_study import recorded_study
+from oed.study.study import load_study
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.saving import save_estimate
 
 
 def test_it_is_what_its_simulation_writes():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from oed.solution import Solution, Status
+from oed.kernel.solution import Solution, Status
 
 
 @pytest.mark.parametrize("status", Status)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed import spline
+from oed.kernel.dynamics import spline
 
 DURATION = 3.0
 degrees = pytest.mark.parametrize("degree", range(6))

@@ -14,21 +14,21 @@ from builders import RADIUS, TRACK, input_limits, make_problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oed.baselines import baselines
-from oed.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
-from oed.evaluation import Evaluation, evaluate
-from oed.identifiability import ambiguities, require_identifiable
-from oed.matrices import eliminate
-from oed.measurements import Displacements, Poses, YawRate
-from oed.models import Tricycle
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.rollout import roll_out
-from oed.solution import Status
-from oed.solvers import Genetic, Ipopt, solve
-from oed.square_root import SquareRoot, project_out, rounding_of
-from oed.study import load_study
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.identifiability import ambiguities, require_identifiable
+from oed.kernel.measurement.matrices import eliminate
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Status
+from oed.optimize import Genetic, Ipopt, solve
+from oed.robots.baselines import baselines
+from oed.robots.models import Tricycle
+from oed.robots.sensors import Displacements, Poses, YawRate
+from oed.study.study import load_study
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 seeds = st.integers(0, 2**32 - 1)

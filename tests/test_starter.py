@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from oed.cli import main
-from oed.errors import StudyError, UserMistake
+from oed.foundation.errors import StudyError, UserMistake
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs import read_logs
-from oed.path_file import write_trajectory
-from oed.solvers import Ipopt, solve
-from oed.starter import SENSORS, Choice, robots, sizes_needed, starter
-from oed.study import Study, load_study, parse_study
-from oed.trajectory import Trajectory
+from oed.optimize import Ipopt, solve
+from oed.records.path_file import write_trajectory
+from oed.study.starter import SENSORS, Choice, robots, sizes_needed, starter
+from oed.study.study import Study, load_study, parse_study
 
 every_robot = pytest.mark.parametrize("robot", robots())
 LARGE = "8 m x 6 m"

@@ -16,7 +16,7 @@ import pytest
 from studies import GENETIC, small, write_study
 
 from oed.cli import main
-from oed.record import load_record
+from oed.records.record import load_record
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_who_closes_the_stream_closes_their_own(
         sys.stdout.close()
         return {"a": "b"}
 
-    monkeypatch.setattr("oed.study.json_schema", closing)
+    monkeypatch.setattr("oed.study.study.json_schema", closing)
     assert main(["schema"]) == 0
     assert '"a": "b"' in capsys.readouterr().out
 
@@ -111,7 +111,7 @@ def test_warnings_take_a_line_and_do_not_steer(
         warnings.warn("Glyph 27 (\x1b)\nmissing", stacklevel=1)
         return {}
 
-    monkeypatch.setattr("oed.study.json_schema", warning)
+    monkeypatch.setattr("oed.study.study.json_schema", warning)
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         assert main(["schema"]) == 0

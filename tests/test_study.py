@@ -10,11 +10,11 @@ import pytest
 import yaml
 from studies import SMALL, saved_study, small
 
-from oed.errors import FileFlaw, StudyError
-from oed.measurements import PosePrior, Poses, Ranges, Several, YawRate
-from oed.models import DifferentialDrive
-from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt
-from oed.study import PathFile, json_schema, load_study, parse_study
+from oed.foundation.errors import FileFlaw, StudyError
+from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import PosePrior, Poses, Ranges, Several, YawRate
+from oed.study.study import PathFile, json_schema, load_study, parse_study
 
 PROBLEMS = sorted((Path(__file__).parent.parent / "problems").glob("*.yaml"))
 

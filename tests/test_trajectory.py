@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
 
 START = (0.1, -0.2, 0.3)
 

@@ -15,17 +15,17 @@ import pytest
 from studies import SMALL
 
 from oed.cli import main
-from oed.errors import RecordError, StudyError, UserMistake
-from oed.experiments import validated, validation_options
 from oed.exporters import export
 from oed.exporters.request import Request
-from oed.models import own_module
-from oed.next_drive import next_drive
-from oed.record import Record, load_record, save_record
-from oed.recorded_study import recorded_study
-from oed.runner import record
-from oed.solution import scored
-from oed.study import Study, load_study, parse_study
+from oed.foundation.errors import RecordError, StudyError, UserMistake
+from oed.kernel.solution import scored
+from oed.records.record import Record, load_record, save_record
+from oed.records.recorded_study import recorded_study
+from oed.robots.models import own_module
+from oed.study.study import Study, load_study, parse_study
+from oed.workflow.experiments import validated, validation_options
+from oed.workflow.next_drive import next_drive
+from oed.workflow.runner import record
 
 MODULE = """
 from pathlib import Path

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from oracle import central_difference
 from pydantic import ValidationError
 
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.measurements import Poses
-from oed.models import DifferentialDrive, SkidSteer
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose
-from oed.uncertainty import Spread, Uncertainty
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.robots.models import DifferentialDrive, SkidSteer
+from oed.robots.sensors import Poses
+from oed.uncertainty.uncertainty import Spread, Uncertainty
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from oed.errors import FileFlaw, StudyError
-from oed.yaml_source import CHARACTERS, DEPTH, NODES, parse_yaml, read_yaml
+from oed.foundation.errors import FileFlaw, StudyError
+from oed.study.yaml_source import CHARACTERS, DEPTH, NODES, parse_yaml, read_yaml
 
 TEXT = """\
 # a remark
@@ -232,7 +232,7 @@ def test_what_no_study_is_made_of_is_named_by_line(text: str, line: int, message
 
 
 def test_what_is_written_out_counts_as_well(monkeypatch):
-    monkeypatch.setattr("oed.yaml_source.NODES", 100)
+    monkeypatch.setattr("oed.study.yaml_source.NODES", 100)
     flaw = flaw_of("a:\n" + "- 1\n" * 1000)
     assert (flaw.line, flaw.message[:14]) == (99, "more than 100 ")
 

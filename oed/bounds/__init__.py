@@ -14,11 +14,11 @@ from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate, bound_on,
 from oed.bounds.joint import joint_caps
 from oed.bounds.motion import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
-from oed.criteria import E
-from oed.evaluation import TOLERANCE, evaluate
-from oed.measurements.displacements import Displacements
-from oed.problem import Problem
-from oed.trajectory import Trajectory
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.problem import Problem
+from oed.robots.sensors.displacements import Displacements
 
 Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from oed.bounds.certificate import Cap
 from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
-from oed.measurements.displacements import Displacements
-from oed.problem import Estimation, Problem, prior_of
+from oed.kernel.problem import Estimation, Problem, prior_of
+from oed.robots.sensors.displacements import Displacements
 
 Array = npt.NDArray[np.float64]
 

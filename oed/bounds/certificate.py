@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from oed.evaluation import Evaluation
-from oed.trajectory import Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation
 
 Array = npt.NDArray[np.float64]
 

@@ -16,13 +16,13 @@ from oed.bounds.caps import SPEEDS, along
 from oed.bounds.certificate import Cap
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
-from oed.measurements.poses import Poses
-from oed.measurements.ranges import Ranges
-from oed.measurements.sensor import Sensor
-from oed.measurements.several import sensors_of
-from oed.measurements.yaw_rate import YawRate
-from oed.models.coefficient_robot import CoefficientRobot
-from oed.problem import Estimation, Problem
+from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.problem import Estimation, Problem
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.sensors.poses import Poses
+from oed.robots.sensors.ranges import Ranges
+from oed.robots.sensors.several import sensors_of
+from oed.robots.sensors.yaw_rate import YawRate
 
 Array = npt.NDArray[np.float64]
 

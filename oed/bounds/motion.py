@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.limits.path_length import PathLength
-from oed.limits.workspace import workspace_of
-from oed.models.coefficient_robot import CoefficientRobot
-from oed.models.model import follows_state, step
-from oed.models.skid_steer import SkidSteer
-from oed.problem import Problem
-from oed.trajectory import middles
+from oed.kernel.dynamics.trajectory import middles
+from oed.kernel.problem import Problem
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.limits.path_length import PathLength
+from oed.robots.limits.workspace import workspace_of
+from oed.robots.models.model import follows_state, step
+from oed.robots.models.skid_steer import SkidSteer
 
 Array = npt.NDArray[np.float64]
 

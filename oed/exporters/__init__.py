@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from oed.calibration_record import FILE as ESTIMATE
-from oed.calibration_record import load_estimate
-from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
 from oed.exporters.diff_drive import write_parameters
 from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
-from oed.folders import in_order
-from oed.record import FILE as RECORD
-from oed.record import Record, load_record, require_no_results
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.work.folders import in_order
+from oed.records.calibration_record import FILE as ESTIMATE
+from oed.records.calibration_record import load_estimate
+from oed.records.record import FILE as RECORD
+from oed.records.record import Record, load_record, require_no_results
 
 EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.exporters.recorded import RecordedMotion
-from oed.models import Input, Model
-from oed.models.model import Integration
-from oed.problem import Problem
-from oed.rollout import asked_motion, roll_out
-from oed.trajectory import Trajectory
+from oed.kernel.dynamics.rollout import asked_motion, roll_out
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.robots.models import Input, Model
+from oed.robots.models.model import Integration
 
 Array = npt.NDArray[np.float64]
 

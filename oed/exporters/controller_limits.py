@@ -7,8 +7,8 @@ from math import inf, isfinite
 from typing import Any
 
 from oed.exporters.two_sides import Pair, Sides
-from oed.limits import BodySpeed, Limit, YawRate
-from oed.models import Model
+from oed.robots.limits import BodySpeed, Limit, YawRate
+from oed.robots.models import Model
 
 
 def controller_limits(model: Model, sides: Sides, limits: Iterable[Limit]) -> dict[str, Any]:

@@ -15,15 +15,17 @@ from typing import Any
 
 import yaml
 
-from oed.calibration_record import FILE as ESTIMATE
-from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.commands import joint_name
 from oed.exporters.controller_limits import controller_limits
 from oed.exporters.request import Request
 from oed.exporters.two_sides import Sides
-from oed.files import write_text
-from oed.limits import Limit
-from oed.models import (
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.files import write_text
+from oed.records.calibration_record import FILE as ESTIMATE
+from oed.records.stored.door import checked, read_object
+from oed.records.stored.estimate import Estimates
+from oed.robots.limits import Limit
+from oed.robots.models import (
     DifferentialDrive,
     Model,
     OffsetDrive,
@@ -32,8 +34,6 @@ from oed.models import (
     SkidSteerIcr,
     TractorTrailer,
 )
-from oed.stored.door import checked, read_object
-from oed.stored.estimate import Estimates
 
 CONTROLLER = "diff_drive_controller"
 

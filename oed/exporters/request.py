@@ -9,17 +9,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from oed.errors import FileFlaw, RecordError, UserMistake
 from oed.exporters.commands import Commands, modelled, recorded
 from oed.exporters.recorded import motions_of
 from oed.exporters.vehicle import Vehicle, recorded_vehicle, vehicle_of
-from oed.files import inside
-from oed.models import PythonRobot
-from oed.names import file_stem
-from oed.record import FILE, Record, drive_of
-from oed.recorded_study import recorded_file, recorded_study
-from oed.study import Study, StudyFile
-from oed.trajectory import Trajectory
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.files import inside
+from oed.foundation.names import file_stem
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.records.record import FILE, Record, drive_of
+from oed.records.recorded_study import recorded_file, recorded_study
+from oed.robots.models import PythonRobot
+from oed.study.study import Study, StudyFile
 
 MOST = 1_000_000
 """Commands of one run; more are a mistyped rate."""

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from oed.errors import UserMistake
 from oed.exporters.commands import Commands, joint_name
 from oed.exporters.request import Request
-from oed.extras import extra
-from oed.folders import drafted
-from oed.record import RESULTS
+from oed.foundation.errors import UserMistake
+from oed.foundation.extras import extra
+from oed.foundation.work.folders import drafted
+from oed.records.record import RESULTS
 
 STORAGES = ("sqlite3", "mcap")
 PURPOSE = "writing ROS 2 bags"

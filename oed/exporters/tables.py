@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.exporters.commands import Commands
 from oed.exporters.request import Request
-from oed.files import write_text
+from oed.foundation.files import write_text
 
 FORMAT = 1
 """Of the JSON file."""
@@ -22,8 +22,8 @@ def write_csv(request: Request) -> Path:
     """Write a row per command: t, the inputs, v, omega (v_lateral), and the state when it begins; SI.
 
     Several runs follow each other, told apart by a first column `run`, each on its own clock. The last row
-    of a run is the command to stop. `oed.path_file.read_trajectory` takes it for a period like the others:
-    what it reads ends with one period at rest.
+    of a run is the command to stop. `oed.records.path_file.read_trajectory` takes it for a period like the
+    others: what it reads ends with one period at rest.
     """
     path = request.path("commands.csv")
     write_text(path, _csv(request))

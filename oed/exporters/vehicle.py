@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from oed.errors import FileFlaw, RecordError
 from oed.exporters.recorded import motions_of
-from oed.models import Input, Model, moves_sideways
-from oed.record import FILE, Record
+from oed.foundation.errors import FileFlaw, RecordError
+from oed.records.record import FILE, Record
+from oed.robots.models import Input, Model, moves_sideways
 
 POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
 

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from oed.component import OneOf
+from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
-from oed.logs.csv_form import CsvForm
 from oed.logs.form import LogForm
 from oed.logs.log import Finding, Log
 from oed.logs.reading import read_logs
-from oed.logs.table import UnknownColumn
+from oed.logs.tables.csv_form import CsvForm
+from oed.logs.tables.table import UnknownColumn
 
 LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
 

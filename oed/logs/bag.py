@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from oed.errors import FileFlaw, LogError
-from oed.extras import extra
-from oed.files import special
+from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.extras import extra
+from oed.foundation.files import special
 from oed.logs.form import is_bag
 from oed.logs.series import Series
-from oed.logs.tum import heading_of
+from oed.logs.tables.tum import heading_of
 
 Clock = Literal["header", "received"]
 

@@ -9,16 +9,16 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from oed.component import Component
-from oed.errors import FileFlaw, Flaw, LogError
+from oed.foundation.component import Component
+from oed.foundation.errors import FileFlaw, Flaw, LogError
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
-from oed.logs.columns import Short
 from oed.logs.drive import Drive, to_logs
 from oed.logs.form import LogForm
 from oed.logs.log import Finding, Log
 from oed.logs.motion import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.series import Gathered, Series
-from oed.models import Input, Model
+from oed.logs.tables.columns import Short
+from oed.robots.models import Input, Model
 
 QUANTITIES = ("x", "y", "heading")
 

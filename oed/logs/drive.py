@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from oed.errors import FileFlaw, LogError
+from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
 from oed.logs.log import Finding, Log
 from oed.logs.series import Array, Gathered, Series

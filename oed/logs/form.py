@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from oed.component import Component
-from oed.errors import Flaw
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Duration
 from oed.logs.drive import Handling
 from oed.logs.log import Log
-from oed.models import Model
-from oed.quantities import Duration
+from oed.robots.models import Model
 
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
 

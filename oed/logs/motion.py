@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from oed.errors import FileFlaw
+from oed.foundation.errors import FileFlaw
 from oed.logs.series import Array, Series
 
 Held = Literal["next", "previous", "between"]

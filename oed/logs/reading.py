@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.errors import FileFlaw, LogError, ProblemError
+from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.logs.form import LogForm
 from oed.logs.log import Log
 from oed.logs.series import Gathered
-from oed.models import Model
+from oed.robots.models import Model
 
 
 def read_logs(files: Sequence[str | Path], form: LogForm, model: Model) -> list[Log]:

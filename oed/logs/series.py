@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from oed.errors import FileFlaw, LogError
-from oed.quantities import LARGEST, too_large
+from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.quantities import LARGEST, too_large
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]

@@ -1,8 +1,8 @@
 """Reports: a record in, files out. Nothing here solves or integrates."""
 
-from oed.report.animation import animate
 from oed.report.comparison import write_comparison
 from oed.report.estimate import write_estimate
+from oed.report.film.animation import animate
 from oed.report.page import write_report
 from oed.report.sweep import write_sweep
 

@@ -8,15 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from oed.record import Record
-from oed.report.driven import Path as DrivenPath
-from oed.report.driven import path_of
+from oed.records.record import Record
+from oed.report.figures.driven import Path as DrivenPath
+from oed.report.figures.driven import path_of
 from oed.report.page import render
-from oed.report.reading import is_regression, value, whole_duration
-from oed.report.rooms import room_of
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import count, words
+from oed.report.parts.reading import is_regression, value, whole_duration
+from oed.report.parts.rooms import room_of
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant
+from oed.report.parts.wording import count, words
 
 Named = tuple[str, Record]
 
@@ -138,7 +138,7 @@ def _picture(index: int, name: str, record: Record, path: DrivenPath) -> Picture
 
 
 def _draw(paths: Any, room: Any) -> Any:
-    from oed.report import path_panels
+    from oed.report.figures import path_panels
 
     return path_panels.paths(paths, room)
 

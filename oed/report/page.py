@@ -12,13 +12,13 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from oed.folders import updated
-from oed.record import REPORT, Record, pages
-from oed.report.animation import with_film
-from oed.report.section import Animation, Section
+from oed.foundation.shown import page_text
+from oed.foundation.work.folders import updated
+from oed.records.record import REPORT, Record, pages
+from oed.report.film.animation import with_film
+from oed.report.parts.section import Animation, Section
+from oed.report.parts.wording import slug
 from oed.report.sections import SECTIONS
-from oed.report.wording import slug
-from oed.shown import page_text
 
 NAME = REPORT
 """Of a report's files, without suffix."""
@@ -80,7 +80,7 @@ def _drawings(sections: list[Section]) -> dict[str, str]:
     pictures = [picture for section in sections for picture in section.figures]
     if not pictures:
         return {}
-    from oed.report.panels import svg_text
+    from oed.report.figures.panels import svg_text
 
     return {picture.name: svg_text(picture.draw) for picture in pictures}
 

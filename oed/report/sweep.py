@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from oed.files import inside
-from oed.record import Record, load_record
+from oed.foundation.files import inside
+from oed.records.record import Record, load_record
 from oed.report.comparison import relative_deviations
-from oed.report.driven import path_of
+from oed.report.figures.driven import path_of
 from oed.report.page import NAME, render
-from oed.report.rooms import room_of
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, significant
-from oed.report.wording import count, listing, unit_text, words
+from oed.report.parts.rooms import room_of
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, significant
+from oed.report.parts.wording import count, listing, unit_text, words
 
 Row = Mapping[str, Any]
 
@@ -167,7 +167,7 @@ def _objective_figures(data: Mapping[str, Any]) -> tuple[Picture, ...]:
 
 
 def _draw(kind: str, *data: Any) -> Any:
-    from oed.report import sweep_figures
+    from oed.report.figures import sweep_figures
 
     return getattr(sweep_figures, kind)(*data)
 
@@ -238,7 +238,7 @@ def _title(data: Mapping[str, Any], row: Row) -> str:
 
 
 def _draw_paths(paths: Sequence[Any], room: Any) -> Any:
-    from oed.report import path_panels
+    from oed.report.figures import path_panels
 
     return path_panels.paths(paths, room)
 

@@ -9,10 +9,13 @@ import pytest
 from builders import ACCELERATION, input_limits, make_problem
 from robots import ROBOTS, Example
 
-from oed.baselines import NAMES, PATTERNS, Move, baseline_flaws, baselines, suited
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.limits import (
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.robots.baselines import NAMES, PATTERNS, Move, baseline_flaws, baselines, suited
+from oed.robots.limits import (
     Polygon,
     Rectangle,
     SteeringAngle,
@@ -21,11 +24,8 @@ from oed.limits import (
     TurningRadius,
     WheelSpeed,
 )
-from oed.measurements import Poses
-from oed.models import Ackermann, DifferentialDrive, Mecanum, Model, SkidSteer, Tricycle
-from oed.problem import Problem
-from oed.solution import Solution
-from oed.trajectory import DesignSpace, Trajectory
+from oed.robots.models import Ackermann, DifferentialDrive, Mecanum, Model, SkidSteer, Tricycle
+from oed.robots.sensors import Poses
 
 FULL_TURN = 2 * np.pi
 SAMPLING = 0.02

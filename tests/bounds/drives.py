@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.bounds.motion import largest_rates, room
-from oed.evaluation import Evaluation, evaluate
-from oed.problem import Problem
-from oed.trajectory import Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
 
 Array = npt.NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from test_soundness import check
 
 from oed.bounds import NOTHING, bound
 from oed.bounds.motion import coefficient_rows, grip, scales_lengths, top_speeds
-from oed.criteria import E
-from oed.limits import Rectangle, WheelAcceleration, WheelSpeed
-from oed.measurements import Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import DifferentialDrive, SkidSteerSlip
-from oed.problem import Problem
-from oed.trajectory import DesignSpace
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.problem import Problem
+from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
+from oed.robots.models import DifferentialDrive, SkidSteerSlip
+from oed.robots.sensors import Poses
+from oed.robots.sensors.poses import AbsoluteNoise
 
 SIZES = {"wheel_radius": RADIUS, "track": TRACK}
 EFFECTS = {"yaw_lag": 0.4, "track_per_yaw_rate": 0.01, "track_per_curvature": 0.05, "x_icr": -0.02}

@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from oed.bounds import NOTHING, Certificate, bound
 from oed.bounds.caps import largest_squares
 from oed.bounds.certificate import INFLATION
-from oed.criteria import A, D, E, ModifiedE
-from oed.evaluation import evaluate
-from oed.limits import PathLength, Rectangle
-from oed.measurements import Displacements, Poses, Ranges
-from oed.measurements.displacements import PoseNoise
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import DifferentialDrive
-from oed.prior import Prior
-from oed.study import load_study
-from oed.trajectory import DesignSpace
+from oed.kernel.criteria import A, D, E, ModifiedE
+from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.prior import Prior
+from oed.robots.limits import PathLength, Rectangle
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Displacements, Poses, Ranges
+from oed.robots.sensors.displacements import PoseNoise
+from oed.robots.sensors.poses import AbsoluteNoise
+from oed.study.study import load_study
 
 COEFFICIENTS = ("c11", "c12", "c21", "c22")
 LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")

@@ -7,12 +7,12 @@ import pytest
 from builders import ACCELERATION, BOX, make_problem
 
 from oed.bounds import bound
-from oed.criteria import E
-from oed.limits import WheelSpeed
-from oed.measurements import Displacements, Poses
-from oed.models import DifferentialDrive
-from oed.problem import Problem
-from oed.solvers import Genetic, Ipopt, Solver, solve
+from oed.kernel.criteria import E
+from oed.kernel.problem import Problem
+from oed.optimize import Genetic, Ipopt, Solver, solve
+from oed.robots.limits import WheelSpeed
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Displacements, Poses
 
 SOLVERS: dict[str, Solver] = {
     "ipopt": Ipopt(starts=2, perturbations=1),

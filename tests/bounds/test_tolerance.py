@@ -13,8 +13,14 @@ from drives import KINDS, wanted_speeds, within_limits
 
 from oed.bounds import LATTICE, bound
 from oed.bounds.motion import largest_rates, room
-from oed.evaluation import TOLERANCE, Evaluation, evaluate
-from oed.limits import (
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.limit import BareLimit, Rows
+from oed.kernel.problem import Problem
+from oed.kernel.solution import scored
+from oed.records.record import certificate_data
+from oed.robots.limits import (
     BodySpeed,
     Circle,
     CircularObstacle,
@@ -30,16 +36,10 @@ from oed.limits import (
     WheelSpeed,
     YawRate,
 )
-from oed.limits.limit import BareLimit, Rows
-from oed.measurements import Displacements, Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import Model
-from oed.problem import Problem
-from oed.record import certificate_data
-from oed.rollout import Drive
-from oed.runner import certified
-from oed.solution import scored
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.robots.models import Model
+from oed.robots.sensors import Displacements, Poses
+from oed.robots.sensors.poses import AbsoluteNoise
+from oed.workflow.runner import certified
 
 
 class RevolutionsPerMinute(BareLimit):

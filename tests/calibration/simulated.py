@@ -15,17 +15,17 @@ import casadi as ca
 import numpy as np
 from builders import make_problem
 
-from oed.calibration import CalibrationOptions
-from oed.calibration.joint import Fit, JointSearch, Knowledge
-from oed.calibration.layout import Layout, cut
-from oed.calibration.unknowns import Unknowns
-from oed.criteria import E
-from oed.limits import SteeringAngle, WheelSpeed
+from oed.estimation import CalibrationOptions
+from oed.estimation.methods.joint import Fit, JointSearch, Knowledge
+from oed.estimation.prediction.layout import Layout, cut
+from oed.estimation.setup.unknowns import Unknowns
+from oed.kernel.criteria import E
+from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.measurements import Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import DifferentialDrive, Model
-from oed.problem import Problem
+from oed.robots.limits import SteeringAngle, WheelSpeed
+from oed.robots.models import DifferentialDrive, Model
+from oed.robots.sensors import Poses
+from oed.robots.sensors.poses import AbsoluteNoise
 
 ROBOT = DifferentialDrive(wheel_radius=0.05, track=0.2)
 TRUTH = {"wheel_radius_right": 0.0515, "wheel_radius_left": 0.0492, "track": 0.213}

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
 
-from oed.calibration import Calibration, calibrate, stated_mount, stated_noise
-from oed.errors import LogError, ProblemError
-from oed.measurements import Displacements, Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.measurements.sensor import LeverArm
-from oed.prior import Prior
+from oed.estimation import Calibration, calibrate, stated_mount, stated_noise
+from oed.foundation.errors import LogError, ProblemError
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import LeverArm
+from oed.robots.sensors import Displacements, Poses
+from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
 STATED = AbsoluteNoise(position=0.002, heading=0.005)

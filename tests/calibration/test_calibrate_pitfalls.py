@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
 
-from oed.calibration import calibrate, stated_mount
-from oed.calibration.motion import Moves
-from oed.calibration.noise import Noise
-from oed.calibration.suspicion import frozen
-from oed.errors import LogError
-from oed.measurements import Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.measurements.sensor import LeverArm
+from oed.estimation import calibrate, stated_mount
+from oed.estimation.preprocessing.motion import Moves
+from oed.estimation.preprocessing.suspicion import frozen
+from oed.estimation.setup.noise import Noise
+from oed.foundation.errors import LogError
+from oed.kernel.measurement.sensor import LeverArm
+from oed.robots.sensors import Poses
+from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
 TRUE = np.array([*TRUTH.values()])
@@ -114,7 +114,7 @@ def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
 
 
 def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
-    from oed.calibration.joint import inverse_of_sum
+    from oed.estimation.methods.joint import inverse_of_sum
 
     told, known = np.diag([1e18, 0.0]), np.diag([1.0, 4.0])
     np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)

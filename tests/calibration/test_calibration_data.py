@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from simulated import TRUTH, course, log_of, options, problem_of, several
 
-from oed.calibration import Calibration, calibrate
-from oed.calibration_record import (
+from oed.estimation import Calibration, calibrate
+from oed.records.calibration_record import (
     PATHS,
     EstimateRecord,
     calibration_data,
     load_estimate,
     mean_numbers,
 )
-from oed.saving import save_estimate
+from oed.workflow.saving import save_estimate
 
 NOISE = (0.002, 0.005)
 
@@ -73,8 +73,8 @@ class TestData:
 
     @pytest.mark.slow
     def test_sizes_are_bounded(self, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.calibration_record.POINTS", 10)
-        monkeypatch.setattr("oed.calibration_record.RESIDUALS", 50)
+        monkeypatch.setattr("oed.records.calibration_record.POINTS", 10)
+        monkeypatch.setattr("oed.records.calibration_record.RESIDUALS", 50)
         logs = several(14, seconds=2.5, noise=NOISE)
         found = calibration_data(calibrate(problem_of(), logs, options(segment="log")))
         assert len(found["paths"]) == PATHS

@@ -26,15 +26,22 @@ from simulated import (
     unknowns_of,
 )
 
-from oed.calibration import Noise, calibrate, correlations
-from oed.calibration.covariance import Blocks, Covariance, blocks_of, bootstrap, information, sandwich
-from oed.calibration.diagnostics import Diagnostic, diagnostics
-from oed.calibration.joint import Fit, Knowledge, inverse_of_told
-from oed.calibration.left_out import leave_out, values_without
-from oed.calibration.noise import estimated, greatest
-from oed.calibration.segmenting import longest_without_drift, spread
-from oed.calibration.untold import untold
-from oed.models import SkidSteer, SkidSteerSlip
+from oed.estimation import Noise, calibrate, correlations
+from oed.estimation.assessment.covariance import (
+    Blocks,
+    Covariance,
+    blocks_of,
+    bootstrap,
+    information,
+    sandwich,
+)
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
+from oed.estimation.assessment.left_out import leave_out, values_without
+from oed.estimation.assessment.untold import untold
+from oed.estimation.methods.joint import Fit, Knowledge, inverse_of_told
+from oed.estimation.methods.segmenting import longest_without_drift, spread
+from oed.estimation.setup.noise import estimated, greatest
+from oed.robots.models import SkidSteer, SkidSteerSlip
 
 NOISE = (0.003, 0.006)
 LOGS = several(6, noise=NOISE)

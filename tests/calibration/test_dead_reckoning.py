@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated import ROBOT, TRUTH, arcs, course, log_of, readings, truth_of, twists_of
 
-from oed.calibration import Reckoning, reckoned
+from oed.estimation import Reckoning, reckoned
 
 DRIVE = course(seconds=15.0)
 NOMINAL, TRUE = np.array(ROBOT.nominal), np.array([*TRUTH.values()])

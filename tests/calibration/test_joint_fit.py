@@ -26,9 +26,9 @@ from simulated import (
     unknowns_of,
 )
 
-from oed.calibration import calibrate
-from oed.calibration.noise import Noise
-from oed.models import (
+from oed.estimation import calibrate
+from oed.estimation.setup.noise import Noise
+from oed.robots.models import (
     Ackermann,
     Mecanum,
     Model,
@@ -42,7 +42,7 @@ from oed.models import (
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.11, -0.06, 0.15)
-OFFSET = PythonRobot(object="oed.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2)
+OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2)
 ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.2)
 
 CASES: dict[str, tuple[Model, dict[str, float], tuple[str, ...]]] = {

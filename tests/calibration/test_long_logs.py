@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, course, log_of, options, problem_of
 
-from oed.calibration import calibrate, thinning
-from oed.calibration.stated import stated_noise
-from oed.calibration.thinning import BRIEF, PIECES, thinned, thinning_notes
+from oed.estimation import calibrate
+from oed.estimation.preprocessing import thinning
+from oed.estimation.preprocessing.thinning import BRIEF, PIECES, thinned, thinning_notes
+from oed.estimation.setup.stated import stated_noise
 from oed.logs.log import Log
 
 NOISE = (0.002, 0.005)

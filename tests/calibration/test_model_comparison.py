@@ -28,17 +28,17 @@ from simulated import (
 )
 from windowed import gls
 
-from oed.calibration import Alternative, Comparison, HeldOut, Reckoning, calibrate
-from oed.calibration.comparison import SLIGHT, Compared, scored
-from oed.calibration.likelihood import Likelihood, Readings, inflation
-from oed.calibration_record import calibration_data, load_estimate
-from oed.console import print_estimate
-from oed.errors import ProblemError, StudyError
-from oed.estimation import estimate
-from oed.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
-from oed.prior import Prior
+from oed.cli.terminal.console import print_estimate
+from oed.estimation import Alternative, Comparison, HeldOut, Reckoning, calibrate
+from oed.estimation.assessment.comparison import SLIGHT, Compared, scored
+from oed.estimation.assessment.likelihood import Likelihood, Readings, inflation
+from oed.foundation.errors import ProblemError, StudyError
+from oed.kernel.measurement.prior import Prior
+from oed.records.calibration_record import calibration_data, load_estimate
 from oed.report import write_estimate
-from oed.study import Study, parse_study
+from oed.robots.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
+from oed.study.study import Study, parse_study
+from oed.workflow.estimate_logs import estimate
 
 NOISE = (0.002, 0.005)
 WIDE = SkidSteerSlip(wheel_radius=0.05, track=0.2, track_per_yaw_rate=0.01)
@@ -310,7 +310,7 @@ class TestErrors:
         assert (fixed.reason, fixed.parameters) == ("", ("track",))
 
     def test_readings_that_it_has_not(self):
-        from oed.models import TractorTrailer
+        from oed.robots.models import TractorTrailer
 
         trailer = TractorTrailer(wheel_radius=0.05, track=0.2, hitch_offset=0.1, trailer_length=0.4)
         log = log_of(

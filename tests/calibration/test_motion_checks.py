@@ -21,13 +21,13 @@ from simulated import (
     truth_of,
 )
 
-from oed.calibration import calibrate
-from oed.calibration.clocks import clock_offsets
-from oed.calibration.motion import Moves, unexplained
-from oed.calibration.suspicion import poorly_explained, suspicion
-from oed.errors import LogError
+from oed.estimation import calibrate
+from oed.estimation.preprocessing.clocks import clock_offsets
+from oed.estimation.preprocessing.motion import Moves, unexplained
+from oed.estimation.preprocessing.suspicion import poorly_explained, suspicion
+from oed.foundation.errors import LogError
 from oed.logs.log import Log
-from oed.models import SkidSteer
+from oed.robots.models import SkidSteer
 
 NOISE = (0.003, 0.005)
 DRIVE = course(seconds=20.0, period=0.05)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated import ROBOT, XYH, course, log_of, search_of, several
 
-from oed.calibration.layout import Layout, cut, stretches
+from oed.estimation.prediction.layout import Layout, cut, stretches
 from oed.logs.log import Log
 
 DRIVE = course(seconds=12.0)

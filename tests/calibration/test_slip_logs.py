@@ -21,13 +21,13 @@ from simulated import (
 )
 from studies import saved_study
 
-from oed.calibration import calibrate
-from oed.calibration.layout import cut
-from oed.calibration.motion import Moves, unexplained
-from oed.calibration.starts import further_starts
-from oed.errors import ProblemError
-from oed.estimation import estimate
-from oed.models import DifferentialDrive, SkidSteerSlip
+from oed.estimation import calibrate
+from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.starts import further_starts
+from oed.estimation.preprocessing.motion import Moves, unexplained
+from oed.foundation.errors import ProblemError
+from oed.robots.models import DifferentialDrive, SkidSteerSlip
+from oed.workflow.estimate_logs import estimate
 
 ROBOT = SkidSteerSlip(
     wheel_radius=0.05, track=0.2, yaw_lag=0.3, track_per_yaw_rate=0.02, track_per_curvature=0.1, x_icr=-0.03

@@ -11,10 +11,10 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, options, problem_of, truth_of
 from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 
-from oed.calibration import Calibration, CalibrationOptions, calibrate
-from oed.calibration_record import calibration_data
-from oed.errors import ProblemError
+from oed.estimation import Calibration, CalibrationOptions, calibrate
+from oed.foundation.errors import ProblemError
 from oed.logs.log import Log
+from oed.records.calibration_record import calibration_data
 
 pytestmark = pytest.mark.slow
 

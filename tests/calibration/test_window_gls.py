@@ -19,11 +19,11 @@ from windowed import (
     windows_of,
 )
 
-from oed.calibration.covariance import blocks_of, bootstrap, sandwich
-from oed.calibration.diagnostics import correlations, diagnostics
-from oed.calibration.joint import Fit, Knowledge
-from oed.calibration.left_out import values_without
-from oed.calibration.noise import Noise
+from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
+from oed.estimation.assessment.diagnostics import correlations, diagnostics
+from oed.estimation.assessment.left_out import values_without
+from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.setup.noise import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
 

@@ -9,8 +9,8 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, truth_of, unknowns_of
 from windowed import ICR, PLACE, SITS, TRICYCLE, gls, two_stage, windows_of
 
-from oed.calibration.windows import end_rates, require_windows, seen_from_first
-from oed.errors import ProblemError
+from oed.estimation.methods.windows import end_rates, require_windows, seen_from_first
+from oed.foundation.errors import ProblemError
 
 
 def test_what_is_measured_does_not_depend_on_the_frame():

@@ -7,9 +7,9 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, truth_of
 from windowed import drifting, gls, windows_of
 
-from oed.calibration import bands
-from oed.calibration.window_noise import PARTS, Course, Likelihood
-from oed.calibration.windows import seen_from_first
+from oed.estimation.methods import bands
+from oed.estimation.methods.window_noise import PARTS, Course, Likelihood
+from oed.estimation.methods.windows import seen_from_first
 
 TRUE = truth_of(ROBOT, **TRUTH)
 

@@ -19,13 +19,13 @@ from windowed import (
     windows_of,
 )
 
-from oed.calibration.covariance import blocks_of, bootstrap, sandwich
-from oed.calibration.joint import Fit, Knowledge
-from oed.calibration.left_out import values_without
-from oed.calibration.noise import Noise
-from oed.calibration.seen import Seen, seen_robot
-from oed.errors import ProblemError
-from oed.models.coefficient_robot import CoefficientRobot, coefficient_values
+from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
+from oed.estimation.assessment.left_out import values_without
+from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.prediction.seen import Seen, seen_robot
+from oed.estimation.setup.noise import Noise
+from oed.foundation.errors import ProblemError
+from oed.robots.coefficient_robot import CoefficientRobot, coefficient_values
 
 TRUE = truth_of(ROBOT, **TRUTH)
 COEFFICIENTS = CoefficientRobot(base=ROBOT)

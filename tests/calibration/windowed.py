@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from simulated import ORIGIN, Course, arcs, loosely, truth_of, twists_of, unknowns_of
 
-from oed.calibration.gls import WeighedWindows
-from oed.calibration.joint import Fit
-from oed.calibration.layout import cut
-from oed.calibration.two_stage import TwoStage
-from oed.calibration.unknowns import Unknowns
-from oed.calibration.windows import Windows
+from oed.estimation.methods.gls import WeighedWindows
+from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.two_stage import TwoStage
+from oed.estimation.methods.windows import Windows
+from oed.estimation.prediction.layout import cut
+from oed.estimation.setup.unknowns import Unknowns
 from oed.logs.log import Log
-from oed.models import SkidSteerIcr, Tricycle
+from oed.robots.models import SkidSteerIcr, Tricycle
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.03, -0.02, 0.05)

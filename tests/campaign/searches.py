@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 import oed
-from oed.identifiability import require_identifiable
-from oed.solution import scored
+from oed.kernel.identifiability import require_identifiable
+from oed.kernel.solution import scored
 
 from .cases import Verdict
 from .generator.quantities import one_of

@@ -109,7 +109,7 @@ def test_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
 
 
 def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    from oed.report.stage import Stage
+    from oed.report.figures.stage import Stage
 
     drawn = Stage.frame
 

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from oed.component import OneOf
-from oed.criteria import CRITERIA, A, Criterion, D, E, G, I, Leg, ModifiedE, Subject
-from oed.criteria.prediction import Prediction
-from oed.models import DifferentialDrive
+from oed.foundation.component import OneOf
+from oed.kernel.criteria import CRITERIA, A, Criterion, D, E, G, I, Leg, ModifiedE, Subject
+from oed.kernel.criteria.prediction import Prediction
+from oed.robots.models import DifferentialDrive
 
 ROBOT = DifferentialDrive(wheel_radius_right=0.051, wheel_radius_left=0.047, track=0.18)
 LEGS = (

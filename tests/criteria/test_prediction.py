@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
-from oed.criteria import A, D, E, G, I, Leg, Subject
-from oed.errors import ProblemError
-from oed.evaluation import evaluate
-from oed.measurements import AbsoluteNoise, Displacements, LeverArm, Poses
-from oed.models import Model
-from oed.problem import Problem
-from oed.solvers.design import DesignExpressions
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import A, D, E, G, I, Leg, Subject
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.optimize.transcription.design import DesignExpressions
+from oed.robots.models import Model
+from oed.robots.sensors import AbsoluteNoise, Displacements, LeverArm, Poses
 
 robots = pytest.mark.parametrize("example", cases(PLANAR))
 quantities = pytest.mark.parametrize("quantity", ["position", "heading"])

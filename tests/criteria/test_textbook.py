@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import oed
-from oed.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
-from oed.limits.limit import InputLimit
-from oed.measurements import regression
-from oed.models import Input, Parameter
+from oed.kernel.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
+from oed.kernel.limit import InputLimit
+from oed.robots.models import Input, Parameter
+from oed.robots.sensors import regression
 
 BACK = 1000.0
 """Past this input a curve is driven backwards: input x + 2 BACK undoes what x did."""

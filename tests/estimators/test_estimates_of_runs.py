@@ -11,13 +11,13 @@ import oracle
 import pytest
 from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
 
-from oed.criteria import E
-from oed.estimators import Nonlinear, Regression
-from oed.evaluation import evaluate
-from oed.measurements import Displacements, Measurement, Poses, Ranges, Several, YawRate
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
-from oed.validation import Validation, validate
+from oed.estimation.methods import Nonlinear, Regression
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements, Measurement, Poses, Ranges, Several, YawRate
+from oed.simulation import Validation, validate
 
 STARTS = (StartPose(x=0.2, y=-0.1, heading=0.4), StartPose(x=-0.5, y=0.3, heading=3.0))
 BEACONS = ((4.0, 3.0), (-3.5, 2.5), (0.5, -4.0))

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from builders import SPEED, make_problem, random_drive
 
-from oed.estimators import EstimatorName, Regression
-from oed.estimators.measured_headings import MeasuredHeadings, cosine_and_sine
-from oed.measurements import Displacements
-from oed.trajectory import DesignSpace, Spline
-from oed.validation import validate
+from oed.estimation.methods import EstimatorName, Regression
+from oed.estimation.methods.measured_headings import MeasuredHeadings, cosine_and_sine
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.robots.sensors import Displacements
+from oed.simulation import validate
 
 POSITION, HEADING = 0.1, math.radians(10)
 METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_variables")
@@ -81,7 +81,7 @@ def test_every_replicate_is_numpys_least_squares(
     monkeypatch: pytest.MonkeyPatch, name: EstimatorName, segments, noise_model: str, runs: int
 ):
     # In blocks of four replicates and a rest.
-    monkeypatch.setattr("oed.estimators.measured_headings.BLOCK", 4 * 40 * runs + 1)
+    monkeypatch.setattr("oed.estimation.methods.measured_headings.BLOCK", 4 * 40 * runs + 1)
     problem, drive = make(segments, noise_model, runs=runs)
     regression = Regression(problem, drive, name, "measured")
     moves, errors = drawn(regression, 15, runs, absolute=noise_model == "absolute")
@@ -92,10 +92,10 @@ def test_every_replicate_is_numpys_least_squares(
 
 
 def test_blocks_follow_each_other(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.estimators.measured_headings.BLOCK", 7)
+    monkeypatch.setattr("oed.estimation.methods.measured_headings.BLOCK", 7)
     headings = MeasuredHeadings(np.ones((2, 2, 2)), np.array([0, 2]))
     assert [(own.start, own.stop) for own in headings.blocks(8)] == [(0, 3), (3, 6), (6, 8)]
-    monkeypatch.setattr("oed.estimators.measured_headings.BLOCK", 1)
+    monkeypatch.setattr("oed.estimation.methods.measured_headings.BLOCK", 1)
     assert len(list(headings.blocks(3))) == 3
 
 
@@ -111,7 +111,7 @@ def test_cosine_and_sine():
 
 
 def test_memory_does_not_grow_with_the_replicates(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.validation.tally.KEPT", 1000)
+    monkeypatch.setattr("oed.simulation.tally.KEPT", 1000)
     problem, drive = make(10, samples=200)
 
     def peak(replicates: int) -> int:

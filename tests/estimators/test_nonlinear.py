@@ -16,18 +16,18 @@ from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.estimators import Estimate, Loss, Nonlinear
-from oed.estimators.nonlinear import loss_moments, robust_loss
-from oed.evaluation import evaluate
-from oed.measurements import Measurement, Poses, Ranges, Several, YawRate
-from oed.models import SkidSteer
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
-from oed.validation import validate
-from oed.validation.checks import check_all
+from oed.estimation.methods import Estimate, Loss, Nonlinear
+from oed.estimation.methods.nonlinear import loss_moments, robust_loss
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.robots.models import SkidSteer
+from oed.robots.sensors import Measurement, Poses, Ranges, Several, YawRate
+from oed.simulation import validate
+from oed.simulation.checks import check_all
 
 START = (0.2, -0.1, 0.4)
 BEACONS = ((4.0, 3.0), (-3.5, 2.5), (0.5, -4.0))

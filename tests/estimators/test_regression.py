@@ -14,8 +14,7 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
 from robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
-from oed.errors import Flaw, ProblemError
-from oed.estimators import (
+from oed.estimation.methods import (
     METHODS,
     EstimatorName,
     Heading,
@@ -25,14 +24,15 @@ from oed.estimators import (
     make_estimator,
     usual_estimator,
 )
-from oed.estimators.errors_in_variables import corrected_covariance
-from oed.evaluation import evaluate
-from oed.measurements import Displacements, Poses, Ranges, Several, YawRate
-from oed.measurements.measurement import Measurement
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, Trajectory
-from oed.validation import Validation, validate
-from oed.validation.checks import check_all
+from oed.estimation.methods.errors_in_variables import corrected_covariance
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
+from oed.simulation import Validation, validate
+from oed.simulation.checks import check_all
 
 REPLICATES = 4000
 NOISE_MODELS = ("increments", "absolute")

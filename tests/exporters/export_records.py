@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from oed.models import Model
-from oed.record import result_data
-from oed.runner import record
-from oed.solution import Solution, Status
-from oed.study import Study, parse_study
-from oed.trajectory import Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.solution import Solution, Status
+from oed.records.record import result_data
+from oed.robots.models import Model
+from oed.study.study import Study, parse_study
+from oed.workflow.runner import record
 
 TEXT = """\
 format: 1

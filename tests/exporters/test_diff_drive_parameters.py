@@ -12,10 +12,10 @@ import pytest
 import yaml
 from export_records import MECANUM, saved, study_of
 
-from oed.errors import RecordError, UserMistake
 from oed.exporters import diff_drive_parameters, export
-from oed.limits import BodySpeed, WheelAcceleration, WheelSpeed, YawRate
-from oed.models import (
+from oed.foundation.errors import RecordError, UserMistake
+from oed.robots.limits import BodySpeed, WheelAcceleration, WheelSpeed, YawRate
+from oed.robots.models import (
     DifferentialDrive,
     Model,
     OffsetDrive,
@@ -102,7 +102,7 @@ class TestGeometry:
             TractorTrailer(wheel_radius=0.05, track=0.2, trailer_length=0.4),
             OffsetDrive(wheel_radius=0.05, track=0.2, sensor_offset=0.01),
             PythonRobot(
-                object="oed.models.differential_drive:DifferentialDrive", wheel_radius=0.05, track=0.2
+                object="oed.robots.models.differential_drive:DifferentialDrive", wheel_radius=0.05, track=0.2
             ),
         ],
         ids=lambda model: model.kind,

@@ -21,12 +21,12 @@ from export_records import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed.errors import RecordError, UserMistake
-from oed.evaluation import evaluate
 from oed.exporters import EXPORTERS, export
 from oed.exporters.commands import commands, joint_name, resampled
-from oed.models import SkidSteerSlip
-from oed.trajectory import Trajectory
+from oed.foundation.errors import RecordError, UserMistake
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.robots.models import SkidSteerSlip
 
 SPEEDS = np.array([True, False])
 LAGGING = {"wheel_radius": 0.05, "track": 0.2}

@@ -14,10 +14,10 @@ from export_records import STEERED, TRICYCLE, saved, simulated, study_of, windin
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from oed.errors import UserMistake
 from oed.exporters import STORAGES, export
 from oed.exporters import rosbag2 as module
 from oed.exporters.rosbag2 import COMMAND, JOINTS, PLAN, TOPICS
+from oed.foundation.errors import UserMistake
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

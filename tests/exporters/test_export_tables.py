@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_of, winding
 
-from oed.calibration_record import FILE as ESTIMATE
 from oed.cli import main
-from oed.errors import UserMistake
 from oed.exporters import export
-from oed.path_file import read_trajectory
-from oed.record import FILE as RECORD
-from oed.record import RESULTS
-from oed.runner import record
-from oed.solution import scored
-from oed.study import Study
-from oed.sweep.run import FILE as SWEEP
+from oed.foundation.errors import UserMistake
+from oed.kernel.solution import scored
+from oed.records.calibration_record import FILE as ESTIMATE
+from oed.records.path_file import read_trajectory
+from oed.records.record import FILE as RECORD
+from oed.records.record import RESULTS
+from oed.study.study import Study
+from oed.workflow.runner import record
+from oed.workflow.sweep.run import FILE as SWEEP
 
 
 def table(file: Path) -> tuple[list[str], np.ndarray]:

@@ -8,13 +8,13 @@ import oracle
 from builders import input_limits, make_problem
 from robots import ROBOTS, Example
 
-from oed.criteria import E
-from oed.evaluation import Margin, evaluate
-from oed.limits import Limit
-from oed.measurements import Poses
-from oed.problem import Problem
-from oed.rollout import Drive, roll_out
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.rollout import Drive, roll_out
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import Margin, evaluate
+from oed.kernel.problem import Problem
+from oed.robots.limits import Limit
+from oed.robots.sensors import Poses
 
 FINER = 10
 """Times per period that limits are looked at."""

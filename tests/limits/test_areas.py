@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from outlines import COMB, L_SHAPE, OUTLINES, U_SHAPE, grid_around, outlines, signed_distance
 from pydantic import TypeAdapter, ValidationError
 
-from oed.evaluation import evaluate
-from oed.limits import LIMITS, Circle, Obstacles, Polygon, Rectangle
-from oed.models import DifferentialDrive
-from oed.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.robots.limits import LIMITS, Circle, Obstacles, Polygon, Rectangle
+from oed.robots.models import DifferentialDrive
 
 ROBOT = BY_NAME["differential"]
 COLUMN = {"kind": "circle", "x": 0.4, "y": 0.3, "radius": 0.2}

@@ -12,8 +12,9 @@ from driving import BY_NAME, FINER, as_drive, fine_path, fine_times, fine_twists
 from pydantic import TypeAdapter, ValidationError
 from robots import ROBOTS, Example, draw_inputs
 
-from oed.evaluation import evaluate
-from oed.limits import (
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
+from oed.kernel.evaluation import evaluate
+from oed.robots.limits import (
     LIMITS,
     BodySpeed,
     LateralAcceleration,
@@ -25,8 +26,7 @@ from oed.limits import (
     WheelSpeed,
     YawRate,
 )
-from oed.models import DifferentialDrive
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
+from oed.robots.models import DifferentialDrive
 
 SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]

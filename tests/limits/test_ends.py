@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from oed.evaluation import evaluate
-from oed.limits import LIMITS, EndHeading, EndPosition, PathLength
-from oed.rollout import roll_out
-from oed.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.robots.limits import LIMITS, EndHeading, EndPosition, PathLength
 
 EXAMPLES = {
     "wheel_speed": "10 rad/s",

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from oed.evaluation import TOLERANCE, Margin, evaluate
-from oed.limits import LIMITS, Rectangle, WheelAcceleration, WheelSpeed
-from oed.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.evaluation import TOLERANCE, Margin, evaluate
+from oed.robots.limits import LIMITS, Rectangle, WheelAcceleration, WheelSpeed
 
 BOUNDED = {"wheel_speed": "rad/s", "wheel_acceleration": "rad/s^2"}
 two_sided = pytest.mark.parametrize("key", BOUNDED)

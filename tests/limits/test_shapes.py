@@ -27,8 +27,8 @@ from outlines import (
 )
 from pydantic import ValidationError
 
-from oed.limits import Polygon, PolygonalObstacle
-from oed.limits.shapes import (
+from oed.robots.limits import Polygon, PolygonalObstacle
+from oed.robots.limits.shapes import (
     ConvexShape,
     convex_pieces,
     middle_of,

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from oed.errors import FileFlaw, LogError
+from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import AnyLogForm, Log, LogForm, read_logs
-from oed.models import DifferentialDrive, Model
+from oed.robots.models import DifferentialDrive, Model
 
 ROBOT = DifferentialDrive(wheel_radius=0.05, track=0.2)
 INPUTS = ("wheel_speed_right", "wheel_speed_left")

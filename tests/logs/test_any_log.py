@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged import HEADER, INPUTS, ROBOT, cells, drive, form
 
-from oed.errors import LogError
+from oed.foundation.errors import LogError
 from oed.logs import Log, LogForm, read_logs
 
 ROWS = [",".join(HEADER), *(",".join(row) for row in cells(drive(12)))]

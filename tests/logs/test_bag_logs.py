@@ -14,9 +14,9 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from oed.errors import ProblemError
+from oed.foundation.errors import ProblemError
 from oed.logs import BagForm, read_logs
-from oed.models import Tricycle
+from oed.robots.models import Tricycle
 
 TABLE = drive(60)
 START = 1_700_000_000.0

@@ -9,9 +9,9 @@ import pytest
 from logged import HEADER, INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, read_one, write
 from pydantic import ValidationError
 
-from oed.errors import LogError, ProblemError
+from oed.foundation.errors import LogError, ProblemError
 from oed.logs import read_logs
-from oed.models import Tricycle
+from oed.robots.models import Tricycle
 
 TABLE = drive()
 TICKS = {

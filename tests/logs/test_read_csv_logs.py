@@ -11,11 +11,11 @@ import pytest
 from builders import make_problem, random_drive
 from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
 
-from oed.evaluation import evaluate
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
 from oed.logs import read_logs
-from oed.models import DifferentialDrive, TractorTrailer, Tricycle
-from oed.path_file import write_trajectory
-from oed.trajectory import DesignSpace, Spline
+from oed.records.path_file import write_trajectory
+from oed.robots.models import DifferentialDrive, TractorTrailer, Tricycle
 
 TABLE = drive()
 

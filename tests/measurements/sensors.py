@@ -17,7 +17,7 @@ from robots import Example as Robot
 from robots import Motion
 from scipy.linalg import block_diag
 
-from oed.measurements import Poses, Ranges, Sensor, TrailerAngle, YawRate
+from oed.robots.sensors import Poses, Ranges, Sensor, TrailerAngle, YawRate
 
 SAMPLES, PERIOD = 11, 0.2
 UNKNOWN, KNOWN = math.inf, 0.0

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
-from oed.evaluation import evaluate
-from oed.measurements import Displacements
-from oed.models import DifferentialDrive
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Displacements
 
 SAMPLES, DURATION = 23, 5.0
 PERIOD, START = DURATION / SAMPLES, (0.2, -0.1, 0.4)

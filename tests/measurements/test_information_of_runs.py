@@ -12,13 +12,13 @@ from robots import ROBOTS, draw_inputs, motion_by_parameters
 from scipy.linalg import block_diag
 from sensors import PERIOD, Example, Experiment, named
 
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.evaluation import Evaluation, evaluate
-from oed.measurements import Displacements, Poses, Several
-from oed.problem import Problem
-from oed.problem_tables import nuisance_table
-from oed.trajectory import DesignSpace, Trajectory
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.records.problem_tables import nuisance_table
+from oed.robots.sensors import Displacements, Poses, Several
 
 SAMPLES, RUNS = 11, 3
 STARTS = np.array([[0.2, -0.1, 0.4], [-0.5, 0.3, 2.0], [1.0, 0.7, -1.2]])

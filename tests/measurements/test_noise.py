@@ -13,11 +13,11 @@ from pydantic import ValidationError
 from robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 from scipy.linalg import block_diag
 
-from oed.criteria import E
-from oed.evaluation import Evaluation, evaluate
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Trajectory
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Displacements
 
 SAMPLES, DURATION, START = 23, 5.0, (0.2, -0.1, 0.4)
 NOISE = {"position": 2e-3, "heading": 0.01}

@@ -39,13 +39,13 @@ from sensors import (
     schur,
 )
 
-from oed.criteria import E
-from oed.errors import ProblemError, UserMistake
-from oed.evaluation import Evaluation, evaluate
-from oed.measurements import SENSORS, AbsoluteNoise, LeverArm, Poses, Ranges, Several, YawRate
-from oed.models import DifferentialDrive
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Trajectory
+from oed.foundation.errors import ProblemError, UserMistake
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import SENSORS, AbsoluteNoise, LeverArm, Poses, Ranges, Several, YawRate
 
 START = (0.2, -0.1, 0.4)
 C = ("c11", "c12", "c21", "c22")

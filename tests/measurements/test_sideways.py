@@ -23,9 +23,9 @@ from robots import EXAMPLES, Example
 from scipy.linalg import hadamard
 
 import oed
-from oed.evaluation import Evaluation, evaluate
-from oed.measurements import Displacements
-from oed.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.robots.sensors import Displacements
 
 SAMPLES, PERIOD, TOP = 24, 0.1, 10.0
 NOISE = {"position": 2e-3, "heading": 0.01}

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
 
-from oed.criteria import E
-from oed.errors import ProblemError
-from oed.measurements import Displacements, Poses
-from oed.models import (
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.models import (
     MODELS,
     DifferentialDrive,
     Mecanum,
@@ -29,7 +29,7 @@ from oed.models import (
     sinc,
     step,
 )
-from oed.models.coefficient_robot import CoefficientRobot
+from oed.robots.sensors import Displacements, Poses
 
 robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
 coefficient_robots = pytest.mark.parametrize("example", COEFFICIENT_ROBOTS, ids=lambda example: example.name)

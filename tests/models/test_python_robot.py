@@ -13,10 +13,10 @@ from builders import SPEED, make_problem
 
 import oed
 from oed.cli import main
-from oed.errors import StudyError, UserMistake
-from oed.limits import YawRate
-from oed.limits.implied import implied_bounds
-from oed.models import PythonRobot
+from oed.foundation.errors import StudyError, UserMistake
+from oed.robots.limits import YawRate
+from oed.robots.limits.implied import implied_bounds
+from oed.robots.models import PythonRobot
 
 MODULE = '''
 import casadi as ca
@@ -347,7 +347,7 @@ def test_a_module_in_a_folder_below(folder: Path):
 def test_an_installed_module_needs_no_file_beside_the_study(folder: Path):
     study = load(
         folder,
-        "oed.models.offset_drive:OffsetDrive",
+        "oed.robots.models.offset_drive:OffsetDrive",
         **{"gain: 0.9": "wheel_radius: 5 cm\n  track: 20 cm"},
     )
     assert study.problem.model.robot.track == 0.2

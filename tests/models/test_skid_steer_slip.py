@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from oed.models import DifferentialDrive, Model, PythonRobot, SkidSteerIcr, SkidSteerSlip, follows_state, step
-from oed.models.coefficient_robot import CoefficientRobot
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.models import (
+    DifferentialDrive,
+    Model,
+    PythonRobot,
+    SkidSteerIcr,
+    SkidSteerSlip,
+    follows_state,
+    step,
+)
 
 SIZES = {"wheel_radius_right": 0.051, "wheel_radius_left": 0.047, "track": 0.18}
 EFFECTS = {
@@ -232,7 +240,7 @@ class TestSeam:
         assert not follows_state(SkidSteerSlip(**SIZES, track_per_yaw_rate=0.02))
 
     def test_a_robot_of_ones_own_lags_as_well(self):
-        own = PythonRobot(object="oed.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS)
+        own = PythonRobot(object="oed.robots.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS)
         assert follows_state(own)
         state, inputs = [0.1, 0.2, 0.3, 1.5], [6.0, 2.0]
         assert np.array_equal(after(own, state, inputs, 0.1), after(FULL, state, inputs, 0.1))

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from oed.evaluation import evaluate
-from oed.problem_tables import parameter_table
-from oed.record import Record, result_data
-from oed.runner import record as record_of
-from oed.solution import Solution, Status
-from oed.study import Study, parse_study
+from oed.kernel.evaluation import evaluate
+from oed.kernel.solution import Solution, Status
+from oed.records.problem_tables import parameter_table
+from oed.records.record import Record, result_data
+from oed.study.study import Study, parse_study
+from oed.workflow.runner import record as record_of
 
 TEXT = """\
 format: 1

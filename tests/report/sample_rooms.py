@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from oed.evaluation import evaluate
-from oed.record import Record
-from oed.runner import record as record_of
-from oed.solution import Solution, Status
-from oed.study import Study, parse_study
+from oed.kernel.evaluation import evaluate
+from oed.kernel.solution import Solution, Status
+from oed.records.record import Record
+from oed.study.study import Study, parse_study
+from oed.workflow.runner import record as record_of
 
 HEAD = """\
 format: 1

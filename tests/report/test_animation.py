@@ -12,15 +12,15 @@ from PIL import Image
 from sample_rooms import crab, omni, steered, towing
 
 import oed
-from oed.errors import RecordError, UserMistake
-from oed.record import Record, save_record
+from oed.foundation.errors import RecordError, UserMistake
+from oed.records.record import Record, save_record
 from oed.report import write_report
-from oed.report.driven import poses_of
+from oed.report.figures.driven import poses_of
+from oed.report.figures.scene import PAUSE, cast_of, scene_of
+from oed.report.figures.stage import FACE, TRACE, Stage
 from oed.report.film.frame import Frame
-from oed.report.motion import motion, motions_of
-from oed.report.scene import PAUSE, cast_of, scene_of
-from oed.report.section import Section
-from oed.report.stage import FACE, TRACE, Stage
+from oed.report.parts.motion import motion, motions_of
+from oed.report.parts.section import Section
 
 QUICK = {"speed": 8.0, "fps": 5.0}
 ROOT = Path(__file__).parent.parent.parent
@@ -180,7 +180,7 @@ class TestAnimate:
         assert oed.animate(record, tmp_path / "film.gif", results=[name], **QUICK).results == (name,)
 
     def test_a_long_film_has_fewer_frames_a_second(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.report.animation.FRAMES", 10)
+        monkeypatch.setattr("oed.report.film.animation.FRAMES", 10)
         assert oed.animate(omni(), tmp_path / "film.gif", speed=8.0).fps == 10.0
         assert oed.animate(omni(), tmp_path / "film.gif", speed=16.0).fps == 20.0
 

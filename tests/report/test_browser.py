@@ -12,7 +12,7 @@ import pytest
 from sample_records import scored
 from sample_rooms import crab, towing
 
-from oed.record import Record
+from oed.records.record import Record
 from oed.report import write_report
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

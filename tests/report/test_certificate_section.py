@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from oed.record import Record
+from oed.records.record import Record
 from oed.report.sections.certificate import certificate, percent
 
 CAP = {"upper_bound": 93.3, "method": "another way", "assumptions": ["the room is left out"]}

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from oed.record import Record, load_record
+from oed.records.record import Record, load_record
 from oed.report import write_comparison, write_report
-from oed.report.figures import RADIUS_95, ellipse
+from oed.report.figures.plots import RADIUS_95, ellipse
 from oed.report.page import sections_of
-from oed.report.section import Section
+from oed.report.parts.section import Section
 from oed.report.sections import SECTIONS
 from oed.report.sections.candidates import candidates, repetitions_of
 from oed.report.sections.convergence import convergence, time_to

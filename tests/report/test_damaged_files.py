@@ -15,21 +15,21 @@ import sample_estimates
 from damage import DAMAGES, EVIL, damaged, keys_of, some
 from studies import SMALL
 
-from oed.calibration_record import load_estimate
 from oed.cli import main
-from oed.errors import LogError, OedError, RecordError, UserMistake
-from oed.experiments import validated, validation_options
 from oed.exporters import EXPORTERS, export
-from oed.next_drive import next_drive
-from oed.record import load_record
-from oed.report.animation import animate
+from oed.foundation.errors import LogError, OedError, RecordError, UserMistake
+from oed.records.calibration_record import load_estimate
+from oed.records.record import load_record
 from oed.report.estimate.console import estimate_lines, estimate_rows
 from oed.report.estimate.page import estimate_sections
+from oed.report.figures.panels import svg_text
+from oed.report.film.animation import animate
 from oed.report.page import sections_of, write_report
-from oed.report.panels import svg_text
 from oed.report.sections.drives import paths
-from oed.study import parse_study
-from oed.sweep import load_sweep
+from oed.study.study import parse_study
+from oed.workflow.experiments import validated, validation_options
+from oed.workflow.next_drive import next_drive
+from oed.workflow.sweep import load_sweep
 
 ROOT = Path(__file__).parent.parent.parent
 FLAGSHIP = ROOT / "reports" / "choi_skid_steer"

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part
 
-from oed.console import print_estimate
+from oed.cli.terminal.console import print_estimate
 from oed.report import write_estimate
 from oed.report.estimate.gist import gains, warnings
 from oed.report.estimate.numbers import decimals_of, error_text, lasting, size_text, span_text, to_error
 from oed.report.estimate.page import estimate_sections
 from oed.report.estimate.residuals import residuals_of
-from oed.report.section import Section
-from oed.report.tables import Table
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Table
 
 
 def section(data: Data, title: str) -> Section:

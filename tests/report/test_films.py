@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from oed.errors import Failure, UserMistake
+from oed.foundation.errors import Failure, UserMistake
 from oed.report.film import write_frames
 from oed.report.film.frame import Frame
 

@@ -9,11 +9,12 @@ import pytest
 import sample_rooms
 from sample_records import full, many
 
-from oed.record import Record
-from oed.report import figures, panels
-from oed.report.inputs import groups_of, inputs_of, limit_bounds, own_bounds
+from oed.records.record import Record
+from oed.report.figures import panels
+from oed.report.figures import plots as figures
 from oed.report.page import sections_of
-from oed.report.section import Section
+from oed.report.parts.inputs import groups_of, inputs_of, limit_bounds, own_bounds
+from oed.report.parts.section import Section
 
 
 def section(record: Record, title: str) -> Section:

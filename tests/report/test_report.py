@@ -17,15 +17,15 @@ from matplotlib.figure import Figure
 from sample_records import RECORDS
 
 import oed.report
-from oed.errors import UserMistake
-from oed.record import Record, load_record, save_record
+from oed.foundation.errors import UserMistake
+from oed.foundation.shown import shown_lines
+from oed.records.record import Record, load_record, save_record
 from oed.report import write_report
+from oed.report.figures.panels import svg_text
 from oed.report.page import html_text, markdown_text, sections_of
-from oed.report.panels import svg_text
-from oed.report.section import Section
-from oed.report.tables import Table
-from oed.report.wording import as_drawn
-from oed.shown import shown_lines
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Table
+from oed.report.parts.wording import as_drawn
 
 
 def section(record: Record, title: str) -> Section:
@@ -252,13 +252,13 @@ def test_text_filters() -> None:
 
 def test_reports_only_read() -> None:
     allowed = {
-        "oed.record",
-        "oed.files",
-        "oed.folders",
-        "oed.errors",
-        "oed.criteria",
+        "oed.records.record",
+        "oed.foundation.files",
+        "oed.foundation.work.folders",
+        "oed.foundation.errors",
+        "oed.kernel.criteria",
         "oed.report",
-        "oed.shown",
+        "oed.foundation.shown",
     }
     for file in Path(oed.report.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

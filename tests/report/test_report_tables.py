@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from oed.report.tables import Column, Table, fixed, significant
-from oed.report.wording import (
+from oed.report.parts.tables import Column, Table, fixed, significant
+from oed.report.parts.wording import (
     common_units,
     count,
     deviation_text,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sample_records import full
 
-from oed.record import Record
+from oed.records.record import Record
 from oed.report import write_report
 from oed.report.sections.robustness import KINDS, robustness
 

@@ -15,17 +15,18 @@ from matplotlib.patches import Circle, Polygon
 from sample_records import full
 from sample_rooms import ROOMS
 
-from oed.limits import LIMITS
-from oed.limits.workspace import OBSTACLES, WORKSPACES
-from oed.record import Record
-from oed.report import path_figures, write_report
+from oed.records.record import Record
+from oed.report import write_report
 from oed.report.comparison import write_comparison
-from oed.report.driven import path_of, paths_of
+from oed.report.figures import path_figures
+from oed.report.figures.driven import path_of, paths_of
+from oed.report.figures.path_panels import paths
 from oed.report.page import script_data, sections_of
-from oed.report.path_panels import paths
-from oed.report.reading import with_drive
-from oed.report.rooms import Room, outline, robot_width, room_of
-from oed.report.section import Section
+from oed.report.parts.reading import with_drive
+from oed.report.parts.rooms import Room, outline, robot_width, room_of
+from oed.report.parts.section import Section
+from oed.robots.limits import LIMITS
+from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 
 
 def section(record: Record, title: str) -> Section:

@@ -6,15 +6,15 @@ import numpy as np
 import sample_rooms
 from sample_records import full
 
-from oed.record import Record
-from oed.report import panels
-from oed.report.driven import Run, path_of, paths_of
-from oed.report.inputs import groups_of, inputs_of, rates_of
+from oed.records.record import Record
+from oed.report.figures import panels
+from oed.report.figures.driven import Run, path_of, paths_of
+from oed.report.figures.path_figures import number_places
+from oed.report.figures.path_panels import paths
 from oed.report.page import sections_of
-from oed.report.path_figures import number_places
-from oed.report.path_panels import paths
-from oed.report.rooms import room_of
-from oed.report.section import Section
+from oed.report.parts.inputs import groups_of, inputs_of, rates_of
+from oed.report.parts.rooms import room_of
+from oed.report.parts.section import Section
 
 
 def section(record: Record, title: str) -> Section:

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 import sample_records
 
-from oed.record import Record, load_record
+from oed.records.record import Record, load_record
 from oed.report import write_comparison, write_report
-from oed.report.judging import aim_of, by_aim, repeatable, study_aim
-from oed.report.measured import along_text, measured_as, prior_of, readings_text
 from oed.report.page import sections_of
-from oed.report.section import Section
+from oed.report.parts.judging import aim_of, by_aim, repeatable, study_aim
+from oed.report.parts.measured import along_text, measured_as, prior_of, readings_text
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Table
 from oed.report.sections.candidates import candidates, repetitions_of
 from oed.report.sections.criteria import criteria
 from oed.report.sections.paper import paper
-from oed.report.tables import Table
 
 FLAGSHIP = Path(__file__).parent.parent.parent / "reports" / "choi_skid_steer"
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from oed.report import sweep_figures
+from oed.report.figures import sweep_figures
 from oed.report.sweep import Chart, charted
 
 

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from builders import RADIUS, TRACK, make_problem
 
-from oed.criteria import A, D, E
-from oed.limits import (
+from oed.kernel.criteria import A, D, E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.problem import Problem
+from oed.robots.limits import (
     BodySpeed,
     Circle,
     CircularObstacle,
@@ -25,11 +27,9 @@ from oed.limits import (
     WheelSpeed,
     YawRate,
 )
-from oed.measurements import Displacements, Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import DifferentialDrive, SkidSteer
-from oed.problem import Problem
-from oed.trajectory import DesignSpace, Spline
+from oed.robots.models import DifferentialDrive, SkidSteer
+from oed.robots.sensors import Displacements, Poses
+from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = {"position": 0.01, "heading": 0.02}
 

@@ -11,19 +11,19 @@ import pytest
 from builders import ACCELERATION, SPEED, make_problem
 from pydantic import Field
 
-from oed.criteria import D, E
-from oed.departures import leaving, left
-from oed.evaluation import evaluate
-from oed.limits import Rectangle
-from oed.measurements import Poses
-from oed.problem import Problem
-from oed.robust import ADDED, SAFER, Robust
-from oed.solution import Solution, Status
-from oed.solvers import Genetic, Ipopt, solve
-from oed.solvers.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
-from oed.solvers.solver import Context, Solver
-from oed.trajectory import DesignSpace, Spline, Trajectory
-from oed.uncertainty import Uncertainty
+from oed.kernel.criteria import D, E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
+from oed.optimize.solver import Context, Solver
+from oed.robots.limits import Rectangle
+from oed.robots.sensors import Poses
+from oed.uncertainty.departures import leaving, left
+from oed.uncertainty.robust import ADDED, SAFER, Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
 ROOM = Rectangle(x=(-0.4, 0.4), y=(-0.4, 0.4))
@@ -229,7 +229,7 @@ class TestInterrupted:
         def strike(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("oed.solvers.assurance.leaving", strike)
+        monkeypatch.setattr("oed.optimize.assurance.leaving", strike)
         solution = solve(problem_of(careful()), Larger(), workers=1)
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is not None
@@ -281,7 +281,7 @@ class TestSearches:
         assert before < cautious.evaluation.objective < plain.evaluation.objective
 
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.solvers.ipopt.POOL_SECONDS", 0.0)
+        monkeypatch.setattr("oed.optimize.ipopt.POOL_SECONDS", 0.0)
         problem = problem_of(careful(beta=2.0))
         one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)

@@ -10,19 +10,19 @@ import pytest
 from builders import BOX, SPEED, make_problem, random_drive
 from random_problems import random_problem
 
-from oed.criteria import E
-from oed.errors import Flaw, NotFinite
-from oed.evaluation import evaluate
-from oed.measurements import Displacements, Poses
-from oed.problem import Problem
-from oed.solution import Status
-from oed.solvers import Genetic, Ipopt, genetic, local, solve
-from oed.solvers.design import DesignExpressions
-from oed.solvers.local import LocalSearch, Settings
-from oed.solvers.program import Outcome
-from oed.solvers.solver import Context
-from oed.solvers.starts import starting_points
-from oed.trajectory import DesignSpace, Spline
+from oed.foundation.errors import Flaw, NotFinite
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Status
+from oed.optimize import Genetic, Ipopt, genetic, local, solve
+from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.solver import Context
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.program import Outcome
+from oed.optimize.transcription.starts import starting_points
+from oed.robots.sensors import Displacements, Poses
 
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-8, None, "none")
@@ -153,7 +153,7 @@ def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatc
     _, _, _, outside = drives(problem)
     monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
     # No start is feasible: all are as far outside.
-    monkeypatch.setattr("oed.solvers.ipopt.starting_points", lambda *_: [outside] * QUICK.starts)
+    monkeypatch.setattr("oed.optimize.ipopt.starting_points", lambda *_: [outside] * QUICK.starts)
     solution = solve(problem, QUICK, seed=0, workers=1)
     assert solution.status is Status.UNIMPROVED
     assert solution.evaluation.feasible

@@ -8,19 +8,19 @@ import oracle
 import pytest
 from builders import SPEED, make_problem
 
-from oed.criteria import A, D, E, G, ModifiedE
-from oed.criteria.prediction import Leg
-from oed.limits import WheelAcceleration, WheelSpeed
-from oed.measurements import Displacements, Poses
-from oed.robust import Robust
-from oed.solution import Status
-from oed.solvers import Ipopt, solve
-from oed.solvers.chain import ChainRule, Frame
-from oed.solvers.design import DesignExpressions
-from oed.solvers.epigraph import objective_of
-from oed.solvers.terms import terms_of
-from oed.trajectory import DesignSpace, Spline
-from oed.uncertainty import Uncertainty
+from oed.kernel.criteria import A, D, E, G, ModifiedE
+from oed.kernel.criteria.prediction import Leg
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.solution import Status
+from oed.optimize import Ipopt, solve
+from oed.optimize.terms import terms_of
+from oed.optimize.transcription.chain import ChainRule, Frame
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.epigraph import objective_of
+from oed.robots.limits import WheelAcceleration, WheelSpeed
+from oed.robots.sensors import Displacements, Poses
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 SPACE = {"duration": 4, "samples": 12, "spline": Spline(coefficients=6)}
 POSES = Poses(noise={"position": 0.01, "heading": 0.02})

@@ -19,14 +19,15 @@ from builders import make_problem, random_drive
 from studies import small, without_seconds, write_study
 
 from oed.cli import main
-from oed.errors import Failure, UserMistake
-from oed.measurements import Displacements
-from oed.record import load_record
-from oed.solvers import Cluster, Genetic, Ipopt, Solver, cluster, ipopt, population, solve
-from oed.solvers.cluster import Connection
-from oed.solvers.parallel import run_tasks
-from oed.sweep import parse_axis, sweep
-from oed.validation import monte_carlo
+from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.work import cluster
+from oed.foundation.work.cluster import Connection
+from oed.foundation.work.parallel import run_tasks
+from oed.optimize import Cluster, Genetic, Ipopt, Solver, ipopt, population, solve
+from oed.records.record import load_record
+from oed.robots.sensors import Displacements
+from oed.simulation import monte_carlo
+from oed.workflow.sweep import parse_axis, sweep
 
 PROBLEM = make_problem()
 TINY = "{kind: genetic, population: 20, generations: 3}"

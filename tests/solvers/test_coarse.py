@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from builders import make_problem
 
-from oed.coarser import MOST, USUAL, coarse_samples
-from oed.criteria import D, E
-from oed.evaluation import evaluate
-from oed.measurements import Displacements, Poses, Several, YawRate
-from oed.problem import Problem
-from oed.robust import Robust
-from oed.solvers import Ipopt, solve
-from oed.solvers.coarse import Grid
-from oed.solvers.starts import random_drives
-from oed.trajectory import DesignSpace, Spline
-from oed.uncertainty import Uncertainty
+from oed.kernel.coarser import MOST, USUAL, coarse_samples
+from oed.kernel.criteria import D, E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.optimize import Ipopt, solve
+from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.starts import random_drives
+from oed.robots.sensors import Displacements, Poses, Several, YawRate
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 POSES = Poses(noise={"position": 0.01, "heading": 0.02}, every=2)
 

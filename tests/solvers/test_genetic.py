@@ -9,16 +9,16 @@ import pytest
 from builders import SPEED, cap, make_problem
 from pydantic import ValidationError
 
-from oed.errors import Failure, ProblemError
-from oed.evaluation import evaluate
-from oed.limits import Rectangle, WheelSpeed
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.solution import Solution, Status
-from oed.solvers import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
-from oed.solvers.compiled import compiler
-from oed.solvers.design import DesignExpressions
-from oed.trajectory import DesignSpace, Spline
+from oed.foundation.errors import Failure, ProblemError
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
+from oed.optimize.transcription.compiled import compiler
+from oed.optimize.transcription.design import DesignExpressions
+from oed.robots.limits import Rectangle, WheelSpeed
+from oed.robots.sensors import Displacements
 
 PROBLEM = make_problem()
 SEARCHES = {
@@ -300,7 +300,7 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
     options = Genetic(population=20, generations=4)
     plain = solve(PROBLEM, options, seed=1, workers=1)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("oed.solvers.population.COMPILED", 0.0)
+    monkeypatch.setattr("oed.optimize.population.COMPILED", 0.0)
     quick = solve(PROBLEM, options, seed=1, workers=1)
     assert list((tmp_path / "oed").iterdir())
     np.testing.assert_array_equal(quick.trajectory.coefficients, plain.trajectory.coefficients)

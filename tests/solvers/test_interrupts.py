@@ -11,9 +11,9 @@ import time
 import casadi as ca
 import pytest
 
-from oed.errors import UserMistake
-from oed.signals import ending_alike, interrupts_named
-from oed.solvers.interrupts import interrupts_kept
+from oed.foundation.errors import UserMistake
+from oed.foundation.work.signals import ending_alike, interrupts_named
+from oed.optimize.transcription.interrupts import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 

@@ -12,17 +12,17 @@ import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem
 from pydantic import ValidationError
 
-from oed.criteria import E
-from oed.evaluation import evaluate
-from oed.limits import Rectangle, WheelSpeed
-from oed.measurements import Displacements
-from oed.models import DifferentialDrive, SkidSteer
-from oed.problem import Problem
-from oed.solution import Solution, Status
-from oed.solvers import Ipopt, Workers, ipopt, solve
-from oed.solvers.local import ROUNDING
-from oed.solvers.parallel import run_tasks
-from oed.trajectory import DesignSpace, Spline
+from oed.foundation.work.parallel import run_tasks
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize import Ipopt, Workers, ipopt, solve
+from oed.optimize.local import ROUNDING
+from oed.robots.limits import Rectangle, WheelSpeed
+from oed.robots.models import DifferentialDrive, SkidSteer
+from oed.robots.sensors import Displacements
 
 QUICK = Ipopt(starts=3, perturbations=0, second_stage="none")
 TOP_SPEED, TOP_ACCELERATION, HALF_SIDE = 10.0, 20.0, 1.0

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from builders import SPEED, make_problem
 
-from oed.evaluation import evaluate
-from oed.limits import Rectangle
-from oed.measurements import Displacements
-from oed.problem import Problem
-from oed.solution import Solution, Status
-from oed.solvers import Ipopt, solve
-from oed.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize import Ipopt, solve
+from oed.robots.limits import Rectangle
+from oed.robots.sensors import Displacements
 
 OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
 
@@ -41,5 +41,5 @@ def test_limits_exceeded_between_the_samples_are_tightened(coarse: Problem):
 
 @pytest.mark.slow
 def test_without_tightening_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
-    monkeypatch.setattr("oed.solvers.local.TIGHTENINGS", 1)
+    monkeypatch.setattr("oed.optimize.local.TIGHTENINGS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1

@@ -19,14 +19,15 @@ import pytest
 from builders import make_problem
 from studies import small, without_seconds, write_study
 
-from oed.errors import Failure
-from oed.record import load_record
-from oed.solvers import parallel, population
-from oed.solvers.design import DesignExpressions
-from oed.solvers.parallel import BREAKDOWNS, run_tasks
-from oed.solvers.population import Population
-from oed.solvers.starts import random_drives
-from oed.sweep import parse_axis, sweep
+from oed.foundation.errors import Failure
+from oed.foundation.work import parallel
+from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
+from oed.optimize import population
+from oed.optimize.population import Population
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.starts import random_drives
+from oed.records.record import load_record
+from oed.workflow.sweep import parse_axis, sweep
 
 
 def done_by(function: Any, tasks: list[Any], workers: Any) -> dict[int, Any]:
@@ -68,8 +69,8 @@ def sleeping(task: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_workers_end_with_their_parent_and_say_nothing(tmp_path: Path, number: int):
     program = (
-        "import signal, sys, pathlib; from oed.signals import ending_alike\n"
-        "from oed.solvers.parallel import run_tasks; from test_parallel import sleeping\n"
+        "import signal, sys, pathlib; from oed.foundation.work.signals import ending_alike\n"
+        "from oed.foundation.work.parallel import run_tasks; from test_parallel import sleeping\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
         "    with ending_alike():\n"

@@ -10,8 +10,16 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, make_problem
 
-from oed.criteria import E
-from oed.limits import (
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import LeverArm, PosePrior
+from oed.kernel.problem import Problem
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.pieces import Pieces, divisible
+from oed.optimize.terms.unrolled import Unrolled
+from oed.robots.limits import (
     BodySpeed,
     EndPosition,
     PathLength,
@@ -21,22 +29,14 @@ from oed.limits import (
     WheelSpeed,
     YawRate,
 )
-from oed.limits.workspace import Circle, CircularObstacle, Obstacles
-from oed.measurements import Displacements, Poses, Ranges, Several
-from oed.measurements import YawRate as Gyroscope
-from oed.measurements.sensor import LeverArm, PosePrior
-from oed.measurements.several import sensors_of
-from oed.models import Mecanum, SkidSteerSlip, TractorTrailer
-from oed.models.model import follows_state
-from oed.prior import Prior
-from oed.problem import Problem
-from oed.robust import Robust
-from oed.solvers.terms import terms_of
-from oed.solvers.terms.layout import Layout
-from oed.solvers.terms.pieces import Pieces, divisible
-from oed.solvers.terms.unrolled import Unrolled
-from oed.trajectory import DesignSpace, Spline, StartPose
-from oed.uncertainty import Uncertainty
+from oed.robots.limits.workspace import Circle, CircularObstacle, Obstacles
+from oed.robots.models import Mecanum, SkidSteerSlip, TractorTrailer
+from oed.robots.models.model import follows_state
+from oed.robots.sensors import Displacements, Poses, Ranges, Several
+from oed.robots.sensors import YawRate as Gyroscope
+from oed.robots.sensors.several import sensors_of
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
 
 SPACE: dict[str, Any] = {"duration": 4, "samples": 24, "spline": Spline(coefficients=6)}
 FREE_RUNS = DesignSpace(**{**SPACE, "runs": 2, "start": "free"})

@@ -8,15 +8,15 @@ import oracle
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
 
-from oed.evaluation import evaluate
-from oed.limits import WheelSpeed
-from oed.measurements import Displacements
-from oed.models import SkidSteer
-from oed.solvers import program
-from oed.solvers.design import DesignExpressions
-from oed.solvers.local import LocalSearch, Settings
-from oed.solvers.program import Outcome, Program
-from oed.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.transcription import program
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.program import Outcome, Program
+from oed.robots.limits import WheelSpeed
+from oed.robots.models import SkidSteer
+from oed.robots.sensors import Displacements
 
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
 

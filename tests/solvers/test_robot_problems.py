@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
-from oed.baselines import baselines
-from oed.evaluation import Evaluation
-from oed.models import MODELS
-from oed.solvers import Ipopt, solve
-from oed.study import Study, load_study, parse_study
+from oed.kernel.evaluation import Evaluation
+from oed.optimize import Ipopt, solve
+from oed.robots.baselines import baselines
+from oed.robots.models import MODELS
+from oed.study.study import Study, load_study, parse_study
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 STARTS = {"tractor_trailer": 2}

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from oed.departures import leaving
-from oed.problem import Problem
-from oed.solvers import Ipopt, solve
-from oed.study import parse_study
+from oed.kernel.problem import Problem
+from oed.optimize import Ipopt, solve
+from oed.study.study import parse_study
+from oed.uncertainty.departures import leaving
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 RADII = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %}"

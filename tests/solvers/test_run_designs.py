@@ -10,14 +10,14 @@ import oracle
 import pytest
 from builders import RADIUS, TRACK, cap, make_problem, random_drive
 
-from oed.evaluation import evaluate
-from oed.measurements import Displacements, Poses
-from oed.problem import Problem
-from oed.solution import Solution, Status
-from oed.solvers import Genetic, Ipopt, solve
-from oed.solvers.design import DesignExpressions
-from oed.solvers.starts import random_poses, start_bounds
-from oed.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.starts import random_poses, start_bounds
+from oed.robots.sensors import Displacements, Poses
 
 RUNS, SEGMENTS, HALF_SIDE = 3, 2, 1.0
 LISTED = (StartPose(), StartPose(x=0.5, y=-0.5, heading=1.0), StartPose(x=-0.7, heading=-2.0))

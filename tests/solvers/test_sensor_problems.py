@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from oed.baselines import baselines
-from oed.evaluation import evaluate
-from oed.solvers import Ipopt, solve
-from oed.study import Study, parse_study
-from oed.validation import validate
+from oed.kernel.evaluation import evaluate
+from oed.optimize import Ipopt, solve
+from oed.robots.baselines import baselines
+from oed.simulation import validate
+from oed.study.study import Study, parse_study
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 ONE = Ipopt(starts=1, perturbations=0, second_stage="none")

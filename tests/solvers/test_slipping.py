@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from builders import make_problem
 
-from oed.criteria import E
-from oed.evaluation import evaluate
-from oed.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
-from oed.measurements import Poses
-from oed.problem import Problem
-from oed.solvers import Genetic, Ipopt, solve
-from oed.trajectory import DesignSpace, Spline
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.optimize import Genetic, Ipopt, solve
+from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
+from oed.robots.sensors import Poses
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
 GENETIC = Genetic(population=40, generations=30)
@@ -53,7 +53,7 @@ def found_by(solver: Ipopt | Genetic, seed: int, thickness: float, width: float)
 def at_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches never ask for more points than they begin with."""
     for module in ("local", "genetic"):
-        monkeypatch.setattr(f"oed.solvers.{module}.FINEST", 1)
+        monkeypatch.setattr(f"oed.optimize.{module}.FINEST", 1)
 
 
 @pytest.mark.slow

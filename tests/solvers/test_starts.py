@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, make_problem
 
-from oed.limits import Rectangle, WheelSpeed
-from oed.solvers.design import DesignExpressions
-from oed.solvers.starts import perturbed, random_drives, starting_points
-from oed.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.starts import perturbed, random_drives, starting_points
+from oed.robots.limits import Rectangle, WheelSpeed
 
 TIGHT = Rectangle(x=(-0.2, 0.2), y=(-0.2, 0.2))
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}

@@ -11,15 +11,15 @@ import pytest
 from studies import INFEASIBLE, small, without_seconds, write_study
 
 from oed.cli import main
-from oed.console import print_sweep
-from oed.errors import Failure, RecordError
-from oed.folders import Draft
-from oed.record import Record, load_record, save_record
-from oed.runner import run as real_run
-from oed.saving import NotSaved
-from oed.study import load_study
-from oed.sweep import Axis, load_sweep, parse_axis, sweep
-from oed.sweep import run as running
+from oed.cli.terminal.console import print_sweep
+from oed.foundation.errors import Failure, RecordError
+from oed.foundation.work.folders import Draft
+from oed.records.record import Record, load_record, save_record
+from oed.study.study import load_study
+from oed.workflow.runner import run as real_run
+from oed.workflow.saving import NotSaved
+from oed.workflow.sweep import Axis, load_sweep, parse_axis, sweep
+from oed.workflow.sweep import run as running
 
 TINY = "{kind: genetic, population: 20, generations: 3}"
 OVER = "limits.wheel_speed=5,10 rad/s"
@@ -161,7 +161,7 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
     monkeypatch.setattr(running, "run", second_killed)
     with monkeypatch.context() as patch:
         # Nothing is tidied up by a process that is killed.
-        patch.setattr("oed.folders.Draft.put_in_order", lambda _: None)
+        patch.setattr("oed.foundation.work.folders.Draft.put_in_order", lambda _: None)
         with pytest.raises(Killed):
             sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     monkeypatch.setattr(running, "run", real_run)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from oed.errors import UserMistake
-from oed.sweep import parse_axis
+from oed.foundation.errors import UserMistake
+from oed.workflow.sweep import parse_axis
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from studies import small, write_study
 
-from oed.errors import StudyError, UserMistake
-from oed.sweep import Point, grid, parse_axis
+from oed.foundation.errors import StudyError, UserMistake
+from oed.workflow.sweep import Point, grid, parse_axis
 
 
 def points_of(folder: Path, *over: str, text: str | None = None) -> list[Point]:

@@ -10,16 +10,16 @@ import pytest
 from oracle import advance
 from trials import STUDY, small_trial, study_of, tried
 
-from oed.errors import UserMistake
-from oed.record import Record
-from oed.recorded_study import recorded_study
-from oed.runner import run
-from oed.solvers import Silent
-from oed.study import Study, parse_study
-from oed.trial.candidates import candidates
-from oed.trial.experiment import exact_log, prediction_errors
-from oed.trial.paths import everyday
-from oed.validation.physics import FourWheels, drive
+from oed.foundation.errors import UserMistake
+from oed.optimize import Silent
+from oed.records.record import Record
+from oed.records.recorded_study import recorded_study
+from oed.simulation.physics import FourWheels, drive
+from oed.simulation.trial.candidates import candidates
+from oed.simulation.trial.experiment import exact_log, prediction_errors
+from oed.simulation.trial.paths import everyday
+from oed.study.study import Study, parse_study
+from oed.workflow.runner import run
 
 FITS = ["differential drive", "lag", "differential drive by two stage"]
 DRIVES = ["optimal for differential drive", "optimal for lag", "circle", "random"]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from trials import STUDY, study_of
 
-from oed.baselines import baselines
-from oed.errors import StudyError
-from oed.evaluation import evaluate
-from oed.study import parse_study
-from oed.trial.paths import everyday, held_out_drives
+from oed.foundation.errors import StudyError
+from oed.kernel.evaluation import evaluate
+from oed.robots.baselines import baselines
+from oed.simulation.trial.paths import everyday, held_out_drives
+from oed.study.study import parse_study
 
 ROBOT = "{kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}"
 SLIPPING = "{kind: skid_steer_slip, wheel_radius: 4.9 cm, track: 32 cm, yaw_lag: 10 ms}"

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from trials import small_trial, study_of
 
-from oed.record import Record
-from oed.report.panels import svg_text
-from oed.report.section import Section
+from oed.records.record import Record
+from oed.report.figures.panels import svg_text
+from oed.report.parts.section import Section
 from oed.report.sections.physics import BEST, physics
 
 pytestmark = pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from oed.trial.statistics import Repeats, resampled_pair, scatter, total
+from oed.simulation.trial.statistics import Repeats, resampled_pair, scatter, total
 
 
 def repeats(errors: np.ndarray, resamples: int = 4000) -> Repeats:

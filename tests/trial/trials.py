@@ -6,12 +6,12 @@ from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
-from oed.baselines import baselines
-from oed.problem import Problem
-from oed.solution import Solution
-from oed.solvers import Context, Progress, Silent, Solver
-from oed.study import Study, parse_study
-from oed.trial import run_trial
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.optimize import Context, Progress, Silent, Solver
+from oed.robots.baselines import baselines
+from oed.simulation.trial import run_trial
+from oed.study.study import Study, parse_study
 
 STUDY = """\
 format: 1

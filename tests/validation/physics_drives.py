@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import fsolve
 
-from oed.validation.physics import Motion, PhysicsRobot, drive
+from oed.simulation.physics import Motion, PhysicsRobot, drive
 
 PERIOD = 0.1
 

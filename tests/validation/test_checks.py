@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from oed.validation.checks import (
+from oed.simulation.checks import (
     Check,
     bias,
     check_all,
@@ -20,7 +20,7 @@ from oed.validation.checks import (
     mean_nees,
     nees_distribution,
 )
-from oed.validation.tally import Tally
+from oed.simulation.tally import Tally
 
 ALPHA = 0.05
 SEEDS = 200

@@ -11,18 +11,18 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
 from scipy import stats
 
-from oed.errors import ProblemError
-from oed.estimators import EstimatorName, Heading, Regression, missing_noise
-from oed.evaluation import evaluate
-from oed.measurements import Displacements
-from oed.measurements.measurement import Measurement
-from oed.models import SkidSteer
-from oed.problem import Problem
-from oed.solvers import Silent
-from oed.trajectory import DesignSpace, Spline, Trajectory
-from oed.validation import Validation, validate
-from oed.validation.checks import check_all
-from oed.validation.monte_carlo import BATCH, SHOWN
+from oed.estimation.methods import EstimatorName, Heading, Regression, missing_noise
+from oed.foundation.errors import ProblemError
+from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.problem import Problem
+from oed.optimize import Silent
+from oed.robots.models import SkidSteer
+from oed.robots.sensors import Displacements
+from oed.simulation import Validation, validate
+from oed.simulation.checks import check_all
+from oed.simulation.monte_carlo import BATCH, SHOWN
 
 NOISE = {"position": "1 cm", "heading": "2 deg"}
 TEN_DEGREES = math.radians(10)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from physics_drives import PERIOD, rich_drive, rich_speeds
 
-from oed.errors import Failure, UserMistake
-from oed.validation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, drive
-from oed.validation.physics.engine import Engine
+from oed.foundation.errors import Failure, UserMistake
+from oed.simulation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, drive
+from oed.simulation.physics.engine import Engine
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from oed.errors import Failure
-from oed.validation.physics import FourWheels, drive, frames
-from oed.validation.physics.engine import engine_library
+from oed.foundation.errors import Failure
+from oed.simulation.physics import FourWheels, drive, frames
+from oed.simulation.physics.engine import engine_library
 
 SCRIPT = """
 from oed.errors import Failure

@@ -9,11 +9,11 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 import oed
-from oed.component import OneOf
-from oed.errors import UserMistake
-from oed.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerSlip, Tricycle
-from oed.presets import preset_names
-from oed.validation.physics import (
+from oed.foundation.component import OneOf
+from oed.foundation.errors import UserMistake
+from oed.robots.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerSlip, Tricycle
+from oed.robots.presets import preset_names
+from oed.simulation.physics import (
     PHYSICS_ROBOTS,
     FourWheels,
     PhysicsRobot,

@@ -10,13 +10,13 @@ from builders import make_problem
 from physics_drives import rich_drive
 from pydantic import ValidationError
 
-from oed.calibration import CalibrationOptions, calibrate
-from oed.errors import UserMistake
+from oed.estimation import CalibrationOptions, calibrate
+from oed.foundation.errors import UserMistake
 from oed.logs.log import Log
-from oed.measurements import Poses
-from oed.measurements.poses import AbsoluteNoise
-from oed.models import DifferentialDrive
-from oed.validation.physics import FourWheels, Motion, Sensing, TwoWheelsAndCaster
+from oed.robots.models import DifferentialDrive
+from oed.robots.sensors import Poses
+from oed.robots.sensors.poses import AbsoluteNoise
+from oed.simulation.physics import FourWheels, Motion, Sensing, TwoWheelsAndCaster
 
 pytestmark = pytest.mark.slow
 

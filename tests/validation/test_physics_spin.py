@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from physics_drives import coulomb_widening, steady, travelled, widening
 
-from oed.models import SkidSteer
-from oed.validation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, physics_robot
+from oed.robots.models import SkidSteer
+from oed.simulation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, physics_robot
 
 pytestmark = pytest.mark.slow
 

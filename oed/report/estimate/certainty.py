@@ -8,9 +8,9 @@ from typing import Any
 
 from oed.report.estimate.numbers import error_text, known, own_unit, scaled, sized
 from oed.report.estimate.reading import Data, asked, by_windows, entries, segment_text
-from oed.report.section import Section
-from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import listing, unit_text, words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant
+from oed.report.parts.wording import listing, unit_text, words
 
 KINDS = ("information", "sandwich", "bootstrap")
 """Ways to a covariance, the most trusting first."""

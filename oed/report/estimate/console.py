@@ -6,7 +6,7 @@ from oed.report.estimate.gist import gains, notes, offset_clocks, warnings
 from oed.report.estimate.models import model_lines
 from oed.report.estimate.reading import Data, entries, segment_text
 from oed.report.estimate.summary import estimate_cells
-from oed.report.tables import MISSING
+from oed.report.parts.tables import MISSING
 
 CLOCKS_APART = 0.02
 """Offset of two clocks that is worth a line [s]."""

@@ -15,10 +15,17 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from oed.report.estimate.reckoned import Reckoned
-from oed.report.estimate.residuals import MOST_DOTS, Array, Readings, Residuals, one_after_the_other, thinned
-from oed.report.figures import FAINT, INK
-from oed.report.panels import WIDTH, new_grid
-from oed.report.wording import as_drawn
+from oed.report.estimate.residuals import (
+    MOST_DOTS,
+    Array,
+    Readings,
+    Residuals,
+    one_after_the_other,
+    thinned,
+)
+from oed.report.figures.panels import WIDTH, new_grid
+from oed.report.figures.plots import FAINT, INK
+from oed.report.parts.wording import as_drawn
 
 SHADES = ("#123f6d", "#8fa9c2")
 """Of logs one after the other."""

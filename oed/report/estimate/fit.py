@@ -8,9 +8,9 @@ from typing import Any
 from oed.report.estimate.numbers import known, probability
 from oed.report.estimate.reading import Data, entries, in_signs
 from oed.report.estimate.residuals import Residuals, residuals_of
-from oed.report.section import Picture, Section
-from oed.report.tables import MISSING, Column, Table, significant
-from oed.report.wording import count, slug, words
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import MISSING, Column, Table, significant
+from oed.report.parts.wording import count, slug, words
 
 TESTS = {
     "whiteness": "residuals are white",

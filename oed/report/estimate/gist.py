@@ -17,7 +17,7 @@ from oed.report.estimate.reading import (
     left_out_runs,
     means,
 )
-from oed.report.wording import count, listing, quantity
+from oed.report.parts.wording import count, listing, quantity
 
 GAINS = (
     ("drift over 1 m of path", "drift_position", "m"),

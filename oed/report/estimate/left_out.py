@@ -17,9 +17,9 @@ from oed.report.estimate.reading import (
     means,
     units,
 )
-from oed.report.section import Section
-from oed.report.tables import Cell, Column, Table, significant
-from oed.report.wording import count, unit_text, words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Cell, Column, Table, significant
+from oed.report.parts.wording import count, unit_text, words
 
 MEASURES = (
     ("position", "rmse_position", "m"),

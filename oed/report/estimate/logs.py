@@ -8,9 +8,9 @@ from typing import Any
 from oed.report.estimate.gist import findings
 from oed.report.estimate.numbers import known, scaled, sized
 from oed.report.estimate.reading import MOST_ROWS, Data, clocks, entries, in_signs
-from oed.report.section import Section
-from oed.report.tables import Cell, Column, Table, fixed, whole
-from oed.report.wording import words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, whole
+from oed.report.parts.wording import words
 
 Log = Mapping[str, Any]
 

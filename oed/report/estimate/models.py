@@ -7,9 +7,9 @@ from typing import Any
 
 from oed.report.estimate.numbers import error_text, known, own_unit, scaled, size_text, sized, to_error
 from oed.report.estimate.reading import Data, asked
-from oed.report.section import Section
-from oed.report.tables import MISSING, Cell, Column, Table, fixed, significant, whole
-from oed.report.wording import count, listing, unit_text, words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import MISSING, Cell, Column, Table, fixed, significant, whole
+from oed.report.parts.wording import count, listing, unit_text, words
 
 Model = Mapping[str, Any]
 

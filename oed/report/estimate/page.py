@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from oed.record import ESTIMATE
+from oed.records.record import ESTIMATE
 from oed.report.estimate.along import along
 from oed.report.estimate.certainty import certainty
 from oed.report.estimate.fit import fit
@@ -17,7 +17,7 @@ from oed.report.estimate.reading import Data, study_of
 from oed.report.estimate.reckoned import reckoned
 from oed.report.estimate.summary import summary
 from oed.report.page import render
-from oed.report.section import Section
+from oed.report.parts.section import Section
 
 NAME = ESTIMATE
 """Of the page's files, without suffix."""

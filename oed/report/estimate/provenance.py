@@ -6,9 +6,9 @@ import json
 from typing import Any
 
 from oed.report.estimate.reading import Data, study_of
-from oed.report.section import Section
-from oed.report.tables import Column, Table
-from oed.report.wording import words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Column, Table
+from oed.report.parts.wording import words
 
 
 def provenance(data: Data) -> Section:

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import Any
 
 from oed.report.estimate.numbers import known, own_unit
-from oed.report.wording import Unit, count, words
+from oed.report.parts.wording import Unit, count, words
 
 Data = Mapping[str, Any]
 

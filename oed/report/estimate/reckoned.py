@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.report.estimate.reading import Data, entries
-from oed.report.section import Picture, Section
+from oed.report.parts.section import Picture, Section
 
 Array = npt.NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from oed.report.estimate.numbers import known, unit_for
 from oed.report.estimate.reading import Data, by_windows, entries
-from oed.report.wording import unit_text, words
+from oed.report.parts.wording import unit_text, words
 
 Array = npt.NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from oed.report.estimate.numbers import (
     to_error,
 )
 from oed.report.estimate.reading import Data, entries, held_out_runs, logs_text, robot_text
-from oed.report.section import Section
-from oed.report.tables import MISSING, Cell, Column, Table, significant
-from oed.report.wording import count, listing, unit_text, words
+from oed.report.parts.section import Section
+from oed.report.parts.tables import MISSING, Cell, Column, Table, significant
+from oed.report.parts.wording import count, listing, unit_text, words
 
 METHODS = {
     "joint": "by nonlinear least squares on all poses together",

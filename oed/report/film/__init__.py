@@ -7,8 +7,8 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from oed.errors import UserMistake
-from oed.files import require_replaceable, unwritten
+from oed.foundation.errors import UserMistake
+from oed.foundation.files import require_replaceable, unwritten
 from oed.report.film.frame import Frame
 from oed.report.film.gif import FASTEST, write_gif
 from oed.report.film.mp4 import require_ffmpeg, write_mp4

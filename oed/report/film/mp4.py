@@ -9,7 +9,7 @@ from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 
-from oed.errors import Failure, UserMistake
+from oed.foundation.errors import Failure, UserMistake
 from oed.report.film.frame import Frame
 
 EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from oed.record import Record
-from oed.report.section import Section
+from oed.records.record import Record
+from oed.report.parts.section import Section
 from oed.report.sections.candidates import candidates
 from oed.report.sections.certificate import certificate
 from oed.report.sections.convergence import convergence

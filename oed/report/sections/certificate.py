@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from oed.record import Record
-from oed.report.section import Section
-from oed.report.tables import Column, Table, significant
+from oed.records.record import Record
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Column, Table, significant
 
 
 def certificate(record: Record) -> Section | None:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from oed.record import Record
-from oed.report.judging import Aim, by_aim
-from oed.report.reading import Entry
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, significant, whole
-from oed.report.wording import listing, quantity
+from oed.records.record import Record
+from oed.report.parts.judging import Aim, by_aim
+from oed.report.parts.reading import Entry
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, significant, whole
+from oed.report.parts.wording import listing, quantity
 
 TARGETS = (0.9, 0.99, 0.999)
 """Shares of the best objective whose times are listed."""
@@ -134,6 +134,6 @@ def _rows(aim: Aim, entries: Sequence[Entry], several: bool) -> list[tuple[Cell,
 
 
 def _draw(lines: Any, apart: bool) -> Any:
-    from oed.report import panels
+    from oed.report.figures import panels
 
     return panels.convergence(lines, apart)

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 
-from oed.record import Record
-from oed.report.judging import EFFICIENCIES, NUMBERS, Aim, aim_of, judged, rounded, scaling_text, study_aim
-from oed.report.reading import Entry, with_drive
-from oed.report.section import Section
-from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import listing, quantity, words
+from oed.records.record import Record
+from oed.report.parts.judging import (
+    EFFICIENCIES,
+    NUMBERS,
+    Aim,
+    aim_of,
+    judged,
+    rounded,
+    scaling_text,
+    study_aim,
+)
+from oed.report.parts.reading import Entry, with_drive
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant
+from oed.report.parts.wording import listing, quantity, words
 
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from oed.record import Record
-from oed.report.driven import Path, path_of, paths_of
-from oed.report.inputs import (
+from oed.records.record import Record
+from oed.report.figures.driven import Path, path_of, paths_of
+from oed.report.parts.inputs import (
     Group,
     Series,
     groups_of,
@@ -17,10 +17,10 @@ from oed.report.inputs import (
     rates_of,
     short_names,
 )
-from oed.report.reading import on_the_spot, runs_of, segments, with_drive
-from oed.report.rooms import Room, body_text, room_of, surroundings_text
-from oed.report.section import Picture, Section
-from oed.report.wording import count, listing, unit_text, words
+from oed.report.parts.reading import on_the_spot, runs_of, segments, with_drive
+from oed.report.parts.rooms import Room, body_text, room_of, surroundings_text
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.wording import count, listing, unit_text, words
 
 DASHES = ("solid", "dashed", "dash-dotted", "dotted")
 """How the lines of a panel are drawn, in their order."""
@@ -135,12 +135,12 @@ def _labels(group: Group) -> list[str]:
 
 def _draw_paths(drives: list[Path], room: Room) -> Any:
     # Imported late: the drawing library takes longer to load than the rest of a report.
-    from oed.report import path_panels
+    from oed.report.figures import path_panels
 
     return path_panels.paths(drives, room)
 
 
 def _draw_series(*data: Any) -> Any:
-    from oed.report import panels
+    from oed.report.figures import panels
 
     return panels.series(*data)

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from oed.record import Record
-from oed.report.reading import Cloud
-from oed.report.section import Picture
-from oed.report.wording import Unit, common_units, readable, unit_text, words
+from oed.records.record import Record
+from oed.report.parts.reading import Cloud
+from oed.report.parts.section import Picture
+from oed.report.parts.wording import Unit, common_units, readable, unit_text, words
 
 Outcome = Mapping[str, Any]
 Pair = tuple[str, str]
@@ -112,6 +112,6 @@ def _cloud(entry: Outcome, axes: tuple[_Axis, ...], several: bool) -> Cloud:
 
 
 def _draw(drawings: Any) -> Any:
-    from oed.report import panels
+    from oed.report.figures import panels
 
     return panels.clouds(drawings)

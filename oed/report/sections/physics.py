@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from oed.record import Record
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import count, listing, quantity, words
+from oed.records.record import Record
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant
+from oed.report.parts.wording import count, listing, quantity, words
 
 Entry = Mapping[str, Any]
 
@@ -282,13 +282,13 @@ def _figures(data: Entry, floors: Sequence[Entry]) -> tuple[Picture, ...]:
 
 
 def _draw_errors(data: Entry, floors: Sequence[Entry]) -> Any:
-    from oed.report import trial_panels
+    from oed.report.figures import trial_panels
 
     return trial_panels.errors([_drawn_floor(data, floor) for floor in floors])
 
 
 def _drawn_floor(data: Entry, floor: Entry) -> Any:
-    from oed.report.trial_panels import Floor
+    from oed.report.figures.trial_panels import Floor
 
     fits = tuple(fit["name"] for fit in data["fits"])
     table = {(entry["drive"], entry["fit"]): entry for entry in floor["errors"]}
@@ -300,7 +300,7 @@ def _drawn_floor(data: Entry, floor: Entry) -> Any:
 
 
 def _draw_paths(data: Entry, floors: Sequence[Entry]) -> Any:
-    from oed.report import trial_panels
+    from oed.report.figures import trial_panels
 
     planned = {entry["name"]: np.array(entry["path"]) for entry in data["planned"] if entry["path"]}
     drives = [

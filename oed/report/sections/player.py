@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from oed.record import Record, drive_of, rounded
-from oed.report.driven import Array, poses_of
-from oed.report.motion import view_of
-from oed.report.reading import Entry, with_drive
-from oed.report.rooms import Room, outline, robot_width, room_of, trailer_of
-from oed.report.section import Animation, Section
+from oed.records.record import Record, drive_of, rounded
+from oed.report.figures.driven import Array, poses_of
+from oed.report.parts.motion import view_of
+from oed.report.parts.reading import Entry, with_drive
+from oed.report.parts.rooms import Room, outline, robot_width, room_of, trailer_of
+from oed.report.parts.section import Animation, Section
 
 
 def player(record: Record) -> Section | None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from oed.record import Record
-from oed.report.section import Section
-from oed.report.tables import Column, Table
+from oed.records.record import Record
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Column, Table
 
 
 def provenance(record: Record) -> Section:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from oed.record import NOMINAL, Record
-from oed.report.driven import Bundle, poses_of
-from oed.report.judging import study_aim
-from oed.report.rooms import Room, room_of
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, fixed, significant, whole
-from oed.report.wording import given_text, listing, quantity, words
+from oed.records.record import NOMINAL, Record
+from oed.report.figures.driven import Bundle, poses_of
+from oed.report.parts.judging import study_aim
+from oed.report.parts.rooms import Room, room_of
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
+from oed.report.parts.wording import given_text, listing, quantity, words
 
 Entry = Mapping[str, Any]
 
@@ -187,6 +187,6 @@ def _share(entry: Entry) -> str:
 
 
 def _draw(cases: Sequence[Bundle], room: Room) -> Any:
-    from oed.report import path_panels
+    from oed.report.figures import path_panels
 
     return path_panels.bundles(cases, room)

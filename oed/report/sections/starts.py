@@ -6,12 +6,12 @@ from functools import partial
 from statistics import median
 from typing import Any
 
-from oed.record import Record
-from oed.report.judging import EFFICIENCIES, Aim, aim_of, study_aim
-from oed.report.reading import Entry, solver_options
-from oed.report.section import Picture, Section
-from oed.report.tables import Cell, Column, Table, fixed, significant, whole
-from oed.report.wording import count, listing, quantity, words
+from oed.records.record import Record
+from oed.report.parts.judging import EFFICIENCIES, Aim, aim_of, study_aim
+from oed.report.parts.reading import Entry, solver_options
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
+from oed.report.parts.wording import count, listing, quantity, words
 
 Search = tuple[Aim, Entry]
 
@@ -123,7 +123,7 @@ def _figures(searches: list[Search], apart: bool) -> tuple[Picture, ...]:
 
 
 def _draw(spreads: Any) -> Any:
-    from oed.report import panels
+    from oed.report.figures import panels
 
     return panels.starts(spreads)
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-from oed.record import Record
-from oed.report.driven import poses_of
-from oed.report.judging import aim_of, judged, meaning, precision, study_aim, useless
-from oed.report.measured import along_text, measured_as, prior_text
-from oed.report.reading import (
+from oed.records.record import Record
+from oed.report.figures.driven import poses_of
+from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim, useless
+from oed.report.parts.measured import along_text, measured_as, prior_text
+from oed.report.parts.reading import (
     Entry,
     deviation_units,
     duration_text,
@@ -19,9 +19,9 @@ from oed.report.reading import (
     on_the_spot,
     runs_of,
 )
-from oed.report.section import Section
+from oed.report.parts.section import Section
+from oed.report.parts.wording import Unit, deviation_text, listing, quantity, words
 from oed.report.sections.candidates import repetitions_of
-from oed.report.wording import Unit, deviation_text, listing, quantity, words
 
 
 def summary(record: Record) -> Section:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from oed.record import Record
-from oed.report.measured import nuisance_names
-from oed.report.reading import is_regression
-from oed.report.section import Section
+from oed.records.record import Record
+from oed.report.parts.measured import nuisance_names
+from oed.report.parts.reading import is_regression
+from oed.report.parts.section import Section
+from oed.report.parts.tables import Cell, Column, Table, fixed, significant
+from oed.report.parts.wording import listing, readable, unit_text, words
 from oed.report.sections.estimates import clouds, units_of
-from oed.report.tables import Cell, Column, Table, fixed, significant
-from oed.report.wording import listing, readable, unit_text, words
 
 Outcome = Mapping[str, Any]
 

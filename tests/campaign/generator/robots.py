@@ -56,12 +56,12 @@ def _preset(rng: Rng) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
 
 @cache
 def _preset_names() -> tuple[str, ...]:
-    files = resources.files("oed.presets").iterdir()
+    files = resources.files("oed.robots.presets").iterdir()
     return tuple(sorted(file.name[:-5] for file in files if file.name.endswith(".yaml")))
 
 
 def _read_preset(name: str) -> dict[str, dict[str, Any]]:
-    text = resources.files("oed.presets").joinpath(f"{name}.yaml").read_text(encoding="utf-8")
+    text = resources.files("oed.robots.presets").joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     data = yaml.safe_load(text)
     return {
         part: {key: _quantity(value) for key, value in data[part].items()} for part in ("robot", "limits")

@@ -1,0 +1,3 @@
+"""The command line: parse, call a command, map errors to exit codes."""
+
+from oed.cli.program import main as main

@@ -1,0 +1,170 @@
+"""The command line: parse, call a command, map errors to exit codes.
+
+Exit codes: 0 done, 1 failed (no feasible design, interrupted), 2 the user's mistake.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from oed.cli.commands import COMMANDS
+from oed.cli.terminal.command import FAILED, MISTAKE
+
+if TYPE_CHECKING:
+    from oed.foundation.errors import OedError
+
+DEBUG = "OED_DEBUG"
+"""Environment variable with which what nobody has foreseen is shown as Python shows it."""
+OBJECTS = 50_000
+"""New objects after which garbage is looked for."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    from oed.cli.terminal.messages import say
+    from oed.cli.terminal.streams import steady_streams, warnings_shown
+    from oed.foundation.errors import Failure
+
+    with steady_streams(), warnings_shown():
+        try:
+            try:
+                return _run(arguments)
+            finally:
+                # What cannot be printed is known only now.
+                sys.stdout.flush()
+        except Failure as error:
+            say(str(error))
+            return FAILED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    options = _parser().parse_args(arguments)
+    if options.command is None:
+        _parser().print_help()
+        return MISTAKE
+    # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
+    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
+    # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    from oed.foundation.errors import FileError, OedError, UserMistake
+    from oed.foundation.work.signals import ending_alike, interrupts_named
+
+    command: Callable[[argparse.Namespace], int] = options.run
+    try:
+        with ending_alike(), interrupts_named():
+            _require_names(options)
+            return command(options)
+    except OedError as raised:
+        error = _located(raised, options)
+        flaws = error.flaws if isinstance(error, FileError) else ()
+        mistake = isinstance(error, UserMistake)
+        _report_error(options, _with_notes(str(error), raised), [vars(flaw) for flaw in flaws])
+        return MISTAKE if mistake else FAILED
+    except KeyboardInterrupt as error:
+        _report_error(options, _with_notes("interrupted", error), [])
+        return FAILED
+    except OSError as error:
+        # A disk that is full, a file that may not be read: no fault of the program's.
+        _report_error(options, _with_notes(_of_system(error), error), [])
+        return FAILED
+    except (Exception, SystemExit) as error:
+        return _defect(options, error)
+
+
+def _require_names(options: argparse.Namespace) -> None:
+    # A shell cannot give a null character, other programs' calls of `main` can.
+    from oed.foundation.errors import UserMistake
+
+    for given in vars(options).values():
+        for one in given if isinstance(given, list) else [given]:
+            if isinstance(one, str | Path) and "\0" in str(one):
+                raise UserMistake(f"no name of a file has the character '\\x00', got {str(one)!r}")
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    # What was done before the error, and where it is.
+    return "; ".join([message, *getattr(error, "__notes__", ())])
+
+
+def _of_system(error: OSError) -> str:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        # Of names that begin there the system says no more than that something is not there.
+        return f"the working directory has been deleted: change to another folder ({error})"
+    return str(error)
+
+
+def _located(error: OedError, options: argparse.Namespace) -> OedError:
+    # What a command finds out of a study late is told by its line all the same.
+    from oed.foundation.errors import FileError, ProblemError, StudyError
+    from oed.study.yaml_source import read_yaml
+
+    file = getattr(options, "study", None)
+    if file is None or not isinstance(error, ProblemError):
+        return error
+    try:
+        source = read_yaml(file)
+    except FileError:
+        return error
+    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws])
+
+
+def _defect(options: argparse.Namespace, error: BaseException) -> int:
+    # What nobody has foreseen: a sentence all the same, and the way to the whole story.
+    if os.environ.get(DEBUG):
+        raise error
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, SystemExit):
+        text = f"something ended the program halfway ({said}), which a robot's own module must not do"
+    else:
+        text = f"a defect of oed, not of your files ({said})"
+    text = f"{text}; with {DEBUG}=1 in the environment the same command shows where"
+    _report_error(options, _with_notes(text, error), [])
+    return FAILED
+
+
+def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:
+    from oed.cli.terminal.messages import print_json, say
+
+    say(message)
+    if options.json:
+        print_json({"error": message, "flaws": flaws})
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="oed",
+        description="Design the drive that makes a robot's kinematic parameters best estimable.",
+    )
+    parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
+    parsers = parser.add_subparsers(dest="command", metavar="COMMAND")
+    for command in COMMANDS:
+        added = parsers.add_parser(command.name, help=command.text, description=command.text)
+        added.add_argument(
+            "--json", action="store_true", help="one JSON object on stdout, all else on stderr"
+        )
+        command.arguments(added)
+        added.set_defaults(run=command.run)
+    return parser
+
+
+class _ShowVersion(argparse.Action):
+    """Print the version, looked up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        """Print it and leave."""
+        from importlib.metadata import version
+
+        print(f"oed {version('oed')}")
+        parser.exit()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""Options that several commands have, and what is read of an option's text."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from oed.optimize import Workers
+
+
+def add_working(parser: argparse.ArgumentParser) -> None:
+    """The options of a command that searches."""
+    parser.add_argument("--seed", type=whole, help="seed of every random draw, instead of the study's")
+    add_workers(parser)
+    add_quiet(parser)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Who works."""
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument("--workers", type=positive, help="processes (default: one per processor)")
+    choice.add_argument(
+        "--cluster", metavar="tcp://HOST:PORT", help="a running Dask cluster's scheduler, instead"
+    )
+
+
+def workers_of(options: argparse.Namespace) -> Workers | None:
+    """Who works, None for the default; a cluster is connected to at once, before any work is done.
+
+    Raises:
+        UserMistake: not an address, or the extra `cluster` is missing.
+        Failure: no cluster answers there, or it has other versions of what computes.
+    """
+    if options.cluster is None:
+        workers: int | None = options.workers
+        return workers
+    from oed.foundation.work.cluster import Cluster
+
+    cluster = Cluster(options.cluster)
+    cluster.connect()
+    return cluster
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Whether progress is shown."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Whether code that a record names may be run."""
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="run the Python code of the robot that the record names, and read other files that it names",
+    )
+
+
+def whole(text: str) -> int:
+    """A number from 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
+    return value
+
+
+def positive(text: str) -> int:
+    """A number from 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {value}")
+    return value
+
+
+def seconds(text: str) -> float:
+    """A time above 0 [s]."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {value:g}")
+    return value
+
+
+def duration(text: str) -> float:
+    """A time above 0, `20 s` or plain seconds [s]."""
+    from oed.foundation.quantities import parse_quantity
+
+    try:
+        value = parse_quantity(text, "s")
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {text!r}")
+    return value
+
+
+def share(text: str) -> float:
+    """A share from 0, below 1."""
+    value = float(text)
+    if not 0 <= value < 1:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, got {value:g}")
+    return value
+
+
+def pair(text: str) -> tuple[str, str]:
+    """`KEY=VALUE`, as its two sides."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {text!r}")
+    return key.strip(), value.strip()

@@ -1,0 +1,269 @@
+"""What the command line shows with rich: progress on standard error, and results as tables."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as RichProgress
+from rich.table import Table
+from rich.text import Text
+
+from oed.cli.terminal.messages import tell
+from oed.foundation.shown import shown
+from oed.optimize import Progress, Silent
+
+if TYPE_CHECKING:
+    import argparse
+
+    from oed.study.starter import Choice
+    from oed.workflow.driven import DrivenPaths
+
+
+class _Bars:
+    """Progress of long work as rich bars, one per stage."""
+
+    def __init__(self, bars: RichProgress) -> None:
+        self._bars = bars
+        self._task: TaskID | None = None
+
+    def begin(self, description: str, total: int) -> None:
+        self._bars.start()
+        self._task = self._bars.add_task(shown(description), total=total, note="")
+
+    def advance(self, note: str = "") -> None:
+        if self._task is not None:
+            self._bars.update(self._task, advance=1, note=shown(note))
+
+    def end(self) -> None:
+        # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
+        if self._task is not None:
+            self._bars.stop()
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Progress]:
+    """A listener that draws bars on standard error while the context lasts; silent when `quiet`."""
+    if quiet:
+        yield Silent()
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}", markup=False),
+    )
+    bars = _Bars(RichProgress(*columns, console=Console(stderr=True)))
+    try:
+        yield bars
+    finally:
+        bars.end()
+
+
+def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str, Any] | None = None) -> None:
+    """Results as a table and their messages, on standard output; `robustness` as a record has it."""
+    reserved = () if robustness is None else robustness["limits"]
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
+        # Text, for rich would take "[m]" for markup.
+        table.add_column(Text(heading), justify="left" if heading == "name" else "right")
+    for entry in results:
+        table.add_row(
+            _cell(entry["name"]),
+            number(entry["objective"]),
+            number(entry["smallest_singular_value"]),
+            number(entry["condition_number"]),
+            number(entry["norm_y"]),
+            number(entry["path_length"]),
+            "yes" if entry["feasible"] else "no",
+            number(entry["wall_seconds"], 3),
+        )
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    for entry in results:
+        # A path that was scored and can be driven has said all there is in its row.
+        if len(results) > 1 and entry["status"] == "scored" and entry["feasible"]:
+            continue
+        _print_line(console, f"{entry['name']}: {entry['message']}")
+        for limit, amount in entry["violations"].items():
+            how = ", reserve for other robots included" if limit in reserved else ""
+            _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
+        points = [one["limit"] for one in entry.get("margins") or () if one.get("certain") is False]
+        if points and entry["feasible"]:
+            _print_line(console, f"  checked at points only, not between them: {', '.join(points)}")
+
+
+def _cell(text: str) -> Text:
+    # Names come from files: they neither steer the terminal nor are rich's markup.
+    return Text(shown(text))
+
+
+def _print_line(console: Console, line: str) -> None:
+    console.print(shown(line), highlight=False, markup=False)
+
+
+def print_worth(found: DrivenPaths) -> None:
+    """How much driven paths tell of what the best design tells, and of what no drive exceeds."""
+    for one in found.paths:
+        shares = []
+        if one.share_of_best is not None and found.best is not None:
+            shares.append(f"{percent(one.share_of_best)} of the best design known ({found.best[0]})")
+        if one.share_of_bound is not None:
+            shares.append(f"at least {percent(one.share_of_bound)} of what any drive of the study can give")
+        if shares:
+            tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
+
+
+def print_next(found: Mapping[str, Any]) -> None:
+    """Standard errors now, wanted and after the next drive, and whether to drive it."""
+    from oed.report.estimate.numbers import error_text, own_unit, to_error
+    from oed.report.parts.wording import words
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):
+        table.add_column(Text(heading), justify="left" if heading in ("parameter", "unit") else "right")
+    for entry in found["precision"]:
+        unit, factor = own_unit(entry["unit"])
+        errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
+        estimate = to_error(entry["value"], entry["now"], factor)
+        table.add_row(_cell(words(entry["name"])), _cell(unit), estimate, *errors)
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    tell(found["reason"])
+
+
+def print_certificate(certificate: Mapping[str, Any]) -> None:
+    """An upper bound with its method and assumptions, and the others that were found."""
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    lines = [f"no drive has an objective above {number(certificate['upper_bound'])}: {certificate['method']}"]
+    lines += [f"  assumes {assumption}" for assumption in certificate["assumptions"]]
+    if not certificate["complete"]:
+        lines.append(f"  ended after {certificate['nodes']} nodes; more of them (--nodes) may lower it")
+    widened = certificate["widened"]
+    if widened is not None:
+        lines.append(
+            f"no drive that satisfies the limits within {percent(widened['tolerance'])} has one above "
+            f"{number(widened['upper_bound'])}"
+        )
+    if certificate["gap"] is not None:
+        loose = ", a loose bound" if certificate["loose"] else ""
+        exact = certificate["gap_to"] == certificate["upper_bound"]
+        satisfied = "exactly" if exact else f"within {percent(widened['tolerance'])}"
+        lines.append(
+            f"best drive known here: {number(certificate['best'])}, limits satisfied {satisfied}, "
+            f"gap {percent(certificate['gap'])} to the bound for such drives{loose}"
+        )
+    for cap in certificate["caps"][1:]:
+        lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")
+    for line in lines:
+        _print_line(console, line)
+
+
+def percent(share: float) -> str:
+    """A share in percent, two digits of it or the whole number."""
+    size = 100 * share
+    return f"{size:.0f} %" if abs(size) >= 9.95 else f"{size:.2g} %"
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """A number with so many significant digits; a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def choice_of(options: argparse.Namespace) -> Choice:
+    """What `oed init` is to write a study for: from its options, and asked for at a terminal where missing.
+
+    Raises:
+        UserMistake: no robot given and nobody there to ask.
+    """
+    from oed.foundation.errors import UserMistake
+    from oed.study.starter import ROOM, SENSORS, Choice, robots, sizes_needed, usual_duration
+
+    asking = sys.stdin.isatty() and not options.json
+    robot = options.robot or _answer(asking, "Which robot", None, robots())
+    if robot is None:
+        raise UserMistake(f"give --robot, one of {', '.join(robots())}")
+    sizes = dict(options.size)
+    for key, typical in sizes_needed(robot).items():
+        if asking and key not in sizes:
+            sizes[key] = _answer(asking, f"Its {key.replace('_', ' ')}", typical) or typical
+    return Choice(
+        robot=robot,
+        sizes=sizes,
+        room=options.room or _answer(asking, "Which room ('4 m x 3 m' or 'circle 2 m')", ROOM) or ROOM,
+        sensor=options.sensor or _answer(asking, "Which sensor", "poses", tuple(SENSORS)) or "poses",
+        duration=options.duration or _answer(asking, "How long may a drive take", usual_duration(robot)),
+        runs=options.runs,
+    )
+
+
+def _answer(asking: bool, question: str, default: str | None, choices: Sequence[str] = ()) -> str | None:
+    # Questions go to stderr, so that stdout stays what the command prints.
+    if not asking:
+        return default
+    known = f" ({', '.join(choices)})" if choices else ""
+    shown = f" [{default}]" if default else ""
+    while True:
+        print(f"{question}{known}{shown}: ", end="", file=sys.stderr, flush=True)
+        given = sys.stdin.readline()
+        if not given:
+            return default
+        text = given.strip() or default
+        if text and (not choices or text in choices):
+            return text
+
+
+def print_estimate(data: Mapping[str, Any]) -> None:
+    """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
+    from oed.report.estimate.console import estimate_lines, estimate_rows
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]"):
+        left = heading in ("parameter", "unit")
+        table.add_column(Text(heading), justify="left" if left else "right", no_wrap=True)
+    for row in estimate_rows(data):
+        table.add_row(*map(_cell, row))
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    for line in estimate_lines(data):
+        _print_line(console, line)
+
+
+def print_sweep(data: Mapping[str, Any]) -> None:
+    """A sweep's points as a table, the best marked, and what went wrong, on standard output."""
+    keys = [axis["key"] for axis in data["keys"]]
+    table = Table(box=None, pad_edge=False)
+    for heading in (
+        *(shown(axis["name"]) for axis in data["keys"]),
+        "best result",
+        "objective",
+        "lambda_min",
+        "gap",
+        "status",
+        "time [s]",
+    ):
+        table.add_column(Text(heading), justify="left" if heading in ("best result", "status") else "right")
+    for row in data["points"]:
+        objective = number(row["objective"]) + (" *" if row["folder"] == data["best"] else "  ")
+        table.add_row(
+            *(_cell(row["values"][key]) for key in keys),
+            _cell(row["design"] or "-"),
+            objective,
+            number(row["lambda_min"]),
+            "-" if row["gap"] is None else percent(row["gap"]),
+            _cell(row["status"]),
+            number(row["seconds"], 3),
+        )
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(table)
+    if data["best"] is not None:
+        tell("* the best of them")
+    elif not data["comparable"]:
+        tell("objectives of different criteria, parameters or measurements do not compare")
+    for row in data["points"]:
+        if row["objective"] is None:
+            _print_line(console, f"{row['label']}: {'; '.join(row['message'].splitlines())}")

@@ -1,0 +1,25 @@
+"""Plain output: what every command needs, and nothing heavy to load for it (tables and bars: console)."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from oed.foundation.shown import shown_lines
+
+
+def print_json(data: Mapping[str, Any]) -> None:
+    """One JSON object on standard output."""
+    sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def tell(text: str) -> None:
+    """A line on standard output."""
+    sys.stdout.write(f"{shown_lines(text)}\n")
+
+
+def say(text: str) -> None:
+    """A line on standard error."""
+    sys.stderr.write(f"{shown_lines(text)}\n")

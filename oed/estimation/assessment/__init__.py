@@ -1,0 +1,1 @@
+"""What a fit is worth: error bars, tests, cross-validation, model selection."""

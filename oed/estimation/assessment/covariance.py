@@ -1,0 +1,153 @@
+"""How sure an estimate is: by the noise model, or by how much the parts of the logs disagree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from oed.estimation.methods.joint import Fit
+from oed.estimation.setup.options import CovarianceName
+
+Array = npt.NDArray[np.float64]
+
+PARTS = 5
+"""Blocks that a log is cut into, where logs are few."""
+ENOUGH_LOGS = 8
+"""Logs from which on each is a block by itself: what goes wrong in a run may last as long as the run."""
+FEWEST_BLOCKS = 4
+"""Blocks that do not overlap, without which neither sandwich nor bootstrap means anything."""
+LEVEL = 0.95
+"""Of intervals."""
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Of all unknowns, with what its intervals rest on.
+
+    Attributes:
+        matrix: (q, q), SI.
+        freedom: degrees of freedom of the intervals' t distribution.
+        name: of the way it was found.
+    """
+
+    matrix: Array
+    freedom: float
+    name: CovarianceName
+
+    @property
+    def deviations(self) -> Array:
+        """Standard errors (q,)."""
+        return np.asarray(np.sqrt(np.clip(np.diag(self.matrix), 0.0, None)))
+
+    @property
+    def half_width(self) -> float:
+        """Of a 95 % interval, in standard errors."""
+        return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(self.freedom, 1.0)))
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Successive segments of a log that belong together; each (first, last) a range of segments.
+
+    Attributes:
+        ranges: all blocks there are, overlapping, (blocks, 2).
+        length: usual number of segments in one.
+        independent: how many do not overlap.
+        whole_logs: whether every log is a block.
+    """
+
+    ranges: npt.NDArray[np.int64]
+    length: int
+    independent: int
+    whole_logs: bool = False
+
+
+def blocks_of(fit: Fit, seconds: float | None) -> Blocks:
+    """The blocks of a fit's segments, about `seconds` long; by default whole logs where there are enough of
+    them, else a fifth of each log.
+    """
+    owner, layout = fit.layout.owner, fit.layout
+    lengths = layout.times[:, -1] - layout.times[:, 0]
+    ranges, sizes, independent = [], [], 0
+    numbers = np.unique(owner)
+    parts = 1 if len(numbers) >= ENOUGH_LOGS and seconds is None else PARTS
+    for log in numbers:
+        own = np.flatnonzero(owner == log)
+        share = len(own) / parts if seconds is None else seconds / max(float(np.median(lengths[own])), 1e-9)
+        most = len(own) if parts == 1 else max(1, len(own) // 2)
+        size = int(np.clip(round(share), 1, most))
+        ranges += [(own[0] + first, own[0] + first + size) for first in range(len(own) - size + 1)]
+        sizes.append(size)
+        independent += len(own) // size
+    return Blocks(np.array(ranges), int(np.median(sizes)), independent, parts == 1)
+
+
+def judgeable(fit: Fit, blocks: Blocks) -> bool:
+    """Whether there are enough blocks for their disagreement to be judged."""
+    common = fit.unknowns.size - fit.unknowns.clocks
+    return blocks.independent >= FEWEST_BLOCKS and len(blocks.ranges) > common
+
+
+def information(fit: Fit) -> Covariance:
+    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
+    spread = fit.swing * fit.information.sum(axis=0) + fit.knowledge
+    matrix = fit.response @ spread @ fit.response
+    return Covariance(matrix, float(fit.freedom.sum()), "information")
+
+
+def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
+    """H^-1 M H^-1 with the scores' own covariance M, correlated over a block's length.
+
+    Where blocks are whole logs, M is that of the logs' sums. Else weights of correlations fall linearly with
+    the lag [Newey, West: A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
+    covariance matrix, 1987].
+    """
+    if blocks.whole_logs:
+        sums = _sums(fit.scores, blocks.ranges)
+        middle = sums.T @ sums
+    else:
+        middle = _correlated(fit.scores, fit.layout.owner, blocks.length)
+    few = blocks.independent / max(blocks.independent - 1, 1)
+    # What was known before is as uncertain as it says.
+    matrix = fit.response @ (few * middle + fit.knowledge) @ fit.response
+    return Covariance(matrix, blocks.independent - 1, "sandwich")
+
+
+def _correlated(scores: Array, owner: npt.NDArray[np.int64], length: int) -> Array:
+    middle = scores.T @ scores
+    for lag in range(1, length):
+        same = owner[lag:] == owner[:-lag]
+        product = scores[lag:][same].T @ scores[:-lag][same]
+        middle += (1 - lag / length) * (product + product.T)
+    return np.asarray(middle)
+
+
+def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generator) -> Covariance:
+    """Covariance of estimates from logs put together of blocks drawn at random.
+
+    [Kunsch, The jackknife and the bootstrap for general stationary observations, 1989]. Each replicate is
+    the step that the curvature of all logs takes with its own scores: a few blocks that happen to tell little
+    of a parameter would throw steps of their own curvature anywhere.
+    """
+    sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
+    scores = _sums(fit.scores, blocks.ranges)
+    draws = round(len(fit.scores) / float(sizes.mean()))
+    # At the solution what was known before pulls as hard as all scores together.
+    pull = -fit.scores.sum(axis=0)
+    found = np.empty((replicates, fit.scores.shape[1]))
+    for index in range(replicates):
+        chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
+        found[index] = fit.response @ (scores[chosen].sum(axis=0) + pull)
+    few = blocks.independent / max(blocks.independent - 1, 1)
+    # What was known before is as uncertain as it says; no drawing of blocks shows that.
+    before = fit.response @ fit.knowledge @ fit.response
+    return Covariance(few * np.atleast_2d(np.cov(found.T)) + before, blocks.independent - 1, "bootstrap")
+
+
+def _sums(values: Array, ranges: npt.NDArray[np.int64]) -> Array:
+    # Of every range, by differences of running sums.
+    running = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray(running[ranges[:, 1]] - running[ranges[:, 0]])

@@ -1,0 +1,154 @@
+"""Does the fit hold? Tests of what it leaves, each with a sentence that says what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from oed.estimation.methods.joint import Fit
+from oed.estimation.setup.noise import Noise, groups, places_of
+
+Array = npt.NDArray[np.float64]
+
+ALPHA = 0.01
+"""Level of the tests."""
+LAGS = 10
+"""Correlations between successive residuals that whiteness is judged by."""
+RANK = 1e-10
+"""Share of its information below which a log is taken to tell nothing of a combination."""
+FAR = 4.0
+"""Residuals beyond that many standard deviations are outliers."""
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One test.
+
+    Attributes:
+        name: "whiteness", "outliers", "stated_noise", "logs_agree".
+        about: which readings.
+        statistic: in its own unit.
+        p_value: None where there is no distribution to compare with.
+        passed: whether nothing speaks against the fit.
+        message: in words.
+    """
+
+    name: str
+    about: str
+    statistic: float
+    p_value: float | None
+    passed: bool
+    message: str
+
+
+def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]:
+    """All tests of a fit.
+
+    Args:
+        fit: of all logs.
+        stated: noise that the study states, by the readings' kind; {} where it states none.
+    """
+    found = []
+    for group in groups(fit.layout.quantities):
+        places = places_of(group, fit.layout.quantities)
+        found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
+        if group in stated and not fit.motions:
+            found.append(_stated(fit, group, stated[group]))
+    if len(fit.layout.logs) > 1:
+        found.append(_agreement(fit))
+    return tuple(found)
+
+
+def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, int]:
+    """Correlations of residuals in units of the noise with those 1, 2, ... readings later, at most `lags` and
+    a third of what there is in a row, and how many pairs of the first lag there are.
+
+    What a segment's start takes out of white readings correlates their residuals: that is made good.
+    """
+    z, valid = _in_turn(fit, places)
+    left = np.ones(z.shape) if fit.motions else np.clip(fit.freedom[..., places], 0.0, 1.0)
+    scale = float((z[valid] ** 2).mean())
+    share = float(left[valid].mean())
+    if scale == 0 or share == 0:
+        return np.zeros(1), 0
+    found, pairs = [], 0
+    for lag in range(1, max(1, min(lags, int(np.median(valid.sum(axis=1))) // 3)) + 1):
+        both = valid[:, lag:] & valid[:, :-lag]
+        # Starts take much the same from neighbours: what is taken of either stands for what both share.
+        shared = np.sqrt((1 - left[:, lag:]) * (1 - left[:, :-lag])) / share
+        alike = z[:, lag:] * z[:, :-lag] / scale
+        found.append(float((alike + shared)[both].mean()) if both.any() else 0.0)
+        pairs = pairs or int(both.sum()) * len(places)
+    return np.array(found), pairs
+
+
+def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, npt.NDArray[np.bool_]]:
+    # Residuals that follow each other, and which there are: those of a segment, or of all windows of a log.
+    z, valid, owner = fit.white[..., places], fit.layout.valid, fit.layout.owner
+    if not fit.motions:
+        return z, valid
+    each = [z[owner == log, -1] for log in np.unique(owner)]
+    longest = max(map(len, each))
+    padded = [np.pad(rows, ((0, longest - len(rows)), (0, 0))) for rows in each]
+    return np.stack(padded), np.array([np.arange(longest) < len(rows) for rows in each])
+
+
+def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
+    # Box and Pierce's statistic, pairs of all segments together.
+    values, pairs = correlations(fit, places)
+    statistic = pairs * float((values**2).sum())
+    p_value = float(scipy.stats.chi2.sf(statistic, len(values)))
+    if p_value > ALPHA:
+        text = f"{group} residuals are white: nothing is left that the model could explain"
+    else:
+        text = (
+            f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next): "
+            "F^-1 promises too much; trust the bootstrap or the sandwich"
+        )
+    return Diagnostic("whiteness", group, statistic, p_value, p_value > ALPHA, text)
+
+
+def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
+    z = fit.white[..., places][fit.layout.valid]
+    count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * scipy.stats.norm.sf(FAR)
+    passed = bool(count <= max(5 * expected, 3))
+    share = count / z.size
+    text = f"{share:.2%} of the {group} residuals lie beyond {FAR:g} standard deviations"
+    text += "" if passed else ": outliers; a robust loss (loss: huber) bounds what they do"
+    return Diagnostic("outliers", group, share, None, passed, text)
+
+
+def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
+    # Chi-square of the residuals against the noise stated, at the speeds driven.
+    places = places_of(group, fit.layout.quantities)
+    valid = fit.layout.valid
+    size = stated.deviation(fit.speeds, fit.yaw_rates)[..., None]
+    squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
+    freedom = float(fit.freedom[..., places][valid].sum())
+    ratio = float(np.sqrt(squares / freedom))
+    p_value = float(2 * min(scipy.stats.chi2.cdf(squares, freedom), scipy.stats.chi2.sf(squares, freedom)))
+    passed = p_value > ALPHA
+    text = f"{group} residuals are {ratio:.2f} times the noise that the study states"
+    text += ", as they should be" if passed else ": state what was found for the next design"
+    return Diagnostic("stated_noise", group, ratio, p_value, passed, text)
+
+
+def _agreement(fit: Fit) -> Diagnostic:
+    # Do the logs' own scores differ more than noise would make them?
+    owner, scale, statistic, freedom = fit.layout.owner, fit.unknowns.scale, 0.0, 0
+    for log in np.unique(owner):
+        own = owner == log
+        score = fit.scores[own].sum(axis=0) * scale
+        matrix = fit.swing * fit.information[own].sum(axis=0) * np.outer(scale, scale)
+        statistic += float(score @ np.linalg.pinv(matrix, rcond=RANK, hermitian=True) @ score)
+        freedom += int((np.linalg.eigvalsh(matrix) > RANK * max(np.trace(matrix), 1e-300)).sum())
+    freedom = max(freedom - fit.unknowns.size, 1)
+    p_value, ratio = float(scipy.stats.chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
+    passed = p_value > ALPHA
+    text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
+    text += "" if passed else ": F^-1 promises too much; trust the bootstrap, and look at the logs left out"
+    return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text)

@@ -1,0 +1,296 @@
+"""From logs to parameters with honest error bars: `calibrate` does everything in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.assessment.comparison import Comparison
+from oed.estimation.assessment.contest import Contest
+from oed.estimation.assessment.covariance import (
+    Covariance,
+    blocks_of,
+    bootstrap,
+    information,
+    judgeable,
+    sandwich,
+)
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
+from oed.estimation.assessment.left_out import HeldOut, held_out, leave_out
+from oed.estimation.assessment.untold import untold
+from oed.estimation.methods.fitting import Fitting
+from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.segmenting import Segmenting
+from oed.estimation.preprocessing.ready import ReadyLogs, ready
+from oed.estimation.preprocessing.thinning import thinned, thinning_notes
+from oed.estimation.setup.alternatives import alternative_flaws
+from oed.estimation.setup.options import CalibrationOptions
+from oed.estimation.setup.stated import stated_noise
+from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.kernel.problem import Problem, prior_of
+from oed.logs.log import Log
+from oed.robots.coefficient_robot import coefficient_values
+from oed.robots.models.model import Integration, Model
+
+Array = npt.NDArray[np.float64]
+
+TOO_SHORT = (
+    "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
+)
+ODD_WHEEL = 0.3
+"""Change of a wheel's radius that looks like a mistake."""
+CLOCKS_APART = 0.1
+"""Offset of two clocks that is worth a warning [s]."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What logs say of a robot.
+
+    Attributes:
+        robot: whose parameters were estimated.
+        integration: rule by which its poses follow from its twist.
+        fit: the solution.
+        covariances: by the ways that apply, the chosen one first.
+        segmenting: how the length of segments was found, None where it was given.
+        logs: that were used, with what was found in them.
+        diagnostics: tests of what the fit leaves.
+        untold: what the logs do not tell.
+        left_out: every log against the others.
+        held_out: logs that were kept apart, or None.
+        own: the logs themselves where there are no others to judge by, or None.
+        comparison: of other models with the study's robot, None where none are named.
+        notes: what was decided on the way.
+    """
+
+    robot: Model
+    integration: Integration
+    fit: Fit
+    covariances: tuple[Covariance, ...]
+    segmenting: Segmenting | None
+    logs: tuple[Log, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    untold: tuple[str, ...]
+    left_out: tuple[HeldOut, ...]
+    held_out: HeldOut | None
+    own: HeldOut | None
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of what was estimated, (p,)."""
+        return self.fit.unknowns.parameters
+
+    @property
+    def values(self) -> Array:
+        """Their values (p,), SI."""
+        return np.asarray(self.fit.values[: len(self.parameters)])
+
+    @property
+    def covariance(self) -> Array:
+        """Of the estimates, (p, p), SI, by the chosen way."""
+        count = len(self.parameters)
+        return np.asarray(self.covariances[0].matrix[:count, :count])
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Of each parameter, SI."""
+        return dict(zip(self.parameters, map(float, np.sqrt(np.diag(self.covariance))), strict=True))
+
+    @property
+    def coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
+        """Names, values and standard errors of the coefficients that the estimates give [Choi, eq. 6].
+
+        Nothing where the estimates are coefficients themselves, or the robot has none.
+        """
+        names, values, slopes = self._given_coefficients
+        return names, values, np.sqrt(np.diag(slopes @ self.covariance @ slopes.T))
+
+    @property
+    def effective_track(self) -> tuple[float, float] | None:
+        """The distance of two wheels that would turn a robot without slip as this one turns, and its standard
+        error [m]: the sum of c21 and c22 over the mean of c11 and -c12. None for robots without two sides.
+        """
+        names, values, slopes = self._given_coefficients
+        if names[:4] != ("c11", "c12", "c21", "c22"):
+            return None
+        forward, turning = values[2] + values[3], (values[0] - values[1]) / 2
+        track = forward / turning
+        slope = (slopes[2] + slopes[3] - track * (slopes[0] - slopes[1]) / 2) / turning
+        return float(track), float(np.sqrt(slope @ self.covariance @ slope))
+
+    @cached_property
+    def _given_coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
+        # Names, values, derivatives by the estimates.
+        names, values, slopes = coefficient_values(self.robot, self.fit.unknowns.parts(self.fit.values)[0])
+        if not names or set(names) & set(self.parameters):
+            return (), np.zeros(0), np.zeros((0, len(self.parameters)))
+        known = [parameter.name for parameter in self.robot.parameters]
+        return names, values, slopes[:, [known.index(name) for name in self.parameters]]
+
+
+def calibrate(
+    problem: Problem,
+    logs: Sequence[Log],
+    options: CalibrationOptions | None = None,
+    *,
+    apart: Sequence[Log] = (),
+    seed: int = 0,
+    told: Callable[[str], None] = lambda _: None,
+) -> Calibration:
+    """Estimate a robot's parameters from logs of its drives.
+
+    Args:
+        problem: names the robot, what to estimate, what is known before, and the measurement's noise.
+        logs: to estimate from.
+        options: how; the defaults suit a first look.
+        apart: logs that only dead reckoning is tried on.
+        seed: of the bootstrap.
+        told: hears what is being done.
+
+    Raises:
+        LogError: logs that do not fit the robot or each other, or hold no motion.
+        ProblemError: options that do not fit the problem.
+    """
+    chosen = options or CalibrationOptions()
+    work = _Work(problem, chosen, tuple(logs), seed, told)
+    return work.calibration(tuple(apart))
+
+
+@dataclass(frozen=True)
+class _Work:
+    # One calibration on its way.
+    problem: Problem
+    options: CalibrationOptions
+    logs: tuple[Log, ...]
+    seed: int
+    told: Callable[[str], None]
+
+    def calibration(self, apart: tuple[Log, ...]) -> Calibration:
+        flaws = alternative_flaws(self.problem.model, self.options.models)
+        if flaws:
+            raise ProblemError(flaws)
+        self.told("comparing wheels and poses")
+        found, other = self._ready(self.logs), self._ready(apart) if apart else None
+        if other is not None and not _reckonable(other.logs):
+            text = "dead reckoning needs positions to compare with"
+            raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
+        self.told("fitting")
+        fitted = self._fitting.fitted(found)
+        segmenting, fit = fitted.segmenting, fitted.fit
+        notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
+        self.told("error bars")
+        covariances = self._covariances(fit, segmenting)
+        if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
+            notes.append(TOO_SHORT)
+        notes += _odd_wheels(fit)
+        self.told("checks")
+        logs = _with_clocks(found.logs, fit)
+        fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
+        return Calibration(
+            robot=self.problem.robot,
+            integration=self._integration,
+            fit=fit,
+            covariances=covariances,
+            segmenting=segmenting,
+            logs=logs,
+            diagnostics=diagnostics(fit, stated_noise(self.problem.measurement, logs[0].averaged)),
+            untold=untold(fit, covariances[0].matrix),
+            left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
+            held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
+            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _reckonable(logs) else None,
+            comparison=self._comparison(found, fit, segmenting),
+            notes=(*notes, *fit.notes),
+        )
+
+    def _comparison(self, found: ReadyLogs, fit: Fit, segmenting: Segmenting | None) -> Comparison | None:
+        if not self.options.models:
+            return None
+
+        def covariance(other: Fit) -> Covariance:
+            return self._covariances(other, segmenting)[0]
+
+        return Contest(self._fitting, found, covariance, self.told).compared(fit)
+
+    @property
+    def _integration(self) -> Integration:
+        return self.problem.design.integration
+
+    def _ready(self, logs: Sequence[Log]) -> ReadyLogs:
+        # What is too long for a fit is too long for all that goes before and comes after it.
+        compare = self.options.clock_offset
+        return ready(self.problem.robot, self._integration, thinned(logs), compare_clocks=compare)
+
+    @cached_property
+    def _fitting(self) -> Fitting:
+        robot = self.problem.robot
+        names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
+        prior, measurement = self._prior(names), self.problem.measurement
+        return Fitting(robot, names, self._integration, measurement, self.options, prior)
+
+    def _prior(self, parameters: Sequence[str]) -> Array | None:
+        # Information on the parameters had beforehand, (p, p).
+        if self.problem.prior is None:
+            return None
+        matrix = np.zeros((len(parameters),) * 2)
+        for one in self.problem.any_estimations:
+            names = [name for name in one.parameters if name in parameters]
+            prior = prior_of(self.problem.prior, one.block, names)
+            if prior is not None:
+                places = [parameters.index(name) for name in names]
+                matrix[np.ix_(places, places)] += prior
+        return matrix
+
+    def _covariances(self, fit: Fit, segmenting: Segmenting | None) -> tuple[Covariance, ...]:
+        block = None if self.options.block == "auto" else float(self.options.block)
+        blocks, rng = blocks_of(fit, block), np.random.default_rng(self.seed)
+        found = [information(fit)]
+        # From very few parts their disagreement cannot be judged.
+        if judgeable(fit, blocks):
+            found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
+        wanted = self.options.covariance
+        if wanted == "auto":
+            drifts = segmenting is None or segmenting.drifts
+            wanted = "bootstrap" if drifts and len(found) > 1 else "information"
+        if wanted not in [one.name for one in found]:
+            text = (
+                f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information"
+            )
+            raise ProblemError([Flaw(("calibration", "covariance"), text)])
+        return tuple(sorted(found, key=lambda one: one.name != wanted))
+
+    def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
+        parameters, place, _ = fit.unknowns.parts(fit.values)
+        return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
+
+
+def _odd_wheels(fit: Fit) -> list[str]:
+    # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
+    table = {parameter.name: parameter.nominal for parameter in fit.unknowns.robot.parameters}
+    found = zip(fit.unknowns.parameters, fit.values, strict=False)
+    changes = {name: value / table[name] - 1 for name, value in found if name.startswith("wheel_radius")}
+    return [
+        f"{name} is {change:+.0%} off its nominal value: check ticks_per_turn, gear and units"
+        for name, change in changes.items()
+        if abs(change) > ODD_WHEEL
+    ]
+
+
+def _reckonable(logs: Sequence[Log]) -> bool:
+    return {"x", "y"} <= set(logs[0].quantities)
+
+
+def _with_clocks(logs: tuple[Log, ...], fit: Fit) -> tuple[Log, ...]:
+    found = []
+    for log in logs:
+        offset = float(fit.clock_offsets[fit.layout.clocks.index(log.file)])
+        if abs(offset) > CLOCKS_APART:
+            text = f"the wheels' clock is {offset:+.3f} s off the poses'; estimated and taken into account"
+            log = log.found("clock_offset", text)
+        found.append(log)
+    return tuple(found)

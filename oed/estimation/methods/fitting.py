@@ -1,0 +1,194 @@
+"""One robot fitted to logs that are ready: what is unknown, over which segments, with which noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.methods.joint import Fit, JointSearch, Knowledge
+from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
+from oed.estimation.methods.window_fit import window_fit
+from oed.estimation.prediction.layout import Layout, cut
+from oed.estimation.prediction.segments import PLACE
+from oed.estimation.preprocessing.ready import ReadyLogs
+from oed.estimation.setup.noise import Noise, group_of
+from oed.estimation.setup.options import CalibrationOptions
+from oed.estimation.setup.stated import Mount, stated_mount, stated_noise
+from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.kernel.measurement.measurement import Measurement
+from oed.logs.log import Log
+from oed.robots.models.model import Integration, Model
+
+Array = npt.NDArray[np.float64]
+
+LOOSE = 1.0
+"""Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
+search in bounds where the logs tell nothing, and is nothing beside what they tell."""
+LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
+"""The same of the sensor's place [m, rad] and of a clock's offset [s]."""
+TOLD = 1e-8
+"""Share of what is told of a parameter alone, below which the sensor's place hides it."""
+ASKEW = 0.5
+"""Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A robot's fit.
+
+    Attributes:
+        fit: the solution.
+        segmenting: how the length of segments was found, None where it was given.
+        notes: what was decided on the way.
+    """
+
+    fit: Fit
+    segmenting: Segmenting | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How a robot is fitted.
+
+    Attributes:
+        robot: at its nominal parameters.
+        parameters: names of those to estimate.
+        integration: rule by which its poses follow from its twist.
+        measurement: says where the pose sensor sits, and how noisy it is.
+        options: of the calibration.
+        prior: information on the parameters to estimate had beforehand, (p, p), SI.
+    """
+
+    robot: Model
+    parameters: tuple[str, ...]
+    integration: Integration
+    measurement: Measurement
+    options: CalibrationOptions
+    prior: Array | None = None
+
+    def fitted(self, ready: ReadyLogs) -> Fitted:
+        """The solution; coordinates of the sensor that the parameters hide are taken as the study has them.
+
+        Raises:
+            LogError: fewer readings than unknowns.
+            ProblemError: options that do not suit the robot or the logs.
+        """
+        unknowns, notes = self._unknowns(ready), list[str]()
+        segmenting, fit = self._solved(ready, unknowns)
+        _require_enough(fit)
+        hidden = _hidden_by_place(fit)
+        if hidden:
+            notes.append(f"{', '.join(hidden)} cannot be told from the parameters: taken as the study has it")
+            unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
+            segmenting, fit = self._solved(ready, unknowns)
+        return Fitted(fit, segmenting, tuple(notes))
+
+    @cached_property
+    def _mount(self) -> Mount:
+        return stated_mount(self.measurement)
+
+    def _unknowns(self, ready: ReadyLogs) -> Unknowns:
+        mount = self._mount
+        free = [name for name in self.options.sensor_place if name in _told_places(ready.logs[0].quantities)]
+        if mount.fixed:
+            free = [name for name in free if name == "sensor_heading"]
+        clocks = len(ready.files) if self.options.clock_offset else 0
+        # A sensor that looks backwards is found from there only.
+        turned = ready.mounting if "sensor_heading" in free and abs(ready.mounting) > ASKEW else 0.0
+        sits = (*mount.sits[:2], turned)
+        return Unknowns(self.robot, self.parameters, tuple(free), clocks, sits)
+
+    def _solved(self, ready: ReadyLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
+        logs, offsets = ready.logs, ready.offsets
+        last: list[Array] = []
+
+        def layout(seconds: float) -> Layout:
+            return cut(logs, seconds, ready.clocks)
+
+        def fit(segments: Layout) -> Fit:
+            found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
+            last.append(found.values)
+            return found
+
+        if self.options.method != "joint":
+            known, stated = self._known(unknowns), self._stated(logs[0])
+            found = window_fit(self.options, layout, unknowns, self.integration, offsets, known, stated)
+            return None, found
+        if self.options.segment == "auto":
+            segmenting = longest_without_drift(layout, fit)
+            return segmenting, segmenting.fit
+        seconds = math.inf if self.options.segment == "log" else self.options.segment
+        return None, fit(layout(seconds))
+
+    def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
+        return JointSearch(
+            layout,
+            unknowns,
+            self.integration,
+            offsets,
+            self.options.loss,
+            grows=self.options.noise == "estimated",
+            known=self._known(unknowns),
+            stated=self._stated(layout.logs[0]),
+        )
+
+    def _stated(self, log: Log) -> dict[str, Noise] | None:
+        # The noise that is not to be estimated.
+        if self.options.noise != "stated":
+            return None
+        stated = stated_noise(self.measurement, log.averaged)
+        missing = [name for name in log.quantities if group_of(name) not in stated]
+        if missing:
+            text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
+            raise ProblemError([Flaw(("calibration", "noise"), text)])
+        return stated
+
+    def _known(self, unknowns: Unknowns) -> Knowledge:
+        count = len(unknowns.parameters)
+        loose = LOOSE * unknowns.scale
+        for index, name in enumerate(unknowns.place):
+            loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
+        loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
+        matrix = np.diag(loose**-2)
+        if self.prior is not None:
+            matrix[:count, :count] += self.prior
+        return Knowledge(matrix, unknowns.nominal)
+
+
+def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
+    # Without positions a lever arm shows in nothing; without a heading nothing tells how it is turned.
+    if not {"x", "y"} <= set(quantities):
+        return ()
+    return PLACE if "heading" in quantities else PLACE[:2]
+
+
+def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
+    # Coordinates of the sensor that exactly make up for parameters: c21, c22 and a sensor off to the side.
+    count, names = len(fit.unknowns.parameters), fit.unknowns.place
+    matrix = fit.information.sum(axis=0)
+    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    unit = matrix / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(unit)
+    lost = vectors[:, values < TOLD]
+    if not np.any(np.abs(lost[:count]) > 1e-3):
+        return ()
+    shares = np.abs(lost[count : count + len(names)]).max(axis=1, initial=0.0)
+    return tuple(name for name, share in zip(names, shares, strict=True) if share > 1e-3)
+
+
+def _require_enough(fit: Fit) -> None:
+    # As many unknowns as readings fit anything without error.
+    told, starts = int(fit.layout.valid.sum()), fit.layout.count
+    readings, states = told * len(fit.layout.quantities), starts * fit.starts.shape[1]
+    if fit.motions:
+        readings, states = starts * len(fit.layout.quantities), 0
+    if readings <= states + fit.unknowns.size:
+        text = f"{readings} readings cannot tell {states + fit.unknowns.size} unknowns; log more poses"
+        raise LogError([FileFlaw(fit.layout.logs[0].file, 0, 0, "", text)])

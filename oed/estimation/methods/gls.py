@@ -1,0 +1,146 @@
+"""Generalised least squares: motions between windows' ends, weighed by the covariance of their noise.
+
+The parameters and the parts of the variance are found in turn: the latter by restricted maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.methods.bands import banded, factor, whitened
+from oed.estimation.methods.joint import ROUGH, Fit, Knowledge, inverse_of_sum
+from oed.estimation.methods.search import no_knowledge, solved
+from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
+from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
+from oed.estimation.setup.noise import Noise
+
+Array = npt.NDArray[np.float64]
+
+ROUNDS = 15
+"""How often parameters and variances are found in turn at most."""
+CLOSE = 0.01
+"""Change of the unknowns, in standard errors, at which they have settled."""
+
+
+@dataclass(frozen=True)
+class WeighedWindows:
+    """The search.
+
+    Attributes:
+        windows: with what is to be estimated.
+        known: of it from before.
+        stated: noise of the poses that is not to be estimated; drift always is.
+        grows: whether noise of poses may grow with speed and yaw rate.
+    """
+
+    windows: Windows
+    known: Knowledge | None = None
+    stated: Mapping[str, Noise] | None = None
+    grows: bool = True
+
+    def fit(self) -> Fit:
+        """The solution, from the nominal values.
+
+        Raises:
+            ProblemError: logs without headings or positions, or too few windows.
+        """
+        require_windows(self.windows.layout, self.windows.unknowns, "gls")
+        rough = banded(np.tile(np.eye(3) * ROUGH**2, (self.windows.layout.count, 1, 1)))
+        values, _ = self._solved(self.windows.unknowns.nominal, factor(rough))
+        fit, variances = self._round(values, None)
+        for _ in range(ROUNDS):
+            before = fit
+            fit, variances = self._round(fit.values, variances)
+            change = fit.values - before.values
+            if change @ fit.total @ change < CLOSE**2:
+                return fit
+        return replace(fit, converged=False)
+
+    def _round(self, values: Array, variances: Array | None) -> tuple[Fit, Array]:
+        found, covariance = self._noise(values, variances)
+        root = factor(covariance)
+        following, arrived = self._solved(values, root)
+        return self._fit(following, root, found, arrived), found
+
+    def _solved(self, values: Array, root: Array) -> tuple[Array, bool]:
+        def rows(tried: Array) -> tuple[Array, Array]:
+            motions = self.windows.motions(tried)
+            white = whitened(root, np.column_stack([motions.residuals.ravel(), _flat(motions.slopes)]))
+            return white[:, 0], white[:, 1:]
+
+        unknowns = self.windows.unknowns
+        return solved(rows, values, unknowns.scale, self._known, unknowns.clocks)
+
+    def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
+        # The parts of the variance, and the motions' covariance as a band.
+        motions, scale = self.windows.motions(values), self.windows.unknowns.scale
+        course = Course(motions.path, self.windows.layout.steps, self.windows.linked)
+        parts = course.parts
+        fixed = np.zeros(parts.shape[1:])
+        if not self.grows:
+            parts[TIMING] = 0.0
+        if self.stated is not None:
+            variances = pose_variances(self.stated, *self.windows.rates(motions.path))
+            parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
+        known = self._known
+        pull = known.information @ (known.centre - values) * scale
+        likelihood = Likelihood(
+            parts,
+            fixed,
+            np.column_stack([motions.residuals.ravel(), _flat(motions.slopes) * scale]),
+            (known.information * np.outer(scale, scale), pull),
+        )
+        found = likelihood.greatest(first)
+        return found, likelihood.covariance(found)
+
+    @cached_property
+    def _known(self) -> Knowledge:
+        return self.known or no_knowledge(self.windows.unknowns)
+
+    def _fit(self, values: Array, root: Array, variances: Array, converged: bool) -> Fit:
+        windows, motions = self.windows, self.windows.motions(values)
+        size = windows.unknowns.size
+        rows = whitened(root, _flat(motions.slopes)).reshape(-1, 3, size)
+        white = whitened(root, motions.residuals.reshape(-1, 1)).reshape(-1, 3)
+        information = np.einsum("sia,sib->sab", rows, rows)
+        inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
+        leverage = np.einsum("sia,ab,sib->si", rows, inverse, rows)
+        return windows.fit(
+            values,
+            white=white,
+            leverage=leverage,
+            noises=self._noises(variances),
+            information=information,
+            scores=np.einsum("sia,si->sa", rows, white),
+            known=self._known,
+            converged=converged,
+            notes=self._drift(variances, motions),
+            volumes=2 * np.log(root[0]).reshape(-1, 3).sum(axis=1),
+        )
+
+    def _noises(self, variances: Array) -> Mapping[str, Noise]:
+        if self.stated is not None:
+            return self.stated
+        position, heading, timing = map(float, np.sqrt(variances[:OF_POSES]))
+        # Jitter of the poses' times moves positions by the speed, and headings by the yaw rate.
+        return {"position": Noise(position, timing), "heading": Noise(heading, per_yaw_rate=timing)}
+
+    def _drift(self, variances: Array, motions: Motions) -> tuple[str, ...]:
+        ahead, sideways, by_path, by_turning = np.sqrt(variances[-(len(PARTS) - OF_POSES) :])
+        length = np.hypot(*np.moveaxis(np.diff(motions.path, axis=1)[..., :2], -1, 0)).sum()
+        text = (
+            f"drift, as the windows show it beside the noise of poses: {1e3 * ahead:.1f} mm ahead, "
+            f"{1e3 * sideways:.1f} mm sideways and {np.degrees(by_path):.2f} deg after 1 m, "
+            f"{np.degrees(by_turning):.2f} deg after 1 rad of turning; it grows with the root of either"
+        )
+        return (text,) if length > 0 else ()
+
+
+def _flat(slopes: Array) -> Array:
+    # Motions below each other.
+    return slopes.reshape(-1, slopes.shape[-1])

@@ -1,0 +1,231 @@
+"""The paper's two stages: the coefficients of yaw rate from the turns, the others from the displacements.
+
+Both are ordinary least squares on the motions between windows' ends, unweighed [Choi, eqs 10-17]. The error
+bars that go with them take rows for independent and the first stage's result for true: a sandwich or a
+bootstrap of their scores does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.methods.joint import ROUGH, Fit, Knowledge, inverse_of_told
+from oed.estimation.methods.search import no_knowledge, solved
+from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
+from oed.estimation.prediction.seen import Seen, seen_robot
+from oed.estimation.setup.noise import Noise
+from oed.foundation.errors import Flaw, ProblemError
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Stage:
+    # One ordinary least squares: `rows` of each motion by some columns of the coefficients' unknowns.
+    rows: slice
+    columns: Indices
+
+
+@dataclass(frozen=True)
+class _Solved:
+    # Derivatives of a stage's rows (S, rows, k), what is known in units of the noise, and the noise's size.
+    slopes: Array
+    known: Array
+    size: float
+
+    @cached_property
+    def inverse(self) -> Array:
+        return inverse_of_told(np.einsum("sia,sib->ab", self.slopes, self.slopes) + self.known)
+
+
+@dataclass(frozen=True)
+class TwoStage:
+    """The estimator.
+
+    Attributes:
+        windows: with what is to be estimated: coefficients, or the parameters they follow from.
+        known: of it from before.
+        stated: noise of the poses that is not to be estimated.
+    """
+
+    windows: Windows
+    known: Knowledge | None = None
+    stated: Mapping[str, Noise] | None = None
+
+    def fit(self) -> Fit:
+        """The solution.
+
+        Raises:
+            ProblemError: a robot without coefficients, logs without headings or positions, too few windows.
+        """
+        require_windows(self.windows.layout, self.windows.unknowns, "two_stage")
+        if not self.windows.unknowns.robot.coefficient_names:
+            text = f"{self.windows.unknowns.robot.kind} has no coefficients; use method: joint or gls"
+            raise ProblemError([Flaw(("calibration", "method"), text)])
+        estimates, stages = self._coefficients()
+        values, converged = self._values(estimates, stages)
+        return self._fit(values, stages, converged)
+
+    @cached_property
+    def _seen(self) -> Windows:
+        # The same windows, driven by the robot that the sensor sees.
+        return replace(self.windows, unknowns=seen_robot(self.windows.unknowns))
+
+    @cached_property
+    def _stages(self) -> tuple[_Stage, _Stage]:
+        unknowns = self._seen.unknowns
+        first = len(unknowns.robot.coefficient_names[0])
+        turns = [*range(first), *range(unknowns.size - unknowns.clocks, unknowns.size)]
+        moves = [index for index in range(unknowns.size) if index not in turns]
+        return _Stage(slice(2, 3), np.array(turns)), _Stage(slice(0, 2), np.array(moves))
+
+    @cached_property
+    def _known(self) -> Knowledge:
+        return self.known or no_knowledge(self.windows.unknowns)
+
+    @cached_property
+    def _seen_known(self) -> Knowledge:
+        # Of clocks and place alone: without it the clocks go astray where turns are steady.
+        own, seen = self.windows.unknowns.names, self._seen.unknowns
+        information, centre = np.zeros((seen.size,) * 2), np.zeros(seen.size)
+        for index in range(len(seen.parameters), seen.size):
+            place = own.index(seen.names[index])
+            information[index, index] = self._known.information[place, place]
+            centre[index] = self._known.centre[place]
+        return Knowledge(information, centre)
+
+    def _coefficients(self) -> tuple[Array, list[_Solved]]:
+        values, stages = Seen(self.windows.unknowns)(self.windows.unknowns.nominal)[0], []
+        for stage in self._stages:
+            size = ROUGH
+            # How much the knowledge of clocks weighs beside the readings follows from what these leave.
+            for _ in range(2):
+                values = self._solved(stage, values, size)
+                size = self._size(stage, values)
+            stages.append(_Solved(*self._rows(stage, values, size), size))
+        return values, stages
+
+    def _solved(self, stage: _Stage, values: Array, size: float) -> Array:
+        def whole(part: Array) -> Array:
+            found = values.copy()
+            found[stage.columns] = part
+            return found
+
+        def rows(part: Array) -> tuple[Array, Array]:
+            motions = self._seen.motions(whole(part))
+            slopes = self._slopes(stage, whole(part))
+            return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
+
+        own = np.ix_(stage.columns, stage.columns)
+        known = Knowledge(self._seen_known.information[own], self._seen_known.centre[stage.columns])
+        found, _ = solved(rows, values[stage.columns], self._seen.unknowns.scale[stage.columns], known)
+        return whole(found)
+
+    def _slopes(self, stage: _Stage, values: Array) -> Array:
+        return self._seen.motions(values).slopes[:, stage.rows][..., stage.columns]
+
+    def _rows(self, stage: _Stage, values: Array, size: float) -> tuple[Array, Array]:
+        own = np.ix_(stage.columns, stage.columns)
+        return self._slopes(stage, values), self._seen_known.information[own] * size**2
+
+    def _size(self, stage: _Stage, values: Array) -> float:
+        # The standard deviation of a row: of what is left, or as stated for the poses at both ends.
+        motions = self._seen.motions(values)
+        if self.stated is not None:
+            variances = pose_variances(self.stated, *self._seen.rates(motions.path)).sum(axis=1)
+            return float(np.sqrt(variances[:, stage.rows].mean()))
+        residuals = motions.residuals[:, stage.rows]
+        freedom = max(residuals.size - len(stage.columns), 1)
+        return max(float(np.sqrt((residuals**2).sum() / freedom)), TINY)
+
+    def _values(self, estimates: Array, stages: list[_Solved]) -> tuple[Array, bool]:
+        # The unknowns whose coefficients fit best, weighed by how sure the stages are of each.
+        seen = Seen(self.windows.unknowns)
+        # What was known of place and clocks is in the stages' estimates already.
+        information = self._information(stages) + self._seen_known.information
+        size = np.sqrt(np.where(np.diag(information) > 0, np.diag(information), 1.0))
+        eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
+        root = np.sqrt(np.clip(eigenvalues, 0.0, None))[:, None] * vectors.T * size
+
+        def rows(values: Array) -> tuple[Array, Array]:
+            found, slopes = seen(values)
+            return root @ (estimates - found), root @ slopes
+
+        unknowns = self.windows.unknowns
+        return solved(rows, unknowns.nominal, unknowns.scale, self._known_of_parameters)
+
+    @property
+    def _known_of_parameters(self) -> Knowledge:
+        count, known = len(self.windows.unknowns.parameters), self._known
+        kept = [*range(count), *(self.windows.unknowns.names.index(name) for name in self._unseen)]
+        information = np.zeros_like(known.information)
+        information[np.ix_(kept, kept)] = known.information[np.ix_(kept, kept)]
+        return Knowledge(information, known.centre)
+
+    @property
+    def _unseen(self) -> list[str]:
+        # Places that the coefficients absorb: only the last fit tells of them.
+        return [name for name in self.windows.unknowns.place if name not in self._seen.unknowns.names]
+
+    def _information(self, stages: list[_Solved]) -> Array:
+        found = np.zeros((self._seen.unknowns.size,) * 2)
+        for stage, one in zip(self._stages, stages, strict=True):
+            own = np.einsum("sia,sib->ab", one.slopes, one.slopes) / one.size**2
+            found[np.ix_(stage.columns, stage.columns)] = own
+        return found
+
+    def _fit(self, values: Array, stages: list[_Solved], converged: bool) -> Fit:
+        windows, motions = self.windows, self.windows.motions(values)
+        seen, slopes = Seen(windows.unknowns)(values)
+        information, scores = self._normal(seen, motions.residuals, stages)
+        turns, moves = (one.size for one in stages)
+        white = motions.residuals / np.array([moves, moves, turns])
+        leverage = [
+            np.einsum("sia,ab,sib->si", one.slopes, one.inverse, one.slopes) for one in reversed(stages)
+        ]
+        return windows.fit(
+            values,
+            white=white,
+            leverage=np.concatenate(leverage, axis=1),
+            noises=self._noises(turns, moves),
+            information=slopes.T @ information @ slopes,
+            scores=scores @ slopes,
+            known=self._known,
+            converged=converged,
+        )
+
+    def _normal(self, seen: Array, residuals: Array, stages: list[_Solved]) -> tuple[Array, Array]:
+        """Information (S, b, b) and scores (S, b) of the windows, on the coefficients' unknowns.
+
+        The second stage's scores carry the first one's errors along, which its information knows nothing of.
+        """
+        size = len(seen)
+        information, scores = np.zeros((len(residuals), size, size)), np.zeros((len(residuals), size))
+        for stage, one in zip(self._stages, stages, strict=True):
+            own = np.einsum("sia,sib->sab", one.slopes, one.slopes) / one.size**2
+            information[:, stage.columns[:, None], stage.columns] = own
+            pull = np.einsum("sia,si->sa", one.slopes, residuals[:, stage.rows])
+            scores[:, stage.columns] = pull / one.size**2
+        (turns, moves), (first, second) = self._stages, stages
+        carried = self._seen.motions(seen).slopes[:, moves.rows][..., turns.columns]
+        cross = np.einsum("sia,sib->ab", second.slopes, carried) / second.size**2
+        errors = scores[:, turns.columns] * first.size**2 @ first.inverse
+        scores[:, moves.columns] -= errors @ cross.T
+        return information, scores
+
+    def _noises(self, turns: float, moves: float) -> Mapping[str, Noise]:
+        # As if all that is left were noise of the poses at both ends.
+        if self.stated is not None:
+            return self.stated
+        return {"position": Noise(moves / math.sqrt(2)), "heading": Noise(turns / math.sqrt(2))}
+
+
+def _flat(rows: Array) -> Array:
+    return rows.reshape(-1, rows.shape[-1])

@@ -1,0 +1,1 @@
+"""What readings are by what is unknown: segments, layouts, first guesses."""

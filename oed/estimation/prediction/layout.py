@@ -1,0 +1,206 @@
+"""Logs cut into segments: what is read at which time, and which wheel motion lies between.
+
+Every segment begins at a pose of its own, which is estimated along: so that neither a sensor's frame nor
+what went wrong before matters. Neighbours share the pose between them, and no motion is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import FileFlaw, LogError
+from oed.logs.log import Log
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+CLOCK_STEP = 1e-3
+"""Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
+BEFORE, PARTS = 5.0, 50
+"""Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
+GAP = 5.0
+"""How many times the usual period a step in time has to be to count as a gap."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Segments of logs, padded to equal length.
+
+    Attributes:
+        logs: in order; those from one file share the offset between its two clocks.
+        owner: the log of each segment, (S,).
+        times: of the readings on the poses' clock, (S, n + 1) [s]; the last one repeated beyond the end.
+        readings: (S, n + 1, quantities), SI.
+        valid: which of them there are, (S, n + 1).
+        seconds: the length that was asked for [s]; infinite for whole logs.
+    """
+
+    logs: tuple[Log, ...]
+    owner: Indices
+    times: Array
+    readings: Array
+    valid: npt.NDArray[np.bool_]
+    seconds: float
+
+    @property
+    def count(self) -> int:
+        """S."""
+        return len(self.owner)
+
+    @property
+    def periods(self) -> int:
+        """Of the longest segment, n."""
+        return int(self.times.shape[1]) - 1
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What is read."""
+        return self.logs[0].quantities
+
+    @property
+    def steps(self) -> Array:
+        """Time between readings, 0 beyond a segment's end, (S, n) [s]."""
+        return np.diff(self.times, axis=1)
+
+    @cached_property
+    def clocks(self) -> tuple[str, ...]:
+        """The files, each with an offset between its clocks."""
+        return tuple(dict.fromkeys(log.file for log in self.logs))
+
+    @cached_property
+    def clock(self) -> Indices:
+        """The clock of each segment, (S,)."""
+        own = [self.clocks.index(log.file) for log in self.logs]
+        return np.array(own)[self.owner]
+
+    def inputs(self, offsets: Array) -> Array:
+        """Mean inputs between the readings, (S, n, inputs).
+
+        Args:
+            offsets: what the inputs' clock shows when the poses' shows 0, of each clock (clocks,) [s].
+        """
+        steps = self.steps
+        first = self.logs[0].integrals.shape[1]
+        found = np.zeros((*steps.shape, first))
+        for number, log in enumerate(self.logs):
+            own = np.flatnonzero(self.owner == number)
+            offset = offsets[self.clocks.index(log.file)]
+            turned = log.integrals_at(self.times[own].ravel(), offset).reshape(
+                len(own), self.periods + 1, first
+            )
+            found[own] = _means(turned, steps[own])
+        return found
+
+    def before(self, offsets: Array) -> tuple[Array, Array]:
+        """Mean inputs (S, periods, inputs) in the time before each segment, and the periods' lengths [s].
+
+        Periods before a log's inputs begin are of no time.
+
+        Args:
+            offsets: of the clocks, (clocks,) [s].
+        """
+        first = [log.input_times[0] - offsets[self.clocks.index(log.file)] for log in self.logs]
+        ends = self.times[:, :1]
+        begins = np.minimum(np.array(first)[self.owner][:, None], ends)
+        times = np.maximum(ends + np.linspace(-BEFORE, 0.0, PARTS + 1), begins)
+        whole = replace(self, times=times)
+        return whole.inputs(offsets), whole.steps
+
+    def rates(self, values: Array) -> Array:
+        """How fast values (S, n + 1, k) change, by the steps before and after each reading, (S, n + 1)."""
+        moves = np.linalg.norm(np.diff(values, axis=1), axis=-1)
+        around, times = np.zeros(values.shape[:2]), np.zeros(values.shape[:2])
+        for found, steps in ((around, moves), (times, self.steps)):
+            found[:, :-1] += steps
+            found[:, 1:] += steps
+        return np.divide(around, times, out=np.zeros_like(around), where=times > 0)
+
+    def clock_slopes(self, read: Callable[[Array], Array], offsets: Array) -> Array:
+        """Derivatives of readings by every clock's offset, (S, ..., clocks).
+
+        Args:
+            read: readings (S, ...) with clocks at offsets (clocks,) [s].
+            offsets: where the derivatives are taken.
+        """
+        slope = (read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)) / (2 * CLOCK_STEP)
+        own = self.clock[:, None] == np.arange(len(offsets))
+        return np.asarray(slope[..., None] * own.reshape(len(own), *[1] * (slope.ndim - 1), -1))
+
+
+def _means(turned: Array, steps: Array) -> Array:
+    lengths = steps[..., None]
+    moves = np.diff(turned, axis=1)
+    return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
+
+
+def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Layout:
+    """Logs cut into segments of about `seconds` each; infinite for whole logs.
+
+    Args:
+        logs: with the same quantities.
+        seconds: length of a segment.
+        offsets: of each log's clocks, as far as known [s]: readings before the inputs begin or after they
+            end are left out.
+
+    Raises:
+        LogError: nothing is left of any log.
+    """
+    pieces = [
+        (number, part)
+        for number, (log, offset) in enumerate(zip(logs, offsets, strict=True))
+        for stretch in stretches(log, offset)
+        for part in _parts(log.pose_times[stretch], stretch, seconds)
+    ]
+    if not pieces:
+        text = "no poses while the wheels are logged; are the two clocks together?"
+        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
+    longest = max(len(part) for _, part in pieces)
+    shape = (len(pieces), longest)
+    times, valid = np.zeros(shape), np.zeros(shape, dtype=bool)
+    readings = np.zeros((*shape, len(logs[0].quantities)))
+    for row, (number, part) in enumerate(pieces):
+        padded = np.concatenate([part, np.full(longest - len(part), part[-1])])
+        times[row] = logs[number].pose_times[padded]
+        readings[row] = logs[number].poses[padded]
+        valid[row, : len(part)] = True
+    owner = np.array([number for number, _ in pieces])
+    return Layout(tuple(logs), owner, times, readings, valid, seconds)
+
+
+def stretches(log: Log, offset: float) -> list[Indices]:
+    """Indices of poses with wheel motion and without gaps between them, each at least two."""
+    moments = log.pose_times + offset
+    inside = np.flatnonzero((moments >= log.input_times[0]) & (moments <= log.input_times[-1]))
+    if len(inside) < 2:
+        return []
+    breaks = np.flatnonzero(_has_gap(log, inside, offset)) + 1
+    return [part for part in np.split(inside, breaks) if len(part) > 1]
+
+
+def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
+    # Between which poses one of the two clocks jumps.
+    steps, own = np.diff(log.pose_times[inside]), np.diff(log.input_times)
+    usual = float(np.median(steps))
+    longest = GAP * usual if log.gap is None else log.gap
+    found = (steps > longest) | (np.diff(inside) > 1)
+    late = np.flatnonzero(own > (GAP * max(float(np.median(own)), usual) if log.gap is None else log.gap))
+    for index in late:
+        first, last = log.input_times[index] - offset, log.input_times[index + 1] - offset
+        times = log.pose_times[inside]
+        found |= (times[:-1] < last) & (times[1:] > first)
+    return found
+
+
+def _parts(times: Array, stretch: Indices, seconds: float) -> list[Indices]:
+    # Nearly equal parts whose ends are shared.
+    length = times[-1] - times[0]
+    count = max(1, round(length / seconds)) if np.isfinite(seconds) else 1
+    edges = np.searchsorted(times, times[0] + length * np.arange(1, count) / count)
+    marks = np.unique([0, *edges.tolist(), len(times) - 1])
+    return [stretch[first : last + 1] for first, last in pairwise(marks)]

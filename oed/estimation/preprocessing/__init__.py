@@ -1,0 +1,1 @@
+"""Logs before they are fitted: clocks, wiring, long logs thinned."""

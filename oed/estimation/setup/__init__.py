@@ -1,0 +1,1 @@
+"""What an estimation is told: options, unknowns, noise."""

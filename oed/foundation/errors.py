@@ -1,0 +1,100 @@
+"""The error tree: every error the package raises on purpose.
+
+A `UserMistake` is something the caller can put right (exit code 2); a `Failure` is a run that could
+not deliver (exit code 1). The command line turns either into one clear message, never a traceback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from oed.foundation.shown import shown
+
+
+class OedError(Exception):
+    """Base of every error that `oed` raises on purpose."""
+
+
+class UserMistake(OedError):
+    """The input is wrong; the message says where, what was expected and what came."""
+
+
+class Failure(OedError):
+    """The input is sound but the work could not be done; the message says what is in the way."""
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """One thing wrong with a problem: the key's path in the study, and a sentence about it."""
+
+    key: tuple[str | int, ...]
+    message: str
+
+    def __str__(self) -> str:
+        """`key.path: message`."""
+        path = ".".join(str(part) for part in self.key)
+        return shown(f"{path}: {self.message}" if path else self.message)
+
+
+class ProblemError(UserMistake):
+    """A design problem whose parts do not fit together; `flaws` lists every reason at once."""
+
+    def __init__(self, flaws: Sequence[Flaw]) -> None:
+        """Keep the flaws and join them into the message."""
+        self.flaws = tuple(flaws)
+        super().__init__("\n".join(str(flaw) for flaw in flaws))
+
+
+class NotFinite(Failure):
+    """A drive, or what is measured of it, whose numbers are no numbers; `flaw` says which, and when."""
+
+    def __init__(self, flaw: Flaw) -> None:
+        """Keep the flaw, which is the message."""
+        self.flaw = flaw
+        super().__init__(str(flaw))
+
+    def __reduce__(self) -> tuple[type[NotFinite], tuple[Flaw]]:
+        """By its flaw, from the worker that met it."""
+        return NotFinite, (self.flaw,)
+
+
+@dataclass(frozen=True)
+class FileFlaw:
+    """One thing wrong with a file: line and column from 1 (0 where there is none), key path, message."""
+
+    file: str
+    line: int
+    column: int
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        """`file:line: key: message`."""
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        return shown(f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}")
+
+
+class FileError(UserMistake):
+    """A file that cannot be used as it is; `flaws` lists every reason at once."""
+
+    def __init__(self, flaws: Sequence[FileFlaw]) -> None:
+        """Keep the flaws and join them into the message."""
+        self.flaws = tuple(flaws)
+        super().__init__("\n".join(str(flaw) for flaw in flaws))
+
+
+class StudyError(FileError):
+    """A study file (YAML) with mistakes in it."""
+
+
+class PathFileError(FileError):
+    """A trajectory CSV that cannot be read."""
+
+
+class RecordError(FileError):
+    """A saved record that cannot be read."""
+
+
+class LogError(FileError):
+    """A robot's log that cannot be read or used."""

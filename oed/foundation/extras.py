@@ -1,0 +1,27 @@
+"""Heavy libraries that only some work needs: they are extras of the package, imported when first used."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from oed.foundation.errors import UserMistake
+
+
+def extra(module: str, name: str, purpose: str) -> Any:
+    """The module, which belongs to the extra `name` of the package.
+
+    Args:
+        module: to import, e.g. "rosbags.highlevel".
+        name: of the extra that installs it, e.g. "ros".
+        purpose: what needs it, for the error: "reading ROS 2 bags".
+
+    Raises:
+        UserMistake: it is not installed; says how to.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != module.partition(".")[0]:
+            raise
+        raise UserMistake(f"{purpose} needs an extra of the package: pip install 'oed[{name}]'") from None

@@ -1,0 +1,215 @@
+"""Files read and written: only what is a file is, so much of it, and nowhere but where it is meant."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.names import TAKEN, name_flaw
+
+ENDINGS = 55
+"""Bytes that are left for what is added to a folder's name: `.interrupted-2`, `_0.db3`."""
+LEADS_OUT = "a link that leads out of the folder"
+"""What is wrong with a link."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What is wrong with a place that was a good one when the work began."""
+MOST = 256 * 2**20
+"""Bytes of a file that is read; the largest records have a hundredth of it."""
+PIECE = 2**16
+"""Bytes that are read at once of a file of unknown size."""
+SPECIAL = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+"""What is neither a file nor a folder, in words; the rest are devices."""
+
+
+def read_bytes(file: str | Path, most: int = MOST) -> bytes:
+    """What a file holds. What is none is not even opened: pipes wait for ever, and devices never end.
+
+    Raises:
+        OSError: no such file, something else than a file, more than `most` bytes in it.
+    """
+    try:
+        _require_file(os.stat(file))
+        handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except ValueError:
+        raise OSError(errno.EINVAL, "no file can have that name") from None
+    with os.fdopen(handle, "rb") as opened:
+        # Another one may have taken its place in between.
+        found = os.fstat(handle)
+        _require_file(found)
+        data = opened.read(min(found.st_size, most) + 1)
+        # What the system makes up as it is read has no size beforehand.
+        while len(data) <= most and (more := opened.read(PIECE)):
+            data += more
+    if len(data) > most:
+        size = max(found.st_size, len(data))
+        raise OSError(errno.EFBIG, f"expected at most {most / 1e6:.3g} MB, got {size / 1e6:.3g} MB")
+    return data
+
+
+def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> str:
+    """The text that a file holds; every line ends in a line feed.
+
+    Raises:
+        OSError: as `read_bytes` does.
+        UnicodeDecodeError: it is not such text.
+    """
+    return read_bytes(file, most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def special(path: Path) -> str:
+    """What stands there, such as "a pipe", where it is neither a file nor a folder; else ""."""
+    try:
+        return _special(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return ""
+
+
+def _require_file(found: os.stat_result) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    special = _special(found.st_mode)
+    if special:
+        raise OSError(errno.EINVAL, f"expected a file, got {special}")
+
+
+def _special(mode: int) -> str:
+    # What is no file, folder or link; "" of these.
+    ordinary = stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)
+    return "" if ordinary else SPECIAL.get(stat.S_IFMT(mode), "a device")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write text under a temporary name, then rename: a reader never sees half a file.
+
+    Raises:
+        UserMistake: the folder cannot be written to, or something else than a file has that name.
+        Failure: there is no room left for it.
+    """
+    require_replaceable(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # A short name, for the file's own may be as long as names can be.
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".oed-")
+    except OSError as error:
+        raise unwritten(f"{path.parent}: cannot write there", error) from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        # mkstemp makes files private; a report is to be read as any other file.
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except OSError as error:
+        Path(temporary).unlink(missing_ok=True)
+        raise unwritten(f"{path}: cannot be written", error) from None
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def require_replaceable(path: Path, *, links: bool = False) -> None:
+    """Make sure that a new file may take the place of what is there: pipes and devices are others'.
+
+    Args:
+        path: where the file goes.
+        links: whether it may take the place of a link, too, as in a folder of the package's own.
+
+    Raises:
+        UserMistake: something is there that no file may take the place of.
+    """
+    try:
+        mode = os.lstat(path).st_mode
+    except (OSError, ValueError):
+        # Nothing is there, or writing will tell what is wrong.
+        return
+    if stat.S_ISLNK(mode) and not links:
+        raise UserMistake(f"{path}: cannot be written: it is a link; name the file itself that it leads to")
+    if _special(mode):
+        raise UserMistake(f"{path}: cannot be written: {_special(mode)} is there, not a file; name another")
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts by file name, each as `write_text` does.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
+    for name, text in files.items():
+        write_text(folder / name, text)
+
+
+def unwritten(text: str, error: OSError) -> UserMistake | Failure:
+    """The error for what could not be written: the user's mistake, unless there is no room left."""
+    kind = Failure if error.errno in FULL else UserMistake
+    return kind(f"{text}: {error.strerror or error}")
+
+
+def require_writable(folder: Path, named: Path | None = None) -> None:
+    """Make sure that files can be written into `folder`, before work is done that would be lost.
+
+    Args:
+        folder: which; it need not be there yet.
+        named: what the user calls it.
+
+    Raises:
+        UserMistake: they cannot.
+    """
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        # Work that fails leaves nothing behind.
+        for one in made:
+            one.rmdir()
+    except OSError as error:
+        raise UserMistake(f"{named or folder}: cannot write there: {error.strerror}") from None
+
+
+def require_short(place: Path, name: str) -> None:
+    """Refuse a folder's name that leaves no room for what is added to it.
+
+    Raises:
+        UserMistake: it is too long.
+    """
+    size, most = len(os.fsencode(name)), TAKEN - ENDINGS
+    if size > most:
+        text = f"a name of {size} bytes, and files are named after it: expected at most {most}"
+        raise UserMistake(f"{place}: cannot write there: {text}")
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file or folder of that name in `folder`, which no link takes elsewhere.
+
+    Raises:
+        UserMistake: no file may have that name, or a link leads out of the folder.
+    """
+    path = folder / name
+    flaw = name_flaw(name, TAKEN)
+    if flaw or path.resolve().parent != folder.resolve():
+        raise UserMistake(f"{path}: {flaw or LEADS_OUT}")
+    return path
+
+
+def within(folder: Path, name: str) -> Path:
+    """The file of that name, such as `figures/a.svg`, in `folder`, to which no link leads elsewhere.
+
+    Where it is a link itself, it is that which a file takes the place of.
+
+    Raises:
+        UserMistake: no file may have that name, or a link on the way leads out of the folder.
+    """
+    *folders, last = Path(name).parts
+    place = folder
+    for part in folders:
+        place = inside(place, part)
+    flaw = name_flaw(last, TAKEN)
+    if flaw:
+        raise UserMistake(f"{place / last}: {flaw}")
+    return place / last

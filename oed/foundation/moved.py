@@ -1,0 +1,63 @@
+"""Modules that were elsewhere: importing one by its old name fails, and says the new one."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+ROOMS = {
+    "cli": "commands",
+    "cli.terminal": "console messages streams",
+    "estimation.prediction": "readings regressors segments",
+    "foundation": "component errors extras files lazy names quantities shown",
+    "foundation.work": "folders locks signals",
+    "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
+    "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
+    "kernel.measurement": "information matrices prior square_root",
+    "records": "calibration_record path_file problem_tables record recorded_study stored",
+    "report.film": "physics_film",
+    "robots": "baselines limits models presets",
+    "simulation": "trial",
+    "study": "starter study_errors yaml_source",
+    "uncertainty": "departures robust",
+    "workflow": "driven experiments next_drive robustness runner saving sweep",
+}
+"""Modules and folders of the top level by the room that each has moved to."""
+RENAMED = {
+    "calibration": "estimation",
+    "estimators": "estimation.methods",
+    "measurements": "robots.sensors",
+    "solvers": "optimize",
+    "validation": "simulation",
+}
+"""The same of those that have another name there."""
+
+
+class Moved(MetaPathFinder):
+    """Says where a module is that was elsewhere."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Nothing of other modules.
+
+        Raises:
+            ModuleNotFoundError: of one that has moved; with its new name.
+        """
+        package, _, module = name.partition(".")
+        if package != "oed" or module not in PLACES:
+            return None
+        text = f"{name} is now oed.{PLACES[module]}; public names are imported from oed itself"
+        raise ModuleNotFoundError(text, name=name)
+
+
+PLACES = RENAMED | {name: f"{room}.{name}" for room, names in ROOMS.items() for name in names.split()}
+
+
+def watch() -> None:
+    """Answer imports by old names from now on."""
+    if not any(isinstance(one, Moved) for one in sys.meta_path):
+        sys.meta_path.append(Moved())

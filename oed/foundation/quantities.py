@@ -1,0 +1,242 @@
+"""Physical quantities at the doors: strings with a unit become SI numbers.
+
+Inside the package every number is SI (m, rad, s). Angles are a dimension of their own here, so that a
+speed in Hz or a bare 1/s is not mistaken for rad/s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+from oed.foundation.shown import written
+
+if TYPE_CHECKING:
+    import pint
+
+_DEFINITIONS = (
+    "micro- = 1e-6 = u-",
+    "milli- = 1e-3 = m-",
+    "centi- = 1e-2 = c-",
+    "deci- = 1e-1 = d-",
+    "kilo- = 1e3 = k-",
+    "meter = [length] = m = metre",
+    "second = [time] = s = sec",
+    "radian = [angle] = rad",
+    "gram = [mass] = g",
+    f"degree = {math.pi / 180!r} * radian = deg = °",
+    f"revolution = {2 * math.pi!r} * radian = rev = turn",
+    "minute = 60 * second = min",
+    "hour = 3600 * second = h",
+    "rpm = revolution / minute",
+    "hertz = 1 / second = Hz",
+    "inch = 0.0254 * meter = in",
+    "foot = 0.3048 * meter = ft",
+    "percent = 0.01 = %",
+)
+
+_COMMON = {
+    "%": (0.01, (0, 0, 0)),
+    "m": (1.0, (1, 0, 0)),
+    "cm": (1e-2, (1, 0, 0)),
+    "mm": (1e-3, (1, 0, 0)),
+    "km": (1e3, (1, 0, 0)),
+    "rad": (1.0, (0, 1, 0)),
+    "mrad": (1e-3, (0, 1, 0)),
+    "deg": (math.pi / 180, (0, 1, 0)),
+    "s": (1.0, (0, 0, 1)),
+    "ms": (1e-3, (0, 0, 1)),
+    "min": (60.0, (0, 0, 1)),
+}
+"""What studies are mostly written in: factor to SI, and powers of length, angle and time."""
+_QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
+"""One of those, or a quotient such as "deg/s" and "m/s^2"; others are read by pint, which is slow to load."""
+
+SMALLEST, LARGEST = 1e-12, 1e12
+"""What a robot's quantities lie between, SI: what is larger is refused, what is smaller counts as 0."""
+_FACTOR = r"(?:[^\W\d_⁰¹²³⁴-⁹]+|[%°]|1)(?:\s*(?:\^|\*\*)\s*[+-]?[0-9]|⁻?[¹²³⁴-⁹])?"
+_TIMES = r"(?:\s*[*/]\s*|\s+)"
+_PRODUCT = rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,7}}"
+_GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"
+_UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
+"""Names and their small powers, multiplied and divided. pint would take any arithmetic, and compute it."""
+
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+_MEANINGS = {
+    "m": "a length",
+    "rad": "an angle",
+    "s": "a time",
+    "rad/s": "an angular speed",
+    "rad/s^2": "an angular acceleration",
+    "rad/s^3": "an angular jerk",
+    "m/s": "a speed",
+    "m/s^2": "an acceleration",
+    "": "a plain number or a percentage",
+}
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
+    for definition in _DEFINITIONS:
+        registry.define(definition)
+    return registry
+
+
+def parse_quantity(value: object, unit: str) -> float:
+    """The SI value of a quantity such as "4.9 cm" or 0.049, expected in the dimension of `unit`.
+
+    Magnitudes below `SMALLEST` are rounding's, and count as 0: what must be positive is refused for it.
+
+    Args:
+        value: a number (taken as SI) or a string with a unit.
+        unit: the SI unit expected, e.g. "rad/s"; "" for a plain number.
+
+    Raises:
+        ValueError: not a finite number, one beyond `LARGEST`, an unknown unit, or a unit of another
+            dimension.
+    """
+    expected = f"expected {_meaning(unit)}"
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{expected}, got {written(value)}")
+    number = _parse_string(value, unit, expected) if isinstance(value, str) else value
+    if isinstance(number, float) and not math.isfinite(number):
+        raise ValueError(f"{expected} that is finite, got {written(value)}")
+    if abs(number) > LARGEST:
+        raise ValueError(f"{expected} of at most {LARGEST:g} in SI units, got {written(value)}")
+    return float(number) if abs(number) >= SMALLEST else 0.0
+
+
+def plain_number(text: str) -> float | None:
+    """The number that a text is, not-a-number and infinities included; None if none.
+
+    Nor are "1_0" and foreign digits, which only Python takes for numbers.
+    """
+    try:
+        return float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        return None
+
+
+def too_large(value: float) -> str:
+    """Why a number beyond `LARGEST` is refused."""
+    return f"expected a number of at most {LARGEST:g} in SI units, got {value:.3g}"
+
+
+def counts_as_zero(value: object) -> str:
+    """Why a number above 0 is refused as if it were 0; "" where that is not so."""
+    match = _NUMBER.match(str(value)) if isinstance(value, int | float | str) else None
+    above = match is not None and float(match.group()) > 0
+    return f"; less than {SMALLEST:g} in SI units counts as 0" if above else ""
+
+
+def _parse_string(text: str, unit: str, expected: str) -> float:
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ValueError(f"{expected}, got {text!r}, which does not begin with a number")
+    number, unit_text = float(match.group()), text[match.end() :].strip()
+    if not unit_text:
+        return number
+    factor = _common_factor(unit_text, unit)
+    return number * (_factor(text, unit_text, unit, expected) if factor is None else factor)
+
+
+def _common_factor(text: str, unit: str) -> float | None:
+    # Of units such as "cm", "deg/s" or "rad/s^2" in the dimension of `unit`; None for any other text.
+    found, wanted = _common_unit(text), _common_unit(unit or "%")
+    if found is None or wanted is None or found[1] != wanted[1]:
+        return None
+    return found[0]
+
+
+@lru_cache(maxsize=256)
+def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
+    # Factor to SI, and powers of length, angle and time.
+    match = _QUOTIENT.fullmatch(text)
+    if match is None:
+        return None
+    numerator, denominator, power = match.groups()
+    factor, (length, angle, time) = _COMMON[numerator]
+    times = int(power or 1) if denominator else 0
+    return factor, (length - times * (denominator == "m"), angle, time - times * (denominator == "s"))
+
+
+def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
+    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known"
+    if _UNIT.fullmatch(unit_text) is None:
+        raise ValueError(unknown)
+    # Imported late, for it takes longer than all the rest of reading a study.
+    import pint
+
+    registry = _registry()
+    try:
+        factor = registry.Quantity(1.0, registry.parse_units(unit_text))
+        return float(factor.to(unit or "dimensionless").magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
+    except Exception:
+        # pint reports malformed unit text with a variety of exceptions, tokenizer errors among them.
+        raise ValueError(unknown) from None
+
+
+def _meaning(unit: str) -> str:
+    meaning = _MEANINGS.get(unit, f"a quantity in {unit}")
+    return f"{meaning} [{unit}]" if unit else meaning
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Pydantic annotation: a float given as SI number or as a string with a unit of this dimension."""
+
+    si: str
+    example: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Parse the unit before the float's own validation."""
+        return handler(Annotated[source, BeforeValidator(lambda value: parse_quantity(value, self.si))])
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> Mapping[str, Any]:
+        """A number or a string, for editors."""
+        bounds = handler(schema)
+        number = {key: bounds[key] for key in bounds if key != "title"}
+        description = f"{_meaning(self.si)}, for instance {self.example!r}; a bare number is SI"
+        return {"anyOf": [number, {"type": "string"}], "description": description}
+
+
+Length = Annotated[float, Unit("m", "4.9 cm")]
+Angle = Annotated[float, Unit("rad", "10 deg")]
+Duration = Annotated[float, Unit("s", "20 s")]
+AngularSpeed = Annotated[float, Unit("rad/s", "10 rad/s")]
+LengthPerYawRate = Annotated[float, Unit("m*s/rad", "3 mm*s/rad")]
+Ratio = Annotated[float, Unit("", "5 %")]
+
+
+def require_covariance(rows: Sequence[Sequence[float]]) -> None:
+    """Check that nested rows are a covariance matrix.
+
+    Raises:
+        ValueError: not square, not finite, not symmetric or not positive definite.
+    """
+    if any(len(row) != len(rows) for row in rows):
+        raise ValueError(f"expected a square matrix, got rows of {sorted({len(row) for row in rows})}")
+    matrix = np.array(rows, dtype=float)
+    sizes = np.sqrt(np.abs(np.diag(matrix)))
+    if np.all(np.isfinite(matrix)) and np.all(sizes > 0):
+        # Scaled alike, so that units do not matter.
+        scaled = matrix / np.outer(sizes, sizes)
+        if np.allclose(scaled, scaled.T, atol=1e-9) and np.linalg.eigvalsh(scaled)[0] > 0:
+            return
+    raise ValueError("expected a symmetric, positive definite covariance matrix of finite numbers")

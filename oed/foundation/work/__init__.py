@@ -1,0 +1,1 @@
+"""Work that takes long: processes, progress, signals, locks, folders that are replaced whole."""

@@ -1,0 +1,216 @@
+"""Signals that end the program: answered alike, held back for a moment, and what workers make of them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from oed.foundation.errors import OedError
+
+ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+]
+"""Ctrl-C, a polite request to end, and a terminal that is closed."""
+WATCH = 0.5
+"""Time [s] between looks at whether the parent is still there, where the system does not tell."""
+WRAPPERS = "casadi.casadi"
+"""Module of CasADi's wrappers."""
+SOON = 1e-3
+"""Time [s] after which a signal that would have been lost is answered again."""
+PARENT_DIED = 1
+"""Of Linux's `prctl`: the signal that a process gets when its parent ends."""
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextmanager
+def ending_alike() -> Iterator[None]:
+    """Answer every signal that ends a program as Ctrl-C is answered, while the context lasts."""
+    if not _in_main_thread():
+        yield
+        return
+    # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
+    before = {number: signal.getsignal(number) for number in ENDING}
+    own = (signal.SIG_DFL, signal.default_int_handler)
+    taken = [number for number, handler in before.items() if handler in own]
+    ending = Ending()
+    for number in taken:
+        signal.signal(number, ending)
+    try:
+        yield
+    finally:
+        ending.forget()
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+class Ending:
+    """The answer to a signal: KeyboardInterrupt, raised where it is not lost.
+
+    What CasADi's wrappers call while they look at their arguments may raise what it likes: they try another
+    way. There the signal waits until the program is out of them.
+    """
+
+    def __init__(self) -> None:
+        """Without a signal."""
+        self._waiting: threading.Timer | None = None
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Raise it, or see again very soon."""
+        if not _within(WRAPPERS, frame):
+            raise KeyboardInterrupt
+        self.forget()
+        self._waiting = threading.Timer(SOON, _send, [number])
+        self._waiting.daemon = True
+        self._waiting.start()
+
+    def forget(self) -> None:
+        """Let no signal wait any longer."""
+        if self._waiting is not None:
+            self._waiting.cancel()
+
+    def at_once(self, number: int, frame: FrameType | None) -> None:
+        """Raise it: for solvers, which end by it."""
+        raise KeyboardInterrupt
+
+
+def _send(number: int) -> None:
+    # To the thread that answers signals: it may be asleep.
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
+
+
+def _within(module: str, frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == module:
+            return True
+        frame = frame.f_back
+    return False
+
+
+@contextmanager
+def noted() -> Iterator[list[int]]:
+    """Only note the signals that something in this process answers, while the context lasts."""
+    caught: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        caught.append(number)
+
+    before = answered()
+    for number in before:
+        signal.signal(number, note)
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def answered() -> dict[int, Any]:
+    """The handlers, by signal, of those that this thread answers in Python."""
+    if not _in_main_thread():
+        return {}
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    return {number: handler for number, handler in handlers.items() if callable(handler)}
+
+
+@contextmanager
+def interrupts_named() -> Iterator[None]:
+    """Raise KeyboardInterrupt for whatever compiled wrappers make of one that is signalled in the context.
+
+    They take it for an argument that does not fit, and complain of that, or for an error of the system.
+    """
+    signalled: list[int] = []
+
+    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+        def note(number: int, frame: FrameType | None) -> None:
+            signalled.append(number)
+            answer(number, frame)
+
+        return note
+
+    before = answered()
+    for number, answer in before.items():
+        signal.signal(number, noting(answer))
+    try:
+        yield
+    except (OedError, OSError):
+        raise
+    except Exception as error:
+        if not (signalled or _tells_of_interrupt(error)):
+            raise
+        raise _interrupt(error) from None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _tells_of_interrupt(error: Exception) -> bool:
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt)
+
+
+def _interrupt(error: Exception) -> KeyboardInterrupt:
+    # With what has been said of what was done by then.
+    interrupt = KeyboardInterrupt()
+    for note in getattr(error, "__notes__", ()):
+        interrupt.add_note(note)
+    return interrupt
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let signals that end the program wait for the end of the context."""
+    with noted() as caught:
+        yield
+    if caught:
+        signal.raise_signal(caught[0])
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Start processes that never hear Ctrl-C: a terminal sends it to them too, and only their parent answers.
+
+    In this process it waits for the end of the context.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # It lets Ctrl-C through again when it is started, which is with the first process otherwise.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with(parent: int) -> None:
+    """End this process, whatever it is doing, when its parent has ended, however that ended."""
+    if sys.platform == "linux":
+        # A thread that watches would have to wait for compiled code that does not let go of Python.
+        ctypes.CDLL(None).prctl(PARENT_DIED, signal.SIGKILL)
+    else:
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(WATCH)
+    os._exit(1)

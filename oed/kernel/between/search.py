@@ -1,0 +1,189 @@
+"""Limits between the points: the most that a drive exceeds them at any time, by branch and bound.
+
+Over a stretch of a period, a limit's rows are functions of the time elapsed alone. Their values at both ends
+and bounds of their slopes tell how large they can be in between [Piyavskii, 1972]; stretches that may hold
+more than has been found are halved, until what is found is the most there is, to `GAP`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.between.excess import Excess
+from oed.kernel.between.periods import NARROWEST, Periods, Stretches, periods_of
+from oed.kernel.dynamics.enclosures import NotEnclosed
+from oed.kernel.dynamics.rollout import FINE, Moment
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.limit import Limit, PathLimit, Rows
+from oed.kernel.problem import Problem
+from oed.robots.models.model import Integration, Model, follows_state
+from oed.uncertainty.robust import reserved
+
+Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+GAP = 1e-6
+"""Share of a limit's size to which its largest excess is found."""
+SHARE = 1e-4
+"""Share of the distance from a limit to which that is found."""
+MANY, PARTS = 128, 32
+"""Stretches that are bounded about as fast as one; parts that each of a few is cut into at most."""
+PATIENCE = 200_000
+"""Stretches bounded at most, besides 20 for every period, before a limit counts as checked at points only."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is known of a drive before anybody looks between its points.
+
+    Attributes:
+        periods: of the nominal robot.
+        speeds: mean speed in every one of them [m/s], (N,).
+    """
+
+    periods: Periods
+    speeds: Array
+
+    @classmethod
+    def of(cls, problem: Problem, drive: Trajectory, poses: Array, speeds: Array) -> Sight:
+        """What is known by the states at the samples, (N + runs, states)."""
+        begins = np.concatenate([run[:-1] for run in np.split(poses, drive.runs)])
+        nominal = np.array([problem.robot.nominal])
+        return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
+
+
+def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> tuple[float, bool]:
+    """The most that a drive exceeds a problem's limit at any time, given by how much each of the rows does
+    that the scorer looks at, (rows,), and whether that is sure.
+    """
+    found = float(seen.max())
+    if limit.looks_at != "state":
+        return found, limit.looks_at is not None
+    certain = True
+    try:
+        for excess, periods, stretches in _looked_at(problem, limit, sight, seen):
+            most, sure = largest(excess, periods, np.full(periods.drives, found), stretches=stretches)
+            found, certain = float(most.max()), certain and bool(sure.all())
+    except NotEnclosed:
+        return found, False
+    return found, certain
+
+
+def _looked_at(
+    problem: Problem, limit: Limit, sight: Sight, seen: Array
+) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
+    # The nominal robot, with what is kept in reserve; and the other robots that are to keep the limit.
+    robust, spread, rule, drive = (
+        problem.robust,
+        problem.spread,
+        problem.design.integration,
+        sight.periods.trajectory,
+    )
+    if robust is None or spread is None or not isinstance(limit, PathLimit):
+        excess = excess_of(limit, problem.robot, rule)
+        yield excess, sight.periods, _near(excess, sight, seen)
+        return
+    robot = spread.robot
+    if robust.kind != "scenarios":
+        for run, one in enumerate(drive.each):
+            parameters, start = np.array([robot.nominal]), one.starts[None, :]
+            nominal = periods_of(robot, rule, one, parameters, start, sensitive=True)
+            yield _reserved(problem, limit, run), nominal, None
+    values = robust.scenarios(spread)
+    if robust.kind == "scenarios":
+        values = np.vstack([spread.nominal, values])
+    if len(values):
+        others = periods_of(robot, rule, drive, spread.robots(values), drive.starts + spread.shifts(values))
+        yield excess_of(limit, robot, rule), others, None
+
+
+def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
+    # The parts of a path between points where more may be than at any point, as far as robots move between
+    # them; None where nobody knows how far rows change with that.
+    if not np.isfinite(excess.per_metre):
+        return None
+    found, drive = seen.max(keepdims=True), sight.periods.trajectory
+    # Of every run all points, (runs, points); at each its most exceeded row.
+    points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
+    reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
+    bounds = np.maximum(points[:, :-1], points[:, 1:]).ravel() + reach
+    places = np.flatnonzero(~(bounds <= found + gap_of(excess.size, found)))
+    return Stretches(places // FINE, places % FINE / FINE, (places % FINE + 1) / FINE)
+
+
+@lru_cache(maxsize=128)
+def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
+    """A limit's excess as it stands."""
+    change = change_per_metre(limit, robot, rule) if isinstance(limit, PathLimit) else np.inf
+    return Excess(limit.rows, robot, rule, per_metre=change)
+
+
+@lru_cache(maxsize=32)
+def _reserved(problem: Problem, limit: PathLimit, run: int) -> Excess:
+    spread, robust = problem.spread, problem.robust
+    assert spread is not None
+    assert robust is not None
+
+    def rows(instant: Moment) -> Rows:
+        return reserved(limit, instant, spread, robust)
+
+    return Excess(rows, spread.robot, problem.design.integration, sensitive=True, run=run)
+
+
+def largest(
+    excess: Excess,
+    periods: Periods,
+    found: Array,
+    *,
+    enough: Array | float = np.inf,
+    stretches: Stretches | None = None,
+) -> tuple[Array, Bools]:
+    """The largest excess of each drive at any time, (drives,), and whether it is sure, to `GAP`.
+
+    Args:
+        excess: of a limit.
+        periods: of the drives.
+        found: excess found before, (drives,): stretches that cannot hold more are left alone.
+        enough: excess above which a drive's is not looked for any further.
+        stretches: outside of which no more than `found` can be; all periods by default.
+    """
+    found = np.array(found, dtype=float)
+    sure = np.ones(len(found), dtype=bool)
+    if (most := excess.exactly(periods)) is not None:
+        return np.maximum(found, most), sure
+    left = PATIENCE + 20 * len(periods.states)
+    stretches = excess.everywhere(periods) if stretches is None else stretches
+    while len(stretches):
+        drives = periods.drive_of(stretches.row)
+        ceiling = (found + gap_of(excess.size, found))[drives]
+        values, bounds = excess.over(periods, stretches, ceiling)
+        np.maximum.at(found, drives, values)
+        left -= len(stretches)
+        ceiling = (found + gap_of(excess.size, found))[drives]
+        closed = (bounds <= ceiling) | (found > enough)[drives]
+        closed |= stretches.end - stretches.begin < NARROWEST
+        stretches = stretches.chosen(~closed)
+        if left < 0:
+            sure[drives[~closed]] = False
+            break
+        stretches = stretches.cut(min(max(MANY // max(len(stretches), 1), 2), PARTS))
+    return found, sure
+
+
+def gap_of(size: float, found: Array) -> Array:
+    """How closely the largest excess is found: to a share of the limit's size, or of the distance from it."""
+    return np.maximum(GAP * size, SHARE * np.abs(found))
+
+
+def change_per_metre(limit: PathLimit, robot: Model, rule: Integration) -> float:
+    """What a limit's rows change by at most per metre that the robot's mean speed tells of a period.
+
+    Infinite for robots whose twist changes within a period, and for the midpoint rule, whose paths bend away
+    from its chords: there a part of the path may be longer than the speed tells.
+    """
+    return limit.per_metre if rule == "arc" and not follows_state(robot) else np.inf

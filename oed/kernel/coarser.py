@@ -1,0 +1,63 @@
+"""Problems of many samples on fewer: a spline has far fewer coefficients than a drive has samples, so that a
+coarser grid tells nearly as much of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from oed.kernel.problem import Problem
+from oed.robots.sensors.displacements import Displacements
+from oed.robots.sensors.several import sensors_of
+
+MOST = 600
+"""Samples per run up to which all of them are searched on."""
+USUAL = 400
+"""Samples per run of a coarse grid: so many that paths hardly leave the limits between them."""
+PER_COEFFICIENT = 12
+"""Samples that a spline coefficient needs for a coarse grid to see its shape."""
+OFTEN = 50
+"""Readings of a sensor in a run so many that a few more or less tell the same parameters apart."""
+
+
+def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
+    """Samples per run of the grid to search on: as many as wanted, or all where they are few, else about 400;
+    a few more where segments would not be equally long.
+    """
+    space, measurement = problem.design, problem.measurement
+    usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
+    if wanted is None and space.samples <= usual * MOST // USUAL:
+        return space.samples
+    segments = measurement.segments if isinstance(measurement, Displacements) else 1
+    return usual if segments == "samples" else -(-usual // segments) * segments
+
+
+def coarsened(problem: Problem, samples: int) -> Problem:
+    """The problem on so many samples per run; itself where its measurement needs all of them."""
+    space = problem.design
+    measurement = problem.measurement.coarser(space.samples / samples)
+    if measurement is None or samples >= space.samples:
+        return problem
+    return replace(problem, measurement=measurement, design=space.model_copy(update={"samples": samples}))
+
+
+def as_well_read(problem: Problem) -> Problem:
+    """The problem on few samples per run, but so many that every sensor reads as often as on all of them, or
+    often anyway; itself where there are none.
+    """
+    fewest = coarse_samples(problem)
+    found = (coarsened(problem, count) for count in range(fewest, 2 * fewest))
+    return next((own for own in found if _counts_alike(problem, own)), problem)
+
+
+def _counts_alike(problem: Problem, own: Problem) -> bool:
+    return all(
+        one == other or min(one, other) >= OFTEN
+        for one, other in zip(_reading_counts(problem), _reading_counts(own), strict=True)
+    )
+
+
+def _reading_counts(problem: Problem) -> list[int]:
+    # Of every sensor in a run.
+    samples = problem.design.samples
+    return [len(sensor.columns(samples)) for sensor in sensors_of(problem.measurement)]

@@ -1,0 +1,23 @@
+"""Optimality criteria. A new one is a class in a file here and a name in `CRITERIA`."""
+
+from oed.kernel.criteria.criterion import Criterion, Epigraph, Factor, Subject
+from oed.kernel.criteria.prediction import G, I, Leg
+from oed.kernel.criteria.spectral import E, ModifiedE
+from oed.kernel.criteria.volume import A, D
+
+CRITERIA: tuple[type[Criterion], ...] = (E, D, A, ModifiedE, G, I)
+
+__all__ = [
+    "CRITERIA",
+    "A",
+    "Criterion",
+    "D",
+    "E",
+    "Epigraph",
+    "Factor",
+    "G",
+    "I",
+    "Leg",
+    "ModifiedE",
+    "Subject",
+]

@@ -1,0 +1,168 @@
+"""Optimality criteria: information matrices to one number, larger is better.
+
+A criterion says two things: its value for given matrices, and how an optimiser maximises it with smooth
+constraints. The value alone is ever reported.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.information import Scaling
+from oed.kernel.measurement.matrices import solve_lower
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.models.model import Integration, Model
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Epigraph:
+    """A criterion as smooth optimisation: maximise `objective` over `variables` with `equalities` = 0 and
+    `floors` >= 0.
+
+    Attributes:
+        objective: scalar expression to maximise; equals the criterion's value where it is maximal.
+        variables: auxiliary unknowns, (k,).
+        equalities: expressions that must vanish, (e,).
+        initial: values (k,) of the auxiliary unknowns for given numeric matrices.
+        floors: expressions that must not be negative, (f,).
+    """
+
+    objective: Expression
+    variables: Expression
+    equalities: Expression
+    initial: Callable[[Sequence[Array]], Array]
+    floors: Expression = field(default_factory=lambda: ca.SX(0, 1))
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What the matrices that a criterion judges are about.
+
+    Attributes:
+        robot: whose parameters are estimated.
+        integration: its integration rule.
+        parameters: names of each matrix's rows.
+        scales: their scales, SI, one array for each matrix.
+    """
+
+    robot: Model
+    integration: Integration
+    parameters: tuple[tuple[str, ...], ...]
+    scales: tuple[Array, ...]
+
+
+class Criterion(Component, ABC):
+    """A number for how informative a drive is; larger is better.
+
+    Attributes:
+        scaling: of the parameters: "relative" to their nominal values, "none", or a scale for each.
+        subset: the parameters of interest; the others are unknown all the same. All of them if None.
+    """
+
+    kind: str
+    scaling: Scaling = "relative"
+    subset: tuple[str, ...] | None = None
+
+    @abstractmethod
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
+
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """The same of information by its square roots, which know what is identifiable."""
+        return self.value([root.matrix for root in information])
+
+    def identifiable(self, information: Sequence[SquareRoot]) -> Array:
+        """Whether all is that the criterion asks about, (...): by default every combination of parameters."""
+        return np.asarray(np.all([root.complete for root in information], axis=0))
+
+    @abstractmethod
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """The criterion of symbolic matrices in a form an interior-point solver can maximise."""
+
+    def about(self, subject: Subject) -> Criterion:
+        """The criterion for these parameters; itself unless it needs to know them."""
+        return self
+
+    def flaws(self, subject: Subject) -> list[Flaw]:
+        """What makes this criterion impossible for these parameters; [] if nothing."""
+        return []
+
+    def concede(self, value: float, share: float) -> float:
+        """The value that remains when only `share` of `value` is asked for."""
+        return value - (1.0 - share) * abs(value)
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """How many repetitions of the best design tell as much as one of this; `size` parameters in all.
+
+        None where repeating a design does not change the criterion.
+        """
+        return value / best if best > 0 else None
+
+
+class RootCriterion(Criterion):
+    """A criterion that asks what is identifiable, and so looks at square roots of information."""
+
+    def value(self, matrices: Sequence[Array]) -> Array:
+        """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
+        return self.judge([SquareRoot.of_matrix(np.asarray(matrix)) for matrix in matrices])
+
+    @abstractmethod
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """The criterion (...,) of information by its square roots, one per block."""
+
+
+class Factor:
+    """A lower triangular unknown L with M = L L', which keeps a matrix M positive semidefinite."""
+
+    def __init__(self, name: str, size: int) -> None:
+        """Make the unknowns."""
+        self.size = size
+        self.matrix = ca.SX.sym(name, ca.Sparsity.lower(size))
+
+    @property
+    def variables(self) -> Expression:
+        """The entries, column by column."""
+        return ca.vertcat(*self.matrix.nonzeros())
+
+    def residuals(self, matrix: Expression) -> Expression:
+        """M - L L', the lower half."""
+        return ca.vertcat(*ca.tril(matrix - self.matrix @ self.matrix.T).nonzeros())
+
+    def inverse(self, right: Expression) -> Expression:
+        """L^-1 B."""
+        return solve_lower(self.matrix.T, right)
+
+    def initial(self, matrix: Array) -> Array:
+        """Entries of L for a numeric M; a little is added to one that has no factor."""
+        columns, rows = np.triu_indices(self.size)  # column by column, as CasADi stores it
+        return np.asarray(np.linalg.cholesky(lifted(matrix))[rows, columns])
+
+
+def lifted(matrix: Array) -> Array:
+    """M, or where it has no factor a little more."""
+    shift = 1e-6 * (1.0 + abs(np.trace(matrix)) / len(matrix))
+    smallest = np.linalg.eigvalsh(matrix)[0]
+    return np.asarray(matrix + max(0.0, shift - smallest) * np.eye(len(matrix)))
+
+
+def factored(matrices: Sequence[Expression], objective: Callable[[Sequence[Factor]], Expression]) -> Epigraph:
+    """Maximise a function of the factors of F_b = L_b L_b'."""
+    factors = [Factor("L", matrix.shape[0]) for matrix in matrices]
+    residuals = [factor.residuals(matrix) for factor, matrix in zip(factors, matrices, strict=True)]
+    variables = ca.vertcat(*(factor.variables for factor in factors))
+
+    def initial(numeric: Sequence[Array]) -> Array:
+        return np.concatenate([factor.initial(each) for factor, each in zip(factors, numeric, strict=True)])
+
+    return Epigraph(objective(factors), variables, ca.vertcat(*residuals), initial)

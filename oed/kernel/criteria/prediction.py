@@ -1,0 +1,180 @@
+"""Criteria of what the estimates are for: the variance of the poses that they predict (G and I)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, FiniteFloat
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Duration
+from oed.kernel.criteria.criterion import (
+    Criterion,
+    Epigraph,
+    Factor,
+    RootCriterion,
+    Subject,
+    factored,
+    lifted,
+)
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import carrier
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.models.model import step
+
+Array = npt.NDArray[np.float64]
+
+
+FAINT = 1e-8
+"""Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
+
+It leaves factors to matrices of drives that tell no more than what the predictions need.
+"""
+
+
+class Leg(Component):
+    """A part of a test drive: inputs held [SI], and for how long [s]."""
+
+    inputs: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
+    duration: Annotated[Duration, Field(gt=0)]
+
+
+class Prediction(RootCriterion):
+    """Shared by G and I.
+
+    Attributes:
+        test_drive: legs driven one after the other from a known pose; predictions are judged at the end
+            of each.
+        quantity: "position" [m^2, both coordinates together] or "heading" [rad^2].
+    """
+
+    test_drive: Annotated[tuple[Leg, ...], Field(min_length=1)]
+    quantity: Literal["position", "heading"] = "position"
+    rows: tuple[tuple[tuple[tuple[float, ...], ...], ...], ...] = Field(default=(), exclude=True, repr=False)
+    """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter]."""
+
+    def about(self, subject: Subject) -> Criterion:
+        """The criterion with the predictions' derivatives by the parameters of each block."""
+        poses = _sensitivities(subject, self.test_drive)
+        picked = poses[:, :2] if self.quantity == "position" else poses[:, 2:3]
+        names = [parameter.name for parameter in subject.robot.parameters]
+        rows = []
+        for parameters, scales in zip(subject.parameters, subject.scales, strict=True):
+            columns = [names.index(name) for name in parameters]
+            rows.append((picked[:, :, columns] * scales).tolist())
+        return self.model_copy(update={"rows": _nested(rows)})
+
+    def flaws(self, subject: Subject) -> list[Flaw]:
+        """Legs with more or fewer inputs than the robot, parameters that do not move it."""
+        names = subject.robot.input_names
+        flaws = [
+            Flaw(
+                ("criterion", "test_drive", index, "inputs"),
+                f"expected {len(names)} inputs ({', '.join(names)}), got {len(leg.inputs)}",
+            )
+            for index, leg in enumerate(self.test_drive)
+            if len(leg.inputs) != len(names)
+        ]
+        own = {parameter.name for parameter in subject.robot.parameters}
+        strangers = [name for names in subject.parameters for name in names if name not in own]
+        if strangers:
+            text = f"predictions follow from the robot's parameters; {', '.join(strangers)} are none"
+            flaws.append(Flaw(("criterion", "kind"), text))
+        return flaws
+
+    def variances(self, information: Sequence[SquareRoot]) -> Array:
+        """Variance of each leg's prediction, (..., legs); infinite of what is not identifiable."""
+        each = [
+            np.stack([root.variances(np.array(leg)).sum(axis=-1) for leg in rows], axis=-1)
+            for root, rows in zip(information, self.rows, strict=True)
+        ]
+        return np.asarray(np.sum(each, axis=0))
+
+    def identifiable(self, information: Sequence[SquareRoot]) -> Array:
+        """Whether the predictions are; other combinations of parameters need not be."""
+        return np.asarray(np.isfinite(self.variances(information)).all(axis=-1))
+
+    def symbolic_variances(self, factors: Sequence[Factor]) -> list[Expression]:
+        """The same of F_b = L_b L_b', as expressions."""
+        totals: list[Expression] = [ca.SX(0)] * len(self.test_drive)
+        for factor, block in zip(factors, self.rows, strict=True):
+            for leg, rows in enumerate(block):
+                totals[leg] += ca.sumsqr(factor.inverse(ca.SX(ca.DM(np.array(rows).T))))
+        return totals
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """Ratio of the best design's variance to this one's."""
+        return best / value if value < 0 and math.isfinite(best) else None
+
+
+class G(Prediction):
+    """G-optimality: minus the largest variance of a prediction, over the legs of a test drive."""
+
+    kind: Literal["G"] = "G"
+
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """Minus the largest variance."""
+        return np.asarray(-self.variances(information).max(axis=-1))
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise -v with every leg's variance + slack^2 = v."""
+        matrices = _raised(matrices)
+        factors = [Factor("L", matrix.shape[0]) for matrix in matrices]
+        worst, slack = ca.SX.sym("v"), ca.SX.sym("slack", len(self.test_drive))
+        residuals = [factor.residuals(matrix) for factor, matrix in zip(factors, matrices, strict=True)]
+        levels = ca.vertcat(*self.symbolic_variances(factors)) + slack**2 - worst
+
+        def initial(numeric: Sequence[Array]) -> Array:
+            entries = [factor.initial(each) for factor, each in zip(factors, numeric, strict=True)]
+            variances = self.variances([SquareRoot.of_matrix(lifted(each)) for each in numeric])
+            start = 1.1 * float(variances.max())
+            return np.concatenate([*entries, [start], np.sqrt(start - variances)])
+
+        variables = ca.vertcat(*(factor.variables for factor in factors), worst, slack)
+        return Epigraph(-worst, variables, ca.vertcat(*residuals, levels), initial)
+
+
+class I(Prediction):  # noqa: E742
+    """I-optimality: minus the mean variance of the predictions, over the legs of a test drive."""
+
+    kind: Literal["I"] = "I"
+
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """Minus the mean variance."""
+        return np.asarray(-self.variances(information).mean(axis=-1))
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise minus the mean variance of F_b = L_b L_b'."""
+        return factored(
+            _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.test_drive)
+        )
+
+
+def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:
+    # (legs, states, parameters): derivatives of the poses at the legs' ends. Each leg is one exact arc.
+    robot = subject.robot
+    states, size = len(robot.states), len(robot.parameters)
+    advance, carry = step(robot, "arc"), carrier(robot, "arc")
+    pose, carried = ca.DM.zeros(states), ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
+    found = []
+    for leg in legs:
+        arguments = (pose, ca.DM(leg.inputs), ca.DM(robot.nominal), leg.duration)
+        carried, pose = carry(carried, *arguments), advance(*arguments)
+        found.append(np.array(carried)[:, :size])
+    return np.array(found)
+
+
+def _raised(matrices: Sequence[Expression]) -> list[Expression]:
+    # A little more than F, which has a factor in any case.
+    return [matrix + FAINT * ca.SX.eye(matrix.shape[0]) for matrix in matrices]
+
+
+def _nested(values: Any) -> Any:
+    # Nested tuples, so that the criterion stays hashable.
+    return tuple(map(_nested, values)) if isinstance(values, list) else values

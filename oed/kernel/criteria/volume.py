@@ -1,0 +1,62 @@
+"""Criteria of the confidence ellipsoid as a whole: D, its volume; A, its mean squared axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.criteria.criterion import Epigraph, RootCriterion, factored
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.square_root import SquareRoot
+
+Array = npt.NDArray[np.float64]
+
+
+class D(RootCriterion):
+    """D-optimality: log det F, all blocks together. Its optimum does not depend on the scaling."""
+
+    kind: Literal["D"] = "D"
+
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """Log det of every block, summed; minus infinity where some combination is not identifiable."""
+        return np.asarray(np.sum([root.log_determinant for root in information], axis=0))
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
+        return factored(
+            matrices, lambda factors: sum(ca.sum1(ca.log(ca.diag(each.matrix) ** 2)) for each in factors)
+        )
+
+    def concede(self, value: float, share: float) -> float:
+        """The value of a determinant `share` as large."""
+        return value + math.log(share)
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """(det F / det F_best)^(1 / p)."""
+        return math.exp((value - best) / size) if math.isfinite(best) else None
+
+
+class A(RootCriterion):
+    """A-optimality: minus the summed variances, -tr F^-1, over all blocks."""
+
+    kind: Literal["A"] = "A"
+
+    def judge(self, information: Sequence[SquareRoot]) -> Array:
+        """-tr F^-1, minus infinity where some combination is not identifiable."""
+        traces = [(root.factor**2).sum(axis=(-2, -1)) for root in information]
+        return np.where(self.identifiable(information), -np.sum(traces, axis=0), -np.inf)
+
+    def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
+        """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
+        return factored(
+            matrices, lambda factors: -sum(ca.sumsqr(each.inverse(ca.SX.eye(each.size))) for each in factors)
+        )
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """Ratio of the best design's summed variances to this one's."""
+        return best / value if value < 0 and math.isfinite(best) else None

@@ -1,0 +1,364 @@
+"""The design: B-splines of the inputs, a start pose, and the space of them that a study allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from oed.foundation.component import Component
+from oed.foundation.quantities import Angle, Duration, Length
+from oed.kernel.dynamics import spline
+from oed.robots.models.model import Integration
+
+Array = npt.NDArray[np.float64]
+
+
+def middles(duration: float, samples: int) -> Array:
+    """Times (N,) [s] of the middles of N equal periods."""
+    return np.asarray((np.arange(samples, dtype=np.float64) + 0.5) * (duration / samples))
+
+
+def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
+    """How fast inputs (N + 1, inputs) change that are held in N equal periods: from the spline's first value
+    to the middle of the first period, from middle to middle, and on to the last value.
+
+    With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these rates. It is
+    what search, scorer and bounds limit of splines that have no derivative, and what the polygon through the
+    middles has as slopes.
+    """
+    duration = float(knots[-1])
+    times = np.concatenate([[0.0], middles(duration, samples), [duration]])
+    held = spline.basis(knots, degree, times) @ coefficients
+    return np.asarray(np.diff(held, axis=0) / np.diff(times)[:, None])
+
+
+def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
+    """How fast `held_rates` change (N, inputs): by how much in the middle of each period, over one period.
+
+    The jerk of splines whose rates jump (degrees 0 and 1), the same for a drive and its time reverse; of the
+    identity, the matrix of it.
+    """
+    period = float(knots[-1]) / samples
+    return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A drive: splines of the inputs over time, held sample by sample, from a start pose.
+
+    A drive may consist of several runs, each from a start of its own: then their splines follow each other
+    on one clock and have nothing in common where they meet.
+
+    Attributes:
+        knots: (n + degree + 1,) [s], clamped, from 0 to the duration; the same in every run.
+        degree: of the splines.
+        coefficients: (n, inputs), in the inputs' SI units.
+        start: start state (states,): x [m], y [m], heading [rad], ...; of several runs (runs, states).
+        samples: N; the robot holds each input at its spline's value in the middle of each period.
+        runs: how many runs of equal length the N samples are shared out to.
+    """
+
+    knots: Array
+    degree: int
+    coefficients: Array
+    start: Array
+    samples: int
+    runs: int = 1
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, check their shapes and make them read-only.
+
+        Raises:
+            ValueError: knots and coefficients that do not match, or numbers that are not finite, or knots
+                that are no times from 0 to a duration.
+        """
+        for name in ("knots", "coefficients", "start"):
+            array = np.array(getattr(self, name), dtype=float)
+            if name == "start" and self.runs == 1:
+                array = array.reshape(-1)
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} must be finite")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if not len(self.knots) or self.knots[0] != 0 or self.duration <= 0 or np.any(np.diff(self.knots) < 0):
+            raise ValueError(f"expected knots that rise from 0 to a positive duration, got {self.knots}")
+        expected = len(self.knots) - self.degree - 1
+        if self.coefficients.ndim != 2 or len(self.coefficients) != expected:
+            raise ValueError(
+                f"expected coefficients of shape ({expected}, inputs), got {self.coefficients.shape}"
+            )
+        if self.runs > 1 and not self._runs_are_alike:
+            raise ValueError(f"expected knots that repeat in each of the {self.runs} runs")
+        if self.samples % self.runs or len(self.starts) != self.runs:
+            raise ValueError(
+                f"expected samples that {self.runs} runs share equally and a start for each, got "
+                f"{self.samples} samples and start of shape {self.start.shape}"
+            )
+
+    @classmethod
+    def from_samples(
+        cls,
+        inputs: npt.ArrayLike,
+        duration: float,
+        start: npt.ArrayLike,
+        *,
+        rest_to_rest: bool = True,
+        runs: int = 1,
+    ) -> Trajectory:
+        """The drive that holds `inputs` (N, inputs) in N equal periods: polygons through their middles.
+
+        Args:
+            inputs: one row per period.
+            duration: of the whole drive [s].
+            start: start state, (runs, states) of several runs.
+            rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
+            runs: how many runs of equal length the periods are shared out to.
+
+        Raises:
+            ValueError: a duration that is not positive and finite, or no table of finite inputs.
+        """
+        if not 0 < duration < math.inf:
+            raise ValueError(f"expected a positive, finite duration, got {duration}")
+        rows, each = np.asarray(inputs, dtype=float), duration / runs
+        if rows.ndim != 2 or not len(rows):
+            raise ValueError(f"expected inputs of shape (N, inputs), got {rows.shape}")
+        parts = []
+        for run in np.split(rows, runs):
+            ends = np.zeros((2, rows.shape[1])) if rest_to_rest else run[[0, -1]]
+            parts += [ends[:1], run, ends[1:]]
+        own = np.concatenate([[0.0, 0.0], middles(each, len(rows) // runs), [each, each]])
+        knots = spline.repeated_knots(own, 1, runs)
+        return cls(knots, 1, np.vstack(parts), np.asarray(start, dtype=float), len(rows), runs)
+
+    @property
+    def starts(self) -> Array:
+        """The start state of every run, (runs, states)."""
+        return self.start.reshape(-1, self.start.shape[-1])
+
+    @cached_property
+    def each(self) -> tuple[Trajectory, ...]:
+        """Every run as a drive of its own, on its own clock."""
+        if self.runs == 1:
+            return (self,)
+        samples, parts = self.samples // self.runs, np.split(self.coefficients, self.runs)
+        return tuple(
+            Trajectory(self._own_knots, self.degree, part, start, samples)
+            for part, start in zip(parts, self.starts, strict=True)
+        )
+
+    @property
+    def _own_knots(self) -> Array:
+        # Of the first run.
+        return self.knots[: len(self.coefficients) // self.runs + self.degree + 1]
+
+    @property
+    def _runs_are_alike(self) -> bool:
+        if len(self.coefficients) % self.runs or len(self.coefficients) // self.runs <= self.degree:
+            return False
+        repeated = spline.repeated_knots(self._own_knots, self.degree, self.runs)
+        return np.allclose(self.knots, repeated, rtol=0, atol=1e-9 * self.duration)
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return float(self.knots[-1])
+
+    @property
+    def period(self) -> float:
+        """Sample period T [s]."""
+        return self.duration / self.samples
+
+    @cached_property
+    def inputs(self) -> Array:
+        """Inputs held in each period, (N, inputs), read-only."""
+        # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
+        held = [one._often_at(middles(one.duration, one.samples)) for one in self.each]
+        table = np.concatenate(held)
+        table.setflags(write=False)
+        return table
+
+    @property
+    def ends(self) -> Array:
+        """Inputs at the begin and at the end of every run, (2 runs, inputs)."""
+        return np.concatenate([one._often_at(np.array([0.0, one.duration])) for one in self.each])
+
+    def _often_at(self, times: Array) -> Array:
+        # `inputs_at` times that all drives with these knots are asked for.
+        return spline.kept_basis(self.knots, self.degree, times) @ self.coefficients
+
+    def inputs_at(self, times: Array) -> Array:
+        """Values of the splines at `times` [s], (len(times), inputs)."""
+        return spline.basis(self.knots, self.degree, times) @ self.coefficients
+
+    def rates_at(self, times: Array) -> Array:
+        """Time derivatives of the inputs, (rows, inputs): at `times` [s], or, for a piecewise constant
+        drive, those of `held_rates`.
+        """
+        if self.degree == 0:
+            return np.concatenate(
+                [held_rates(one.knots, 0, one.coefficients, one.samples) for one in self.each]
+            )
+        matrix, knots = spline.derivative(self.knots, self.degree)
+        return spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients)
+
+    def jerks_at(self, times: Array) -> Array:
+        """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
+        those of `held_jerks`.
+        """
+        if self.degree < 2:
+            return np.concatenate(
+                [held_jerks(one.knots, self.degree, one.coefficients, one.samples) for one in self.each]
+            )
+        first, knots = spline.derivative(self.knots, self.degree)
+        second, knots = spline.derivative(knots, self.degree - 1)
+        return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
+
+    def extremes(self, order: int) -> Array:
+        """Values (K, inputs) among which every input's least and largest are, of all times; of an order of 1
+        or 2 those of its rates or jerks. K depends on knots and degree alone.
+        """
+        if order == self.degree == 0:
+            # Of steps, what is held: nobody drives a value between two periods' middles.
+            return self.inputs
+        found = []
+        if order <= self.degree:
+            found = [spline.extremes(one.knots, one.degree, one.coefficients, order) for one in self.each]
+        if order and (order > self.degree or len(spline.jumps(self._own_knots, self.degree, order - 1))):
+            # A jump has no derivative: what is held has its rates and jerks.
+            held = (held_rates, held_jerks)[order - 1]
+            found += [held(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
+        return np.concatenate(found)
+
+
+class Spline(Component):
+    """The inputs' splines: degree, and coefficients per input (those that rest fixes included)."""
+
+    degree: Annotated[int, Field(ge=0, le=7)] = 3
+    coefficients: Annotated[int, Field(ge=1, le=100_000)] = 16
+
+
+class StartPose(Component):
+    """A fixed start pose: x [m], y [m], heading [rad]."""
+
+    x: Length = 0.0
+    y: Length = 0.0
+    heading: Angle = 0.0
+
+
+class DesignSpace(Component):
+    """All drives that a study allows: duration [s], samples N, splines, start, rest and integration rule.
+
+    `rest_to_rest` fixes the first and last coefficient of every input at 0. With several `runs` the drive is
+    a series of them, each with this duration, samples and spline and a start of its own; a single start
+    pose holds for all.
+    """
+
+    duration: Annotated[Duration, Field(gt=0)]
+    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 200
+    spline: Spline = Spline()
+    start: StartPose | Annotated[tuple[StartPose, ...], Field(min_length=1)] | Literal["free"] = StartPose()
+    rest_to_rest: bool = True
+    integration: Integration = "arc"
+    runs: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @model_validator(mode="after")
+    def _start_for_every_run(self) -> DesignSpace:
+        if isinstance(self.start, tuple) and len(self.start) != self.runs:
+            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
+        return self
+
+    @property
+    def period(self) -> float:
+        """Sample period T [s]."""
+        return self.duration / self.samples
+
+    @property
+    def all_samples(self) -> int:
+        """Samples of all runs together."""
+        return self.runs * self.samples
+
+    @property
+    def whole_duration(self) -> float:
+        """Duration of all runs together [s]."""
+        return self.runs * self.duration
+
+    @property
+    def all_coefficients(self) -> int:
+        """Spline coefficients of an input in all runs together."""
+        return self.runs * self.spline.coefficients
+
+    @property
+    def knots(self) -> Array:
+        """Knots of the splines [s], of all runs on one clock."""
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        return spline.repeated_knots(own, self.spline.degree, self.runs)
+
+    @property
+    def sampling_matrix(self) -> Array:
+        """(N, n): takes coefficients to the inputs held in each period."""
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        held = spline.basis(own, self.spline.degree, middles(self.duration, self.samples))
+        return np.asarray(np.kron(np.eye(self.runs), held.toarray()))
+
+    @property
+    def rate_matrix(self) -> Array:
+        """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
+        of the rate at all times; for degree 0, the rates from period to period.
+        """
+        if self.spline.degree == 0:
+            return self._of_every_run(held_rates)
+        return spline.derivative(self.knots, self.spline.degree)[0].toarray()
+
+    @property
+    def jerk_matrix(self) -> Array:
+        """The same of the inputs' second derivatives; for degrees 0 and 1, those of `held_jerks`."""
+        degree = self.spline.degree
+        if degree < 2:
+            return self._of_every_run(held_jerks)
+        first, knots = spline.derivative(self.knots, degree)
+        second, _ = spline.derivative(knots, degree - 1)
+        return second @ first.toarray()
+
+    def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
+        # The matrix of what is held of a run's splines, for all runs.
+        count, degree = self.spline.coefficients, self.spline.degree
+        own = spline.clamped_knots(self.duration, count, degree)
+        return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
+
+    @property
+    def free_rows(self) -> npt.NDArray[np.int64]:
+        """Indices of the coefficients that are free; the others are 0."""
+        own = np.arange(self.spline.coefficients)
+        own = own[1:-1] if self.rest_to_rest else own
+        return np.concatenate([run * self.spline.coefficients + own for run in range(self.runs)])
+
+    @property
+    def start_is_free(self) -> bool:
+        """Whether the start pose is part of the design."""
+        return self.start == "free"
+
+    @property
+    def fixed_starts(self) -> Array | None:
+        """The start pose (x, y, heading) of every run, (runs, 3), where they are fixed."""
+        if isinstance(self.start, str):
+            return None
+        poses = self.start if isinstance(self.start, tuple) else (self.start,) * self.runs
+        return np.array([(pose.x, pose.y, pose.heading) for pose in poses])
+
+    def trajectory(self, coefficients: npt.ArrayLike, start: npt.ArrayLike) -> Trajectory:
+        """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
+        return Trajectory(
+            self.knots,
+            self.spline.degree,
+            np.asarray(coefficients),
+            np.asarray(start),
+            self.all_samples,
+            self.runs,
+        )

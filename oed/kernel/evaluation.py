@@ -1,0 +1,394 @@
+"""`evaluate`: the one scorer of trajectories.
+
+Every number that anything reports about a trajectory (solvers, baselines, bounds, reports) comes from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import Flaw, NotFinite
+from oed.kernel.between import Sight, most_exceeded
+from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.rollout import FINE, roll_out
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.finiteness import require_finite
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.problem import Problem
+
+Array = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-3
+"""A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far a trajectory stays inside one limit.
+
+    Attributes:
+        name: of the limit.
+        margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
+        size: the limit's size in `unit`.
+        unit: SI unit.
+        certain: whether that is so at all times; else only at the points that were checked.
+    """
+
+    name: str
+    margin: float
+    size: float
+    unit: str
+    certain: bool = True
+
+    @property
+    def active(self) -> bool:
+        """Whether the trajectory touches the limit (or exceeds it)."""
+        return self.margin <= TOLERANCE * self.size
+
+    @property
+    def violation(self) -> float:
+        """Amount by which the limit is exceeded, 0 where it is kept."""
+        return max(0.0, -self.margin)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the limit is kept, within `TOLERANCE` of its size."""
+        return self.violation <= TOLERANCE * self.size
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What `evaluate` says of a trajectory; all SI.
+
+    Attributes:
+        objective: the criterion's value, larger is better; of a robust problem the one it asks for.
+        lambda_min, lambda_max: extreme eigenvalues of the information in the criterion's scaling.
+        singular_values: of W, descending, blocks together: of the paper's regressors unscaled, of sensors
+            in units of the noise and scaled, with all nuisances eliminated.
+        norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
+            the noise.
+        path_length: of the robot's origin [m].
+        margins: of every limit, at all times; of a robust problem less what is kept in reserve.
+        design_matrices: W of each block by name.
+        square_roots: information of each block by name, on the parameters the criterion judges, in its
+            scaling; of the nominal robot.
+        full_square_roots: the same of each block's estimated parameters, SI.
+        identifiable: whether all is that the criterion asks about.
+        covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
+            not identifiable; {} without noise.
+        parameters: the estimated parameters' names by block.
+        poses: at the samples, (N + runs, states), run by run.
+        path: on the fine grid, (10 N + runs, states).
+    """
+
+    objective: float
+    lambda_min: float
+    lambda_max: float
+    singular_values: Array
+    norm_y: float
+    path_length: float
+    margins: tuple[Margin, ...]
+    design_matrices: Mapping[str, Array]
+    square_roots: Mapping[str, SquareRoot]
+    full_square_roots: Mapping[str, SquareRoot]
+    identifiable: bool
+    covariances: Mapping[str, Array]
+    parameters: Mapping[str, tuple[str, ...]]
+    poses: Array
+    path: Array
+
+    @cached_property
+    def information(self) -> Mapping[str, Array]:
+        """F of each block by name, on the parameters the criterion judges, in its scaling."""
+        return {name: root.matrix for name, root in self.square_roots.items()}
+
+    @cached_property
+    def full_information(self) -> Mapping[str, Array]:
+        """F of each block's estimated parameters, SI."""
+        return {name: root.matrix for name, root in self.full_square_roots.items()}
+
+    @property
+    def smallest_singular_value(self) -> float:
+        """s_min(W)."""
+        return float(self.singular_values[-1])
+
+    @property
+    def condition_number(self) -> float:
+        """cond(W) = s_max / s_min; infinite for a singular design."""
+        largest, smallest = float(self.singular_values[0]), self.smallest_singular_value
+        return largest / smallest if smallest > 0 else np.inf
+
+    @property
+    def log_determinant(self) -> float:
+        """Log det of the information, all blocks together; minus infinity for a singular design."""
+        return float(sum(root.log_determinant for root in self.square_roots.values()))
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Predicted standard deviation of each estimated parameter, SI; {} without noise."""
+        return {
+            name: float(size)
+            for block, covariance in self.covariances.items()
+            for name, size in zip(self.parameters[block], np.sqrt(np.diag(covariance)), strict=True)
+        }
+
+    @property
+    def singular(self) -> bool:
+        """Whether some combination of the parameters that the criterion judges is not identifiable."""
+        return not all(root.complete for root in self.square_roots.values())
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is kept."""
+        return all(margin.kept for margin in self.margins)
+
+    @property
+    def checked_at_points(self) -> tuple[str, ...]:
+        """Limits that were checked at some points only: between them nothing is known."""
+        return tuple(margin.name for margin in self.margins if not margin.certain)
+
+    @property
+    def violations(self) -> dict[str, float]:
+        """Amount by which each limit that is not kept is exceeded, in its SI unit."""
+        return {margin.name: margin.violation for margin in self.margins if not margin.kept}
+
+
+def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
+    """Score any trajectory by a problem's measurement, criterion and limits.
+
+    The trajectory keeps its own duration and samples; where it breaks the study's duration, start or
+    rest, that is a violation like any other.
+
+    Raises:
+        ValueError: inputs or states that do not match the robot's, another number of runs.
+        NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.evaluation(trajectory, extremes)
+
+
+def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, SquareRoot]:
+    """The same trajectory's `full_square_roots` alone, whatever limits it keeps.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.full_information(trajectory, extremes)
+
+
+def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
+    # The scorer of a trajectory, and its splines' extremes, which are further arguments.
+    expected = len(problem.model.inputs)
+    if trajectory.coefficients.shape[1] != expected:
+        names = ", ".join(problem.model.input_names)
+        raise ValueError(f"expected {expected} inputs ({names}), got {trajectory.coefficients.shape[1]}")
+    states, runs = len(problem.model.states), problem.design.runs
+    if trajectory.starts.shape != (runs, states):
+        raise ValueError(
+            f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
+        )
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
+    return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
+
+
+class _Scorer:
+    """The compiled functions that score trajectories of one number of samples."""
+
+    def __init__(
+        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
+    ) -> None:
+        model = problem.robot
+        symbols: list[Any] = [
+            ca.MX.sym("inputs", samples, len(model.inputs)),
+            ca.MX.sym("start", runs, len(model.states)),
+            ca.MX.sym("parameters", len(model.parameters)),
+            ca.MX.sym("period"),
+            ca.MX.sym("values", values, len(model.inputs)),
+            ca.MX.sym("rates", rates, len(model.inputs)),
+            ca.MX.sym("jerks", jerks, len(model.inputs)),
+            ca.MX.sym("asked", asked, len(model.inputs)),
+        ]
+        names = (
+            "inputs",
+            "start",
+            "parameters",
+            "period",
+            "input_values",
+            "input_rates",
+            "input_jerks",
+            "motion_inputs",
+        )
+        arguments = dict(zip(names, symbols, strict=True))
+        if not _checked_at_points(problem):
+            arguments["motion_inputs"] = None
+        drive = roll_out(
+            model,
+            problem.design.integration,
+            refine=FINE,
+            runs=runs,
+            **arguments,
+        )
+        self.problem = problem
+        self.estimations = problem.estimations(drive)
+        self.rows: list[Rows] = problem.limit_rows(drive)
+        groups = [
+            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
+            # Of sensors the jacobian's first columns: they are not asked for twice.
+            [one.block.design_matrix for one in self.estimations if one.block.raw],
+            [one.block.response for one in self.estimations],
+            [one.block.jacobian for one in self.estimations],
+            [one.block.magnitudes for one in self.estimations],
+            [rows.expression for rows in self.rows],
+        ]
+        self._edges = np.cumsum([0, *map(len, groups)])
+        outputs = [output for group in groups for output in group]
+        self.function = ca.Function("score", symbols, [ca.densify(output) for output in outputs])
+        self._symbols = symbols[:4]
+
+    @cached_property
+    def _jacobians(self) -> ca.Function:
+        # Of any robot, with what their columns add up; only where others than the nominal one count.
+        blocks = [one.block for one in self.estimations]
+        results = [*(one.jacobian for one in blocks), *(one.magnitudes for one in blocks)]
+        return ca.Function("jacobians", self._symbols, results)
+
+    def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
+        """What the criterion sees of every robot that is judged."""
+        problem, found = self.problem, list[Sequence[SquareRoot]]()
+        if problem.robust is None or problem.robust.objective == "nominal":
+            return [roots]
+        for parameters, shift in problem.judged_robots:
+            given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
+            results = [np.array(each) for each in self._jacobians.call(given)]
+            jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]
+            found.append(self._square_roots(jacobians, summed)[0])
+        return found
+
+    def _square_roots(
+        self, jacobians: Sequence[Array], summed: Sequence[Array]
+    ) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
+        # What the criterion sees of each block, and of all its estimated parameters.
+        each = zip(self.estimations, jacobians, summed, strict=True)
+        pairs = [one.square_roots(jacobian, own.ravel()) for one, jacobian, own in each]
+        seen, full = zip(*pairs, strict=True)
+        return seen, full
+
+    def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
+        own = iter(regressors)
+        return [
+            next(own) if one.block.raw else jacobian[:, : len(one.block.parameters)]
+            for one, jacobian in zip(self.estimations, jacobians, strict=True)
+        ]
+
+    def _values(self, drive: Trajectory, extremes: Sequence[Array]) -> list[list[Array]]:
+        # What the function finds, in the groups of its outputs.
+        robot, period = np.array(self.problem.robot.nominal), np.array(drive.period)
+        given = [drive.inputs.T, drive.starts.T, robot, period, *(one.T for one in extremes)]
+        results = direct_call(self.function, *given)
+        arrays = [
+            result.reshape(self.function.size_out(place), order="F") for place, result in enumerate(results)
+        ]
+        groups = [arrays[first:last] for first, last in pairwise(self._edges)]
+        (_, _, path, _), _, responses, jacobians, *_ = groups
+        require_finite(self.problem, drive, path, responses, jacobians)
+        return groups
+
+    def full_information(self, trajectory: Trajectory, extremes: Sequence[Array]) -> dict[str, SquareRoot]:
+        *_, jacobians, summed, _ = self._values(trajectory, extremes)
+        _, full = self._square_roots(jacobians, summed)
+        return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
+
+    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
+        problem = self.problem
+        groups = self._values(trajectory, extremes)
+        (length, poses, path, speeds), regressors, responses, jacobians, summed, limits = groups
+        designs = self._designs(regressors, jacobians)
+        roots, full = self._square_roots(jacobians, summed)
+        robots, criterion = self._robots(trajectory, roots), problem.objective
+        # Of the paper's regressors W is what it is, of sensors what is left of it.
+        singular = [
+            (SquareRoot.of_rows(design) if one.block.raw else root).singular_values
+            for one, design, root in zip(self.estimations, designs, roots, strict=True)
+        ]
+        names = [one.block.name for one in self.estimations]
+        sight = Sight.of(problem, trajectory, poses, speeds.ravel())
+        margins = [
+            _margin(problem, limit, sight, rows, values.ravel())
+            for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
+        ]
+        return Evaluation(
+            objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
+            lambda_min=float(min(root.smallest for root in roots)),
+            lambda_max=float(max(root.largest for root in roots)),
+            singular_values=np.sort(np.concatenate(singular))[::-1],
+            norm_y=float(np.linalg.norm(np.concatenate(responses))),
+            path_length=float(length.item()),
+            margins=(*margins, *_conditions(problem, trajectory)),
+            design_matrices=dict(zip(names, designs, strict=True)),
+            square_roots=dict(zip(names, roots, strict=True)),
+            full_square_roots=dict(zip(names, full, strict=True)),
+            identifiable=all(bool(criterion.identifiable(own)) for own in robots),
+            covariances={
+                one.block.name: root.covariance
+                for one, root in zip(self.estimations, full, strict=True)
+                if one.noisy
+            },
+            parameters={one.block.name: one.parameters for one in self.estimations},
+            poses=poses,
+            path=path,
+        )
+
+
+@lru_cache(maxsize=64)
+def _scorer(
+    problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
+) -> _Scorer:
+    return _Scorer(problem, samples, runs, values, rates, jerks, asked)
+
+
+def _checked_at_points(problem: Problem) -> bool:
+    return any(limit.looks_at is None for limit in problem.limits)
+
+
+def _asked(trajectory: Trajectory) -> Array:
+    # What the splines ask for between the samples too: for limits that are checked at points only.
+    times = [np.linspace(0.0, one.duration, FINE * one.samples + 1) for one in trajectory.each]
+    return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
+
+
+def _margin(problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array) -> Margin:
+    if np.isnan(values).any():
+        raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
+    # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
+    spare = problem.excess * rows.size
+    excess = np.maximum(values - rows.upper, rows.lower - values) + spare
+    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
+    excess = excess if excess.size else np.array([-rows.size])
+    most, certain = most_exceeded(problem, limit, sight, excess)
+    return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
+
+
+def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
+    # What the design space itself asks; a solver's design keeps it by construction, a user's path may not.
+    space, model = problem.design, problem.model
+    spare = space.whole_duration - trajectory.duration
+    margins = [Margin("duration", spare, space.whole_duration, "s")]
+    if problem.fixed_starts is not None:
+        offset = np.abs(trajectory.starts - problem.fixed_starts).max()
+        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, "m or rad"))
+    if space.rest_to_rest:
+        size = float(np.abs(problem.input_bounds).max())
+        spare = problem.rest_spare - float(np.abs(trajectory.ends).max())
+        margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))
+    return margins

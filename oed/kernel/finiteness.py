@@ -1,0 +1,78 @@
+"""Drives whose numbers are no numbers: what is not finite of them first, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import Flaw, NotFinite
+from oed.foundation.quantities import LARGEST
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.sensor import row_times
+from oed.kernel.problem import Problem
+from oed.robots.sensors.several import sensors_of
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+def require_finite(
+    problem: Problem,
+    trajectory: Trajectory,
+    path: Array,
+    responses: Sequence[Array],
+    derivatives: Sequence[Array],
+) -> None:
+    """Refuse a drive that cannot be scored, or goes farther than anything that a study may speak of.
+
+    Args:
+        problem: that scores it.
+        trajectory: the drive.
+        path: its states, all runs at the same times, (rows, states).
+        responses: of each block of readings, (M,) or (M, 1).
+        derivatives: of these by what is estimated, (M, p).
+
+    Raises:
+        NotFinite: says what is not finite, or beyond `LARGEST`, and when.
+    """
+    for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
+        if not inside.all():
+            raise NotFinite(Flaw(("robot",), _departure(problem, trajectory, inside, what)))
+    pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
+    for what, array in pairs:
+        rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))
+        if rows.size:
+            where = _reading(problem, trajectory, int(rows[0]), len(array))
+            columns = np.flatnonzero(~np.isfinite(array[rows[0]])).tolist() if what == "derivative" else []
+            raise NotFinite(Flaw(("measurement",), _sentence(problem, what, where, columns)))
+
+
+def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: str) -> str:
+    # The earliest moment of any run.
+    rows = np.array(np.split(inside, trajectory.runs))
+    moments = np.flatnonzero(~rows.all(axis=(0, 2)))
+    states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
+    names = ", ".join(name for name, wrong in zip(problem.robot.states, states, strict=True) if wrong)
+    each = trajectory.duration / trajectory.runs
+    return f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
+
+
+def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
+    runs = trajectory.runs
+    sensors = sensors_of(problem.measurement)
+    times = row_times(sensors, problem.robot, trajectory.samples // runs, runs)
+    if len(times) != count:
+        return f"{problem.measurement.kind} (reading {row})"
+    label, run, samples = times[row]
+    return f"{label} at {samples * trajectory.period:.6g} s" + (f" of run {run + 1}" if runs > 1 else "")
+
+
+def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int]) -> str:
+    if what == "reading":
+        return f"the reading of {where} is not finite"
+    block = problem.any_estimations[0].block
+    names = [*block.parameters, *(nuisance.name for nuisance in block.nuisances)]
+    known = [names[column] for column in columns if column < len(names)]
+    return f"the derivative of {where} by {', '.join(known) or 'what is estimated'} is not finite"

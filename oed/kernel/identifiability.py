@@ -1,0 +1,169 @@
+"""Can the parameters be told apart at all? Asked before a search, and answered in words.
+
+A combination of parameters that no drive tells is a null vector of the information of several random
+drives together, the initial pose and all nuisances eliminated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.kernel.coarser import as_well_read
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import full_information
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.problem import Estimation, Problem
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+DRIVES = 6
+"""Random drives whose information is added up: what none of them tells, no drive does."""
+STEP = 0.01
+"""Change of the first parameter, relative to its nominal value, by which a combination is described."""
+NEGLIGIBLE = 1e-5
+"""Share of the largest change below which a parameter is not part of a combination."""
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """A combination of parameters that no drive tells.
+
+    Attributes:
+        changes: of the parameters, SI, that together change nothing that is measured.
+        relative: the same as shares of the nominal values, where these are not 0.
+    """
+
+    changes: Mapping[str, float]
+    relative: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """In words."""
+        names = list(self.changes)
+        if len(names) == 1:
+            return f"{names[0]} changes nothing that is measured"
+        phrases = [
+            f"{name} by {100 * self.relative[name]:+.3g} %"
+            if name in self.relative
+            else f"{name} by {self.changes[name]:+.3g} (SI)"
+            for name in names
+        ]
+        return (
+            f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart: changing "
+            f"{', '.join(phrases[:-1])} and {phrases[-1]} together changes nothing that is measured"
+        )
+
+
+def require_identifiable(problem: Problem) -> None:
+    """Refuse a problem whose parameters no drive tells apart.
+
+    Raises:
+        ProblemError: names every combination that cannot be told, and what to do.
+    """
+    found = ambiguities(problem)
+    if not found:
+        return
+    remedy = "Take one of them as known (leave it out of `estimate`), give a `prior`, or measure more."
+    key = "measurement" if problem.estimate is None else "estimate"
+    raise ProblemError([Flaw((key,), f"{'; '.join(map(str, found))}. {remedy}")])
+
+
+def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
+    """Every combination of parameters that no drive of the design space tells, of those that the criterion
+    judges; () if all is told that it asks about.
+
+    Drives of many samples are tried on fewer: as many readings of the same splines tell the same apart.
+    """
+    own = as_well_read(problem)
+    if own is not problem:
+        with contextlib.suppress(NotFinite):
+            found = _untold(own, drives)
+            # Long steps may lead a robot's further states astray.
+            if not found or len(problem.robot.states) == len(Model.states):
+                return found
+    return _untold(problem, drives)
+
+
+def _untold(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
+    rng = np.random.default_rng(0)
+    found = _informed(problem, [_random_drive(problem, rng) for _ in range(drives)])
+    pairs = [
+        (one, SquareRoot.together([each[one.block.name] for each in found]))
+        for one in problem.any_estimations
+    ]
+    asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
+    if problem.objective.identifiable(asked):
+        return ()
+    return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
+
+
+def _informed(problem: Problem, drives: Sequence[Trajectory]) -> list[dict[str, SquareRoot]]:
+    # Of those that are finite: a robot at its fastest may go beyond all bounds. Where none is, why not.
+    found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
+    for drive in drives:
+        try:
+            found.append(full_information(problem, drive))
+        except NotFinite as error:
+            failed.append(error)
+    if not found:
+        raise failed[0]
+    return found
+
+
+def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:
+    sizes = np.where(one.nominal != 0, np.abs(one.nominal), 1.0)
+    rows = _reduced((root.hidden / sizes[:, None]).T)
+    judged = np.isin(one.parameters, one.judged)
+    # What only hides parameters that nobody asks for does no harm.
+    touched = [row for row in rows if np.abs(row[judged]).max() > NEGLIGIBLE * np.abs(row).max()]
+    touched.sort(key=lambda row: int(np.argmax(np.abs(row) > NEGLIGIBLE * np.abs(row).max())))
+    return [_ambiguity(one, row * sizes) for row in touched]
+
+
+def _reduced(rows: Array) -> Array:
+    # Gauss-Jordan elimination: combinations of as few parameters as possible.
+    rows = rows.copy()
+    for index in range(len(rows)):
+        rest = np.abs(rows[index:])
+        pivot_row, pivot = divmod(int(np.argmax(rest)), rest.shape[1])
+        rows[[index, index + pivot_row]] = rows[[index + pivot_row, index]]
+        rows[index] /= rows[index, pivot]
+        others = np.arange(len(rows)) != index
+        rows[others] -= np.outer(rows[others, pivot], rows[index])
+    return rows
+
+
+def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
+    nominal = one.nominal
+    sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
+    shares = changes / sizes
+    shares[np.abs(shares) < NEGLIGIBLE * np.abs(shares).max()] = 0.0
+    first = int(np.flatnonzero(shares)[0])
+    shares *= STEP / shares[first]
+    chosen = np.flatnonzero(shares)
+    return Ambiguity(
+        changes={one.parameters[index]: float(shares[index] * sizes[index]) for index in chosen},
+        relative={
+            one.parameters[index]: float(shares[index] * np.sign(nominal[index]))
+            for index in chosen
+            if nominal[index] != 0
+        },
+    )
+
+
+def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
+    # Whether it keeps to the room does not matter here.
+    space, bounds = problem.design, problem.input_bounds
+    coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
+    shape = (len(space.free_rows), len(bounds))
+    coefficients[space.free_rows] = rng.uniform(bounds[:, 0], bounds[:, 1], shape)
+    start = problem.fixed_starts
+    if start is None:
+        start = problem.start_states(rng.uniform(-1, 1, (space.runs, 3)))
+    return space.trajectory(coefficients, start)

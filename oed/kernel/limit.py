@@ -1,0 +1,258 @@
+"""What a drive must keep to: the Limit seam. A limit is a name and rows lower <= expression <= upper."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Annotated, Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import counts_as_zero, parse_quantity
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+ROUNDED = 1e-3
+"""Share of a magnitude's limit over which its corner at 0 is rounded."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """lower <= expression <= upper, row by row.
+
+    Attributes:
+        expression: (rows,).
+        lower, upper: (rows,), in `unit`; infinite where one side is open.
+        size: the limit's own size in `unit`, against which a violation is judged.
+        unit: SI unit of the rows.
+    """
+
+    expression: Expression
+    lower: Array
+    upper: Array
+    size: float
+    unit: str
+
+    def widened(self, share: float) -> Rows:
+        """The same, exceeded by at most `share` of the size."""
+        spare = share * self.size
+        return replace(self, lower=self.lower - spare, upper=self.upper + spare)
+
+
+class Limit(Component, ABC):
+    """One named limit on a drive.
+
+    Attributes:
+        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
+            of the drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which
+            is how they are checked between the points of a drive. A limit that does not say (None) is
+            checked at the points of its rows only.
+    """
+
+    name: ClassVar[str]
+    looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None
+
+    @abstractmethod
+    def rows(self, drive: Drive) -> Rows:
+        """The limit on `drive`, for all the times that the drive's values stand for."""
+
+    def amount(self, excess: float) -> float:
+        """By how much the limit is exceeded where its rows are by `excess`, both in its unit.
+
+        The same, unless rows that an optimiser can follow measure it otherwise.
+        """
+        return excess
+
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """What makes this limit impossible for the robot or the design space; [] if nothing."""
+        return []
+
+    def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Bounds that this limit sets directly on inputs, by input name."""
+        return {}
+
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
+        speed, yaw rate.
+        """
+        return {}
+
+    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Bounds that this limit sets directly on the inputs' rates, by input name."""
+        return {}
+
+    def widened_bounds(
+        self, bounds: Mapping[str, tuple[float, float]], share: float, size: float
+    ) -> dict[str, tuple[float, float]]:
+        """Such bounds where the rows, of that size, are exceeded by at most `share` of it.
+
+        Right where the rows are the inputs (or rates) themselves in any unit, or grow faster than they do; a
+        limit whose rows grow more slowly says here how far its inputs get.
+        """
+        largest = max((abs(bound) for pair in bounds.values() for bound in pair), default=0.0)
+        spare = share * max(size, largest)
+        return {name: (low - spare, high + spare) for name, (low, high) in bounds.items()}
+
+
+class PathLimit(Limit, ABC):
+    """A limit on where the robot is: on each point of its path by itself.
+
+    Attributes:
+        per_metre: what its rows change by at most while the origin moves 1 m; infinite where that is not
+            bounded.
+    """
+
+    looks_at: ClassVar[Literal["state"]] = "state"
+    per_metre: ClassVar[float] = inf
+
+    @abstractmethod
+    def rows_at(self, path: Expression, model: Model) -> Rows:
+        """The limit on points of a path (G, states): what it asks of all the points, one thing after the
+        other, (k * G,).
+        """
+
+    def rows(self, drive: Drive) -> Rows:
+        """The limit on every point of the path."""
+        return self.rows_at(drive.path, drive.model)
+
+
+class BareLimit(Limit, ABC):
+    """A limit given by one value: in YAML, the value alone stands for {"bounds": value}."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, value: Any) -> Any:
+        return value if isinstance(value, dict) else {"bounds": value}
+
+
+@dataclass(frozen=True)
+class TwoSided:
+    """Pydantic annotation: a pair (min, max), or one number b meaning (-b, b), in the dimension of `si`."""
+
+    si: str
+    example: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Parse units and spread a single number before the pair's own validation."""
+        return handler(Annotated[source, BeforeValidator(self._pair)])
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """A quantity or a pair of them, for editors."""
+        quantity = {"type": ["number", "string"]}
+        pair = {"type": "array", "items": quantity, "minItems": 2, "maxItems": 2}
+        return {"anyOf": [quantity, pair], "description": f"{self.example!r} or [min, max]"}
+
+    def _pair(self, value: Any) -> tuple[float, float]:
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            if len(value) != 2:
+                raise ValueError(f"expected {self.example!r} or [min, max], got {len(value)} values")
+            low, high = (parse_quantity(entry, self.si) for entry in value)
+        else:
+            high = parse_quantity(value, self.si)
+            low = -high
+            if high <= 0:
+                raise ValueError(
+                    f"expected a positive limit (or [min, max]), got {value!r}{counts_as_zero(value)}"
+                )
+        if not low < high:
+            raise ValueError(f"expected min below max, got {value!r}")
+        return low, high
+
+
+class InputLimit(Limit, ABC):
+    """A limit on every input of one quantity.
+
+    Attributes:
+        bounds: (min, max) of all those inputs, or one number for both directions.
+        each: instead, bounds by the inputs' names.
+    """
+
+    looks_at: ClassVar[Literal["inputs"]] = "inputs"
+    quantity: ClassVar[str]
+    unit: ClassVar[str]
+    bounds: tuple[float, float] | None = None
+    each: Mapping[str, tuple[float, float]] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_value(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return {"bounds": value}
+        named = set(value) & {"bounds", "each"}
+        return value if named else {"each": value}
+
+    @model_validator(mode="after")
+    def _one_way_to_give_them(self) -> InputLimit:
+        if (self.bounds is None) == (not self.each):
+            raise ValueError("expected bounds for all inputs alike, or bounds by the inputs' names")
+        return self
+
+    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+        """A robot without such inputs, inputs without bounds, bounds that its equations do not allow."""
+        own = [entry for entry in model.inputs if entry.quantity == self.quantity]
+        if not own:
+            text = f"{model.kind} has no {self.quantity}; its inputs are {', '.join(model.input_names)}"
+            return [Flaw(("limits", self.name), text)]
+        names = [entry.name for entry in own]
+        if self.each is not None and set(self.each) != set(names):
+            text = f"expected bounds of {', '.join(names)}; got {', '.join(self.each)}"
+            return [Flaw(("limits", self.name), text)]
+        return []
+
+    def bounds_of(self, name: str) -> tuple[float, float]:
+        """(min, max) of one input."""
+        if self.bounds is not None:
+            return self.bounds
+        assert self.each is not None
+        return self.each[name]
+
+    def bounds_by_name(self, model: Model) -> dict[str, tuple[float, float]]:
+        """(min, max) of every input limited, by its name."""
+        own = [entry.name for entry in model.inputs if entry.quantity == self.quantity]
+        return {name: self.bounds_of(name) for name in own}
+
+    def bounded(self, table: Expression, model: Model) -> Rows:
+        """The bounds on the limited columns of `table` (K, inputs); the size is the largest bound's."""
+        bounds = self.bounds_by_name(model)
+        columns = table[:, [model.input_names.index(name) for name in bounds]]
+        pairs = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
+        low, high = np.repeat(pairs, columns.shape[0], axis=0).T
+        return Rows(ca.vec(columns), low, high, float(np.abs(pairs).max()), self.unit)
+
+
+def rest_flaws(
+    limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: DesignSpace
+) -> list[Flaw]:
+    """Bounds that exclude 0 where everything begins and ends there."""
+    if not space.rest_to_rest:
+        return []
+    return [
+        Flaw(
+            ("limits", limit.name),
+            f"[{low:g}, {high:g}] {unit} excludes 0, which trajectory.rest_to_rest needs",
+        )
+        for low, high in dict.fromkeys(pairs)
+        if not low <= 0 <= high
+    ]
+
+
+def magnitude(first: Expression, second: Expression, size: float) -> Expression:
+    """The length of vectors (first, second), exact at `size`; rounded at 0, for optimisers, where it is more
+    by at most a thousandth of `size`.
+    """
+    soft = ROUNDED * size
+    return ca.sqrt(first**2 + second**2 + soft**2) + (size - float(np.hypot(size, soft)))

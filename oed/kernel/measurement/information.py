@@ -1,0 +1,171 @@
+"""Information matrices: how much a measurement says about its parameters, in the scaling chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.matrices import eliminate
+from oed.kernel.measurement.measurement import Block
+from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
+
+Array = npt.NDArray[np.float64]
+Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Scaling = Literal["relative", "none"] | Mapping[str, Scale]
+
+
+FAINT = 2e-15
+"""Share of the largest change of the readings that is rounding of it."""
+CANCELLED = 1e-13
+"""Share of the sum of their magnitudes to which thousands of numbers that cancel are known."""
+
+
+def information(
+    block: Block,
+    scaling: Scaling,
+    *,
+    parameters: Sequence[str] | None = None,
+    unwanted: Sequence[str] = (),
+    prior: Array | None = None,
+) -> Expression:
+    """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
+
+    `relative` scales by the nominal values (a parameter that is nominally 0 by a size of its own), so that
+    lambda_min^(-1/2) is the worst relative standard deviation; a mapping gives a scale per parameter; `none`
+    leaves the parameters in SI units, and for the paper's regressions (`block.raw`) the noise out as well:
+    W'W.
+
+    Args:
+        block: the readings.
+        scaling: of the parameters.
+        parameters: those of interest; all of the block's by default. Others are taken as known.
+        unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
+        prior: information on (parameters, unwanted) had beforehand, SI.
+    """
+    chosen = tuple(block.parameters if parameters is None else parameters)
+    nuisances = len(block.nuisances)
+    matrix = block.information(_columns(block, (*chosen, *unwanted))) * _precision(block, scaling) ** 2
+    if prior is not None:
+        matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(nuisances, nuisances))
+    scales = ca.diag(ca.DM(scale_factors(block, scaling, chosen)))
+    return scales @ eliminate(matrix, len(chosen)) @ scales
+
+
+def square_root(
+    block: Block,
+    jacobian: Array,
+    parameters: Sequence[str],
+    unwanted: Sequence[str] = (),
+    prior: Array | None = None,
+    summed: Array | None = None,
+) -> SquareRoot:
+    """F of a drive in numbers, SI, in units of the block's noise: by its square root, nothing is squared.
+
+    Args:
+        block: the readings.
+        jacobian: the drive's values of `block.jacobian`.
+        parameters: those of interest.
+        unwanted: further parameters that are unknown but not of interest.
+        prior: information on (parameters, unwanted) had beforehand, SI.
+        summed: the drive's values of `block.magnitudes`, (p,).
+    """
+    width = len(parameters)
+    own = np.array(jacobian)
+    own[:, _rounding_alone(block, jacobian, summed)] = 0.0
+    rows = block.rows(own[:, _columns(block, (*parameters, *unwanted))])
+    rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
+    sizes = np.linalg.norm(rows[:, :width], axis=0)
+    left, rounding = project_out(rows, width, rounding_of(jacobian))
+    return SquareRoot.of_rows(left, sizes, rounding)
+
+
+def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list[int]:
+    # Columns of parameters that, changed by as much as they are, change the readings by less than the largest
+    # change of another is rounded by, whether that is to be estimated or known: motions that cancel, as of a
+    # robot that goes sideways, leave that much. And columns whose entries are sums that cancel themselves.
+    sizes = scale_factors(block, "relative")
+    lengths = np.linalg.norm(jacobian[:, : len(sizes)], axis=0)
+    lost = (lengths * sizes <= FAINT * (lengths * sizes).max(initial=0.0)) & (sizes > 0)
+    if summed is not None:
+        lost |= (lengths <= CANCELLED * summed) & (summed > 0)
+    return np.flatnonzero(lost).tolist()
+
+
+def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:
+    """What parameters' columns of that square root are multiplied by, (p,), to be in a scaling."""
+    return _precision(block, scaling) * scale_factors(block, scaling, parameters)
+
+
+def _columns(block: Block, names: Sequence[str]) -> list[int]:
+    # Of these parameters, then of all nuisances.
+    first = len(block.parameters)
+    own = [block.parameters.index(name) for name in names]
+    return [*own, *range(first, first + len(block.nuisances))]
+
+
+def _known(block: Block, width: int, prior: Array | None) -> Array:
+    # What is known beforehand as further rows: of the parameters, and of nuisances with a deviation.
+    first = width - len(block.nuisances)
+    deviations = [(first + index, each.deviation) for index, each in enumerate(block.nuisances)]
+    own = [np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None]
+    nuisances = np.reshape(own, (-1, width))
+    if prior is None:
+        return nuisances
+    return np.vstack([np.pad(SquareRoot.of_matrix(prior).rows, ((0, 0), (0, width - first))), nuisances])
+
+
+def _precision(block: Block, scaling: Scaling) -> float:
+    # A block without noise is refused when the problem is made; see `scaling_flaws`.
+    divided = block.noise is not None and not (block.raw and scaling == "none")
+    return 1.0 / float(block.noise or 1.0) if divided else 1.0
+
+
+def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | None = None) -> Array:
+    """Scale (p,) of each parameter of interest, SI."""
+    names = block.parameters if parameters is None else tuple(parameters)
+    if scaling == "none":
+        return np.ones(len(names))
+    if scaling == "relative":
+        return np.array([block.scales[block.parameters.index(name)] for name in names])
+    return np.array([scaling[name] for name in names], dtype=float)
+
+
+def scaling_flaws(
+    blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
+) -> list[Flaw]:
+    """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing."""
+    if scaling == "none":
+        return []
+    chosen = [block.parameters for block in blocks] if parameters is None else parameters
+    flaws = []
+    for block, names in zip(blocks, chosen, strict=True):
+        if block.noise is None:
+            text = f"the {block.name} noise is needed to weigh the information (or use scaling: none)"
+            flaws.append(Flaw(("measurement", "noise"), text))
+        if scaling == "relative":
+            zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
+            if zero:
+                text = f"{', '.join(zero)} is nominally 0 and has no relative precision; give its scale"
+                flaws.append(Flaw(("criterion", "scaling"), text))
+    if isinstance(scaling, Mapping):
+        flaws += _scale_name_flaws([name for names in chosen for name in names], scaling)
+    return flaws
+
+
+def _scale_name_flaws(names: list[str], scaling: Mapping[str, float]) -> list[Flaw]:
+    flaws = []
+    for name in names:
+        if name not in scaling:
+            flaws.append(Flaw(("criterion", "scaling"), f"the scale of {name} is missing"))
+    for name in scaling:
+        if name not in names:
+            text = f"{name} is not judged here; the parameters are {', '.join(names)}"
+            flaws.append(Flaw(("criterion", "scaling", name), text))
+    return flaws

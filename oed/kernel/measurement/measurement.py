@@ -1,0 +1,163 @@
+"""What is measured: the Measurement seam. A measurement turns a drive into information on its parameters."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.measurement.matrices import harmonic
+from oed.kernel.measurement.square_root import reduced
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A constant that the readings depend on and nobody asks for, eliminated from the information.
+
+    Attributes:
+        name: "initial_pose.x", "yaw_rate.bias", ...
+        nominal: value designed for, SI.
+        unit: SI unit.
+        deviation: standard deviation known beforehand, SI; None where nothing is known.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    deviation: float | None = None
+
+
+@dataclass(frozen=True)
+class Block:
+    """Readings estimated together: their information on the parameters, and on nuisances after them.
+
+    Attributes:
+        name: "position", "heading", "joint", ...
+        parameters: the parameters' names.
+        nominal: their nominal values, (p,), SI.
+        units: their SI units ("" for a ratio).
+        response: noise-free readings y (rows,).
+        design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
+        jacobian: by parameters and then nuisances, (rows, p + nuisances), in units of the noise where it is
+            not `noise`: its square, and what is known of nuisances beforehand, is the information.
+        information: on chosen unknowns, by their indices among these, the others known: W' K^-1 W of their
+            columns, with the noise's covariance noise^2 K.
+        noise: standard deviation that the information is still to be divided by, None where not known.
+        nuisances: what is estimated along.
+        raw: whether `scaling: none` leaves the noise out, as the paper does.
+        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        summed: (1, p) of every parameter's column the most that its entries are if nothing cancels: sums of
+            magnitudes, beside which the column may be rounding. 0 where nobody says.
+        shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
+            same; else the jacobian's rows are independent.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    nominal: Array
+    units: tuple[str, ...]
+    response: Expression
+    design_matrix: Expression
+    jacobian: Expression
+    information: Callable[[Sequence[int]], Expression]
+    noise: float | None
+    nuisances: tuple[Nuisance, ...] = ()
+    raw: bool = False
+    sizes: Array | None = None
+    summed: Expression | None = None
+    shared: scipy.sparse.csc_matrix | None = None
+
+    @property
+    def magnitudes(self) -> Expression:
+        """`summed`, (1, p)."""
+        return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
+
+    def rows(self, jacobian: Array) -> Array:
+        """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""
+        if self.shared is None:
+            return reduced(jacobian)
+        # With W = Q U, and T the triangular factor of B Q, the estimates' covariance
+        # (W'W)^-1 (BW)'BW (W'W)^-1 is (T U^-T)'(T U^-T).
+        orthonormal, upper = np.linalg.qr(jacobian)
+        spread = np.asarray(np.linalg.qr(self.shared @ orthonormal, mode="r"))
+        return np.asarray(np.linalg.solve(spread.T, upper))
+
+    @property
+    def scales(self) -> Array:
+        """What relative precisions refer to, (p,), SI; 0 where there is nothing."""
+        return np.abs(self.nominal) if self.sizes is None else self.sizes
+
+
+def regression(
+    name: str,
+    design_matrix: Expression,
+    parameters: Sequence[str],
+    nominal: Array,
+    *,
+    units: Sequence[str],
+    noise: float | None,
+    jacobian: Expression | None = None,
+    summed: Expression | None = None,
+    shared: scipy.sparse.csc_matrix | None = None,
+) -> Block:
+    """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
+
+    Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
+    """
+    whitened = design_matrix if jacobian is None else jacobian
+
+    def information(chosen: Sequence[int]) -> Expression:
+        columns = whitened[:, list(chosen)]
+        square = columns.T @ columns
+        if shared is None:
+            return square
+        spread = ca.DM(shared) @ columns
+        return harmonic(square, spread.T @ spread)
+
+    return Block(
+        name=name,
+        parameters=tuple(parameters),
+        nominal=np.asarray(nominal, dtype=float),
+        units=tuple(units),
+        response=design_matrix @ ca.DM(nominal),
+        design_matrix=design_matrix,
+        jacobian=whitened,
+        information=information,
+        noise=noise,
+        raw=True,
+        summed=summed,
+        shared=shared,
+    )
+
+
+class Measurement(Component, ABC):
+    """What is measured, when, and with what noise."""
+
+    kind: str
+
+    @abstractmethod
+    def blocks(self, drive: Drive) -> tuple[Block, ...]:
+        """The estimations that this measurement of `drive` allows, each with its own parameters."""
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """What makes this measurement impossible for `model` and that many samples; [] if nothing."""
+        return []
+
+    def coarser(self, times: float) -> Measurement | None:
+        """Much the same measurement of a drive with so many times fewer samples; None where there is none.
+
+        Its information need only be in proportion: searches on fewer samples correct the rest.
+        """
+        return None

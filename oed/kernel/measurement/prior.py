@@ -1,0 +1,89 @@
+"""What is known of the parameters before the drive: it adds to the information."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import parse_quantity, require_covariance
+
+Array = npt.NDArray[np.float64]
+
+
+class Prior(Component):
+    """Knowledge from before, e.g. from an earlier drive; parameters it does not name are unknown.
+
+    Attributes:
+        standard_deviations: by parameter, with its unit ("1 mm") or as a share of the nominal value ("2 %").
+        parameters, covariance: or names, and their covariance matrix in SI units.
+    """
+
+    standard_deviations: dict[str, float | str] = Field(default_factory=dict)
+    parameters: tuple[str, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way_to_give_it(self) -> Prior:
+        if bool(self.standard_deviations) == bool(self.covariance):
+            raise ValueError("expected either standard_deviations, or parameters and their covariance")
+        size = len(self.parameters)
+        if not self.covariance:
+            if size:
+                raise ValueError("parameters name the rows of a covariance; there is none")
+            return self
+        if len(set(self.parameters)) < size:
+            raise ValueError("a parameter is listed twice")
+        if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
+            raise ValueError(f"expected a {size} x {size} covariance for {size} parameters")
+        require_covariance(self.covariance)
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters it says something about."""
+        return self.parameters or tuple(self.standard_deviations)
+
+    def flaws(self, known: Sequence[str], nominal: Array, units: Sequence[str]) -> list[Flaw]:
+        """Names that are not estimated, and deviations that are not positive quantities of the right unit."""
+        flaws, given = [], bool(self.standard_deviations)
+        for name in self.names:
+            key = ("prior", "standard_deviations", name) if given else ("prior", "parameters")
+            if name not in known:
+                text = f"{name} is not estimated here; the parameters are {', '.join(known)}"
+                flaws.append(Flaw(key, text))
+            elif given:
+                index = list(known).index(name)
+                try:
+                    self._deviation(name, nominal[index], units[index])
+                except ValueError as error:
+                    flaws.append(Flaw(key, str(error)))
+        return flaws
+
+    def precision(self, names: Sequence[str], nominal: Array, units: Sequence[str]) -> Array:
+        """Information (p, p) on the parameters `names`, SI; zero for those it does not name."""
+        matrix = np.zeros((len(names), len(names)))
+        if self.standard_deviations:
+            for index, name in enumerate(names):
+                if name in self.standard_deviations:
+                    matrix[index, index] = self._deviation(name, nominal[index], units[index]) ** -2
+            return matrix
+        # Of parameters that are estimated apart, each block has its own part of the covariance.
+        own = [index for index, name in enumerate(self.parameters) if name in names]
+        places = [list(names).index(self.parameters[index]) for index in own]
+        matrix[np.ix_(places, places)] = np.linalg.inv(np.array(self.covariance)[np.ix_(own, own)])
+        return matrix
+
+    def _deviation(self, name: str, nominal: float, unit: str) -> float:
+        given = self.standard_deviations[name]
+        if isinstance(given, str) and given.strip().endswith("%"):
+            size = parse_quantity(given, "") * abs(nominal)
+        else:
+            size = parse_quantity(given, unit)
+        if not size > 0:
+            raise ValueError(f"expected a positive standard deviation, got {given!r}")
+        return size

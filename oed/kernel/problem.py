@@ -1,0 +1,437 @@
+"""A design problem: robot + design space + measurement + limits + criterion. It knows no solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.criteria import Criterion, Subject
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive, drive_shape
+from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.information import (
+    Scaling,
+    information,
+    scale_factors,
+    scaling_flaws,
+    square_root,
+    weights_of,
+)
+from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.limits.implied import implied_bounds
+from oed.robots.models.model import Input, Model, twist_flaws
+from oed.uncertainty.robust import Robust, robust_rows
+from oed.uncertainty.uncertainty import Spread, Uncertainty, spread_of
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """What one block of a drive's readings says, as expressions.
+
+    Attributes:
+        block: the readings.
+        parameters: those estimated, those of the criterion's interest first.
+        judged: the latter alone.
+        scaling: of the criterion.
+        prior: information on all estimated parameters had beforehand, SI, or None.
+    """
+
+    block: Block
+    parameters: tuple[str, ...]
+    judged: tuple[str, ...]
+    scaling: Scaling
+    prior: Array | None
+
+    @property
+    def scales(self) -> Array:
+        """Of the judged parameters, SI."""
+        return scale_factors(self.block, self.scaling, self.judged)
+
+    @cached_property
+    def matrix(self) -> Expression:
+        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
+        return information(
+            self.block,
+            self.scaling,
+            parameters=self.judged,
+            unwanted=self.parameters[len(self.judged) :],
+            prior=self.prior,
+        )
+
+    def square_roots(self, jacobian: Array, summed: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Information of a drive with these values of the block's jacobian and its magnitudes: what `matrix`
+        is of it, and F on all estimated parameters, SI (per unit of noise where that is not known).
+        """
+        block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
+        full = square_root(block, jacobian, self.parameters, prior=self.prior, summed=summed)
+        seen = square_root(block, jacobian, judged, others, self.prior, summed) if others else full
+        return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise is known, and with it the precision."""
+        return self.block.noise is not None
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal values of the estimated parameters, SI."""
+        return np.array([self.block.nominal[self.block.parameters.index(name)] for name in self.parameters])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their SI units."""
+        return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What to design for: a robot, the drives allowed, a measurement, limits and a criterion.
+
+    Attributes:
+        model: the robot.
+        design: all drives allowed.
+        measurement: what is measured.
+        limits: what a drive must keep to.
+        criterion: what makes a drive good.
+        name: shown in reports.
+        estimate: the parameters to estimate, of the robot or of its coefficient matrix; all that the
+            measurement tells by default. Other parameters are taken as known.
+        prior: what is known of them beforehand.
+        uncertainty: how far the robot may be from its nominal parameters; that of the prior if None.
+        robust: how limits are kept all the same; by the nominal robot alone if None.
+        excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
+            `widened`.
+
+    Raises:
+        ProblemError: the parts do not fit together; every reason is listed.
+    """
+
+    model: Model
+    design: DesignSpace
+    measurement: Measurement
+    limits: tuple[Limit, ...]
+    criterion: Criterion
+    name: str = ""
+    estimate: tuple[str, ...] | None = None
+    prior: Prior | None = None
+    uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
+    excess: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that the parts fit together."""
+        object.__setattr__(self, "limits", tuple(self.limits))
+        if self.estimate is not None:
+            object.__setattr__(self, "estimate", tuple(self.estimate))
+        flaws = _flaws(self)
+        if flaws:
+            raise ProblemError(flaws)
+
+    @cached_property
+    def robot(self) -> Model:
+        """The robot with the parameters to estimate: the model, or the same seen through its coefficients."""
+        known = {parameter.name for parameter in self.model.parameters}
+        wanted = set(self.estimate or ())
+        return self.model if wanted <= known else CoefficientRobot(base=self.model)
+
+    @cached_property
+    def objective(self) -> Criterion:
+        """The criterion, told which parameters it judges."""
+        return self.told(self.criterion)
+
+    def told(self, criterion: Criterion) -> Criterion:
+        """Any criterion of the same scaling and subset, told which parameters it judges."""
+        return criterion.about(self._subject)
+
+    @cached_property
+    def input_bounds(self) -> Array:
+        """Bounds (inputs, 2) that the limits set on each input, itself or by the motion that it makes."""
+        own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        return implied_bounds(self.model, self.limits, own, self.excess)
+
+    @cached_property
+    def rate_bounds(self) -> Array:
+        """Bounds (inputs, 2) that they set on each input's rate."""
+        return self._tightest([limit.rate_bounds(self.model) for limit in self.limits])
+
+    def _tightest(self, found: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
+        bounds = np.tile([-np.inf, np.inf], (len(self.model.inputs), 1))
+        for limit, own in zip(self.limits, found, strict=True):
+            if self.excess and own:
+                own = limit.widened_bounds(own, self.excess, limit.rows(self._any_drive).size)
+            for name, (low, high) in own.items():
+                row = bounds[self.model.input_names.index(name)]
+                row[:] = max(row[0], low), min(row[1], high)
+        return bounds
+
+    def widened(self, share: float) -> Problem:
+        """The problem with every limit exceeded by at most `share` of its size, as a tolerance allows: for
+        evaluations and bounds, not for searches.
+
+        A drive keeps the limits within that tolerance if and only if it keeps these exactly. The same holds
+        for the duration, and for rest and starts.
+        """
+        longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
+        return replace(self, design=longer, excess=share)
+
+    @property
+    def rest_spare(self) -> float:
+        """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""
+        return self.excess * float(np.abs(self.input_bounds).max()) if self.excess else 0.0
+
+    @property
+    def start_spare(self) -> float:
+        """How far from its place a fixed start may be [m or rad]: a share of 1."""
+        return self.excess
+
+    @cached_property
+    def fixed_starts(self) -> Array | None:
+        """The start state of every run, (runs, states), where it is fixed; all after the pose begin at 0."""
+        poses = self.design.fixed_starts
+        return None if poses is None else self.start_states(poses)
+
+    def start_states(self, poses: npt.ArrayLike) -> Array:
+        """Start states (runs, states) for start poses (runs, 3): the other states begin at 0."""
+        given = np.reshape(np.asarray(poses, dtype=float), (-1, 3))
+        return np.pad(given, ((0, 0), (0, len(self.model.states) - 3)))
+
+    @cached_property
+    def spread(self) -> Spread | None:
+        """What is uncertain of the robot, as numbers; None where nothing is said of it."""
+        if self.uncertainty is None and self.prior is None:
+            return None
+        return spread_of(self.uncertainty, self.prior, self.robot, self.design.runs)
+
+    def limit_rows(self, drive: Drive) -> list[Rows]:
+        """Every limit on a drive; of a robust problem with what is kept in reserve."""
+        if self.robust is None:
+            rows = [limit.rows(drive) for limit in self.limits]
+        else:
+            assert self.spread is not None
+            rows = robust_rows(self.limits, drive, self.spread, self.robust)
+        return [one.widened(self.excess) for one in rows] if self.excess else rows
+
+    @cached_property
+    def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
+        """Parameters (p,) and shifts of the start states (runs, states) of the robots that are judged."""
+        states = len(self.robot.states)
+        if self.robust is None or self.spread is None or self.robust.objective == "nominal":
+            return ((np.array(self.robot.nominal), np.zeros((self.design.runs, states))),)
+        values = self.robust.judged(self.spread)
+        return tuple(zip(self.spread.robots(values), self.spread.shifts(values), strict=True))
+
+    def together(self, values: Sequence[float | Array]) -> Array:
+        """The objective (...,) from the criterion's values (...,) for each of these robots."""
+        return self.robust.together(values) if self.robust is not None else np.asarray(values[0])
+
+    def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
+        """What each block of a drive's readings says about the parameters to estimate."""
+        return self._estimations(self.measurement.blocks(drive))
+
+    def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
+        return tuple(self._estimation(block) for block in blocks if self._judged(block))
+
+    @cached_property
+    def any_estimations(self) -> tuple[Estimation, ...]:
+        """The same of a drive without values: for parameters, noise and nuisances."""
+        return self._estimations(self._any_blocks)
+
+    @cached_property
+    def _any_blocks(self) -> tuple[Block, ...]:
+        return self.measurement.blocks(self._any_drive)
+
+    @cached_property
+    def _any_drive(self) -> Drive:
+        # Enough to ask which parameters there are.
+        space = self.design
+        return drive_shape(
+            self.robot, space.integration, samples=space.samples, runs=space.runs, period=space.period
+        )
+
+    def _estimated(self, block: Block) -> tuple[str, ...]:
+        wanted = block.parameters if self.estimate is None else self.estimate
+        return tuple(name for name in wanted if name in block.parameters)
+
+    def _judged(self, block: Block) -> tuple[str, ...]:
+        subset = self.criterion.subset
+        return tuple(name for name in self._estimated(block) if subset is None or name in subset)
+
+    def _estimation(self, block: Block) -> Estimation:
+        judged, scaling = self._judged(block), self.criterion.scaling
+        others = tuple(name for name in self._estimated(block) if name not in judged)
+        names = judged + others
+        prior = None if self.prior is None else prior_of(self.prior, block, names)
+        return Estimation(
+            block=block,
+            parameters=names,
+            judged=judged,
+            scaling=scaling,
+            prior=prior,
+        )
+
+    @property
+    def _subject(self) -> Subject:
+        found = self.any_estimations
+        known = {parameter.name for parameter in self.robot.parameters}
+        plain = all(name in known for one in found for name in one.judged)
+        plain = plain or not self.model.coefficient_names
+        return Subject(
+            robot=self.robot if plain else CoefficientRobot(base=self.model),
+            integration=self.design.integration,
+            parameters=tuple(one.judged for one in found),
+            scales=tuple(one.scales for one in found),
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The parts only: caches are made again where they are needed."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
+    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none."""
+    if not set(prior.names) & set(names):
+        return None
+    places = [block.parameters.index(name) for name in names]
+    return prior.precision(names, block.nominal[places], [block.units[place] for place in places])
+
+
+def _flaws(problem: Problem) -> list[Flaw]:
+    model, space = problem.model, problem.design
+    flaws = twist_flaws(model)
+    if flaws:
+        # Of such a robot nothing else can be said.
+        return flaws
+    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
+    if space.spline.coefficients < needed:
+        text = (
+            f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
+            f"needs at least {needed} coefficients, got {space.spline.coefficients}"
+        )
+        flaws.append(Flaw(("trajectory", "spline", "coefficients"), text))
+    for limit in problem.limits:
+        flaws += limit.flaws(model, space)
+    names = [limit.name for limit in problem.limits]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
+    flaws += _unbounded(problem)
+    flaws += problem.measurement.flaws(model, space.samples)
+    flaws += _name_flaws(problem)
+    if problem.uncertainty is not None and not flaws:
+        flaws += problem.uncertainty.flaws(problem.model, problem.robot)
+    # Blocks exist only for a measurement that fits the robot.
+    return flaws or _estimation_flaws(problem) or _robust_flaws(problem)
+
+
+def _unbounded(problem: Problem) -> list[Flaw]:
+    # Inputs that no limit bounds, with the limits that would.
+    found = zip(problem.model.inputs, problem.input_bounds, strict=True)
+    return [
+        Flaw(
+            ("limits",),
+            f"nothing bounds {one.name}; {_advice(problem, one)}, without which no design is best",
+        )
+        for one, pair in found
+        if not np.isfinite(pair).all()
+    ]
+
+
+def _advice(problem: Problem, unbounded: Input) -> str:
+    motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
+    if unbounded.quantity in ("wheel_speed", "steering_angle") or motion is None:
+        return f"add {unbounded.quantity}"
+    if motion not in [limit.name for limit in problem.limits]:
+        return f"add {motion}"
+    return f"{motion} does not, for the motion does not follow linearly: make it a wheel_speed and add that"
+
+
+def _name_flaws(problem: Problem) -> list[Flaw]:
+    # Parameters that neither the robot nor its coefficient matrix has, or some of both.
+    wanted = problem.estimate
+    if wanted is None:
+        return []
+    own = [parameter.name for parameter in problem.model.parameters]
+    coefficients = [name for row in problem.model.coefficient_names for name in row]
+    if not wanted:
+        return [Flaw(("estimate",), "expected at least one parameter")]
+    if len(set(wanted)) < len(wanted):
+        return [Flaw(("estimate",), "a parameter is listed twice")]
+    if set(wanted) <= set(own) or set(wanted) <= set(coefficients):
+        return []
+    choices = f"parameters ({', '.join(own)})"
+    choices += f" or coefficients ({', '.join(coefficients)})" if coefficients else ""
+    return [Flaw(("estimate",), f"expected some of the robot's {choices}, got {', '.join(wanted)}")]
+
+
+def _robust_flaws(problem: Problem) -> list[Flaw]:
+    robust, spread = problem.robust, problem.spread
+    if robust is None and problem.uncertainty is None:
+        return []
+    if spread is None:
+        text = (
+            "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
+        )
+        return [Flaw(("robust",), text)]
+    impossible = spread.impossible()
+    if impossible:
+        return [Flaw(("uncertainty" if problem.uncertainty is not None else "prior",), impossible)]
+    if robust is None:
+        return []
+    if robust.objective != "nominal" and spread.robot != problem.robot:
+        text = "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
+        return [Flaw(("robust", "objective"), text)]
+    if any(len(values) != len(spread.names) for values in robust.kept):
+        text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
+        return [Flaw(("robust", "kept"), text)]
+    return []
+
+
+def _estimation_flaws(problem: Problem) -> list[Flaw]:
+    blocks = problem._any_blocks
+    known = [name for block in blocks for name in block.parameters]
+    strangers = [name for name in problem.estimate or () if name not in known]
+    if strangers:
+        text = (
+            f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
+            f"which tell {', '.join(known)}"
+        )
+        return [Flaw(("estimate",), text)]
+    estimated = problem.estimate or known
+    unknown = [name for name in problem.criterion.subset or () if name not in estimated]
+    if unknown or problem.criterion.subset == ():
+        text = f"expected some of the estimated {', '.join(estimated)}, got {', '.join(unknown) or 'none'}"
+        return [Flaw(("criterion", "subset"), text)]
+    judged = [problem._judged(block) for block in blocks]
+    flaws = scaling_flaws(
+        [block for block, names in zip(blocks, judged, strict=True) if names],
+        problem.criterion.scaling,
+        [names for names in judged if names],
+    )
+    flaws += _prior_flaws(problem, blocks, list(estimated))
+    return flaws or problem.criterion.flaws(problem._subject)
+
+
+def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Flaw]:
+    if problem.prior is None:
+        return []
+    if problem.criterion.scaling == "none" and any(block.raw for block in blocks):
+        text = "a prior cannot be added to W'W, which leaves the noise out; use scaling: relative"
+        return [Flaw(("prior",), text)]
+    table = {
+        name: (value, unit)
+        for block in blocks
+        for name, value, unit in zip(block.parameters, block.nominal, block.units, strict=True)
+    }
+    values = np.array([table[name][0] for name in estimated])
+    return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])

@@ -1,0 +1,143 @@
+"""What a solver hands back: its best trajectory, how it was scored, and a status that says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from oed.foundation.errors import NotFinite
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.uncertainty.departures import Leaving
+from oed.uncertainty.robust import Robust
+
+
+class Status(Enum):
+    """How a search ended; `sentence` says what that means and what to do next."""
+
+    CONVERGED = "converged"
+    ACCEPTABLE = "acceptable"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    INTERRUPTED = "interrupted"
+    SEARCHED = "searched"
+    UNIMPROVED = "unimproved"
+    SCORED = "scored"
+    UNSCORED = "unscored"
+    INFEASIBLE = "infeasible"
+    SINGULAR = "singular"
+    FAILED = "failed"
+
+    @property
+    def sentence(self) -> str:
+        """The status in words."""
+        return _SENTENCES[self]
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is a design to use."""
+        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED)
+
+
+_SENTENCES = {
+    Status.CONVERGED: "Converged to a local optimum that keeps every limit.",
+    Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
+    Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
+    "raise max_iterations to go on.",
+    Status.TIME_LIMIT: "Stopped at the time limit; raise time_limit to go on.",
+    Status.INTERRUPTED: "Interrupted before the search was done.",
+    Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit, "
+    "but nothing says that it is an optimum.",
+    Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
+    "is returned; nothing says that it is an optimum: try more starts or another seed.",
+    Status.SCORED: "Scored as given; nothing was optimised.",
+    Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
+    Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
+    Status.SINGULAR: "No drive found tells all parameters apart that the criterion asks about; "
+    "allow more motion, more segments or another regressor.",
+    Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
+}
+
+
+BEST_YET = "This is the best design found until then."
+NOTHING_YET = "No design had been found by then."
+
+
+@dataclass(frozen=True)
+class HistoryPoint:
+    """A search's best objective so far, after so many evaluations of the drive and seconds."""
+
+    evaluations: int
+    seconds: float
+    objective: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """One local search: the objective it reached (None without a feasible design) and its effort."""
+
+    objective: float | None
+    status: Status
+    wall_seconds: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solver's best design.
+
+    Attributes:
+        name, kind: of the solver.
+        trajectory: the best design, None where there is none.
+        evaluation: what `evaluate` says of it.
+        status: how the search ended.
+        starts: every local search.
+        wall_seconds: of the whole search.
+        seed: of every random draw.
+        detail: what the status' sentence cannot know, e.g. which limits conflict.
+        stages: objective reached after each stage of the search, by name.
+        history: the best objective so far, re-scored, each time it rose, and at the end.
+        criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
+            and `history` are in its numbers then.
+        leaving: how often robots of the problem's uncertainty leave the limits on this drive.
+        robust: what was kept in reserve in the end; None where the problem is not robust.
+    """
+
+    name: str
+    kind: str
+    trajectory: Trajectory | None
+    evaluation: Evaluation | None
+    status: Status
+    starts: tuple[Start, ...] = ()
+    wall_seconds: float = 0.0
+    seed: int = 0
+    detail: str = ""
+    stages: Mapping[str, float] = field(default_factory=dict)
+    history: tuple[HistoryPoint, ...] = ()
+    criterion: str | None = None
+    leaving: Leaving | None = None
+    robust: Robust | None = None
+
+    @property
+    def message(self) -> str:
+        """The status in words, with what is special to this search."""
+        told = "" if self.leaving is None else self.leaving.sentence
+        return " ".join(filter(None, [self.status.sentence, self.detail, told]))
+
+
+def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
+    """Any trajectory as a solution that nobody searched for, scored by a problem."""
+    return Solution(
+        name=name,
+        kind="path",
+        trajectory=trajectory,
+        evaluation=evaluate(problem, trajectory),
+        status=Status.SCORED,
+    )
+
+
+def unscored(name: str, kind: str, error: NotFinite) -> Solution:
+    """A drive among others that cannot be scored, and why."""
+    return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")

@@ -1,0 +1,1 @@
+"""Logs as text tables: CSV and TUM."""

@@ -1,0 +1,67 @@
+"""Logs in text tables (CSV): the study's key `log` of kind csv."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator
+
+from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.logs.drive import to_logs
+from oed.logs.form import LogForm, is_bag
+from oed.logs.log import Log
+from oed.logs.tables.columns import Column, Short, TimeColumn
+from oed.logs.tables.csv_drives import drives_in
+from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
+from oed.logs.tables.pose_columns import PoseColumns
+from oed.logs.tables.sheet import Layout, Wanted, read_sheet
+from oed.logs.tables.table import DELIMITERS, read_table
+from oed.robots.models import Model
+
+
+def _names(value: Any) -> Any:
+    return {str(key): entry for key, entry in value.items()} if isinstance(value, Mapping) else value
+
+
+class CsvForm(LogForm):
+    """Columns of a text table; by default those of the package's own trajectory CSVs.
+
+    Attributes:
+        delimiter: between cells; found by itself by default.
+        header: whether the first row has the columns' names; by default it has if it is not all numbers.
+        time: column of the times.
+        inputs: columns of the robot's inputs by their names; a column of the same name by default.
+        poses: columns of the reference poses.
+        runs: the column that tells runs apart; "run" by default, where there is one.
+        keep: only the poses of rows in which these columns have the value, or lie within [low, high].
+    """
+
+    kind: Literal["csv"] = "csv"
+    delimiter: Literal[",", ";", "\t", " ", "|", "tab", "blanks"] | None = None
+    header: bool | None = None
+    time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
+    inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
+    poses: PoseColumns = PoseColumns()
+    runs: Annotated[Column, Short("column")] | None = None
+    keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
+
+    def flaws(self, model: Model) -> list[Flaw]:
+        """Inputs and states the robot does not have, units and forms that do not fit."""
+        return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+
+    def read(self, file: Path, model: Model) -> list[Log]:
+        """The drives in a CSV, one for each run.
+
+        Raises:
+            LogError: every mistake in the file, each with its line.
+        """
+        if is_bag(file):
+            text = "is a ROS bag, not a CSV; say `kind: rosbag` under `log`"
+            raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+        delimiter = DELIMITERS.get(self.delimiter or "", self.delimiter)
+        table = read_table(file, delimiter, self.header)
+        layout = Layout(self.time, self.inputs, self.poses, self.runs, self.keep)
+        drives = drives_in(read_sheet(table, layout, model), model, self.gap)
+        return to_logs(drives, self.handling(self.poses.held))

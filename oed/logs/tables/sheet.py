@@ -1,0 +1,218 @@
+"""A text table's columns found and turned into numbers: times, inputs, poses, runs, rows to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from oed.foundation.errors import FileFlaw, LogError
+from oed.logs.series import Array, Gathered, Mask, Rows, Series
+from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
+from oed.logs.tables.input_columns import InputColumn, input_columns
+from oed.logs.tables.pose_columns import PoseColumns
+from oed.logs.tables.table import Table, read_table
+from oed.logs.tables.tum import read_tum
+from oed.robots.models import Model
+
+Wanted = float | str | tuple[float, float]
+RUN = "run"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns of a table are what.
+
+    Attributes:
+        time: of the inputs, and of the poses without a clock of their own.
+        inputs: by the robot's names of them.
+        poses: of the reference.
+        runs: tells runs apart; None for a column "run" where there is one.
+        keep: values of columns, or [low, high], in rows whose poses are wanted.
+    """
+
+    time: TimeColumn
+    inputs: Mapping[str, InputColumn]
+    poses: PoseColumns
+    runs: Column | None
+    keep: Mapping[str, Wanted]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some columns of a table on one clock.
+
+    Attributes:
+        table: they are from; None where it is not a plain table.
+        series: their numbers, time in s; not-a-number in empty cells.
+        clock: the time's column.
+        places: of the columns in the table.
+        runs: value of the run column in each row; None without one.
+    """
+
+    table: Table | None
+    series: Series
+    clock: int = 0
+    places: tuple[int, ...] = ()
+    runs: list[str] | None = None
+
+    def require_filled(self, series: Series, rows: Rows) -> None:
+        """Refuse empty cells in these rows, whose numbers are `series`.
+
+        Raises:
+            LogError: names each of them.
+        """
+        empty = np.isnan(np.column_stack([series.times, series.values]))
+        if self.table is None or not empty.any():
+            return
+        places = (self.clock, *self.places)
+        raise LogError([self.table.cell_flaw(int(rows[row]), places[at]) for row, at in np.argwhere(empty)])
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A log's table as numbers.
+
+    Attributes:
+        inputs: as logged, one column per input of the robot.
+        poses: of the same table or of a file of their own, SI.
+        quantities: the states that the poses are.
+        columns: of the inputs, which know how to integrate them.
+        same_rows: whether the poses are columns of the same table.
+        own_clock: whether the poses have a clock of their own.
+        kept: rows of the table whose poses are wanted.
+        cut_off: whether the table breaks off in its last line.
+    """
+
+    inputs: Block
+    poses: Block
+    quantities: tuple[str, ...]
+    columns: tuple[InputColumn, ...]
+    same_rows: bool
+    own_clock: bool
+    kept: Mask
+    cut_off: bool
+
+
+def read_sheet(table: Table, layout: Layout, model: Model) -> Sheet:
+    """Find the columns and read them.
+
+    Raises:
+        LogError: columns that are not there, and cells that are no numbers.
+    """
+    gathered, poses = Gathered(), layout.poses
+    beside = poses.beside(Path(table.file))
+    columns = dict(zip(model.input_names, input_columns(layout.inputs, model), strict=True))
+    inputs = gathered.take(lambda: _read_block(table, layout.time, columns, layout.runs))
+    read = gathered.take(lambda: _read_poses(table, beside, layout, model))
+    kept = gathered.take(lambda: _kept(table, layout.keep))
+    gathered.raise_any()
+    assert inputs is not None
+    assert read is not None
+    assert kept is not None
+    return Sheet(
+        inputs=inputs,
+        poses=read[1],
+        quantities=read[0],
+        columns=tuple(columns.values()),
+        same_rows=beside is None,
+        own_clock=beside is not None or poses.time is not None,
+        kept=kept,
+        cut_off=table.cut_off,
+    )
+
+
+def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None) -> Block:
+    gathered = Gathered()
+    clock = gathered.take(lambda: _read(table, time, "time"))
+    read = [gathered.take(partial(_read, table, column, name)) for name, column in columns.items()]
+    labels = gathered.take(lambda: _run_labels(table, runs))
+    found = [one for one in read if one is not None]
+    if clock is not None and gathered.flaws and labels is None:
+        # What is wrong with the times is told along with what is wrong with the numbers.
+        gathered.flaws += (
+            _series(table, time, clock, ())
+            .rows(distinct_rows(table, clock[1], np.arange(len(table.rows))))
+            .clock_flaws()
+        )
+    gathered.raise_any()
+    assert clock is not None
+    series = _series(table, time, clock, [numbers for _, numbers in found])
+    return Block(table, series, clock[0], tuple(place for place, _ in found), labels)
+
+
+def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: Sequence[Array]) -> Series:
+    values = np.array(columns).reshape(len(columns), len(table.rows)).T
+    return Series(table.file, table.label(clock[0]), time.factor * clock[1], values, table.lines)
+
+
+def _read(table: Table, column: Column, key: str) -> tuple[int, Array]:
+    place = table.place(column.column, key)
+    return place, _numbers(table, place)
+
+
+def _numbers(table: Table, place: int) -> Array:
+    values, flaws = table.numbers(place)
+    if flaws:
+        raise LogError(flaws)
+    return values
+
+
+def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
+    if runs is None:
+        return table.texts(table.header.index(RUN)) if RUN in table.header else None
+    return table.texts(table.place(runs.column, "runs"))
+
+
+def _read_poses(
+    table: Table, beside: Path | None, layout: Layout, model: Model
+) -> tuple[tuple[str, ...], Block]:
+    poses, runs = layout.poses, layout.runs
+    if beside is not None and poses.is_tum:
+        return tuple(poses.columns), _read_tum(beside, poses)
+    if beside is not None:
+        table = read_table(beside)
+        # A file of poses need not tell runs apart, even where the log does.
+        runs = runs if runs is not None and runs.column in table.header else None
+    columns = _pose_columns(table, poses, model)
+    block = _read_block(table, poses.time or layout.time, columns, runs)
+    units = dict(zip(model.states, model.state_units, strict=True))
+    factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
+    return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
+
+
+def _read_tum(file: Path, poses: PoseColumns) -> Block:
+    factor = 1.0 if poses.time is None else poses.time.factor
+    return Block(None, read_tum(file, tuple(poses.columns), factor))
+
+
+def _pose_columns(table: Table, poses: PoseColumns, model: Model) -> dict[str, PoseColumn]:
+    # Further states of the robot are read by their names where the table has them.
+    by_name = {name: PoseColumn(column=name) for name in model.states[3:] if name in table.header}
+    known = by_name | poses.columns
+    return {name: known[name] for name in model.states if name in known}
+
+
+def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
+    kept = np.ones(len(table.rows), dtype=bool)
+    for name, wanted in keep.items():
+        place = table.place(name, "keep")
+        if isinstance(wanted, str):
+            kept &= np.array([cell == wanted for cell in table.texts(place)])
+            continue
+        low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
+        values = _numbers(table, place)
+        kept &= (values >= low) & (values <= high)
+    if not kept.any():
+        told = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
+        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {told}")])
+    return kept
+
+
+def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:
+    """The rows without those that repeat the one before, cell by cell, time and all."""
+    same = np.flatnonzero(np.diff(times[rows]) == 0) + 1
+    return np.delete(rows, [row for row in same if table.rows[rows[row]] == table.rows[rows[row - 1]]])

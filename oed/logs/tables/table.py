@@ -1,0 +1,290 @@
+"""Text tables as robots log them: the delimiter and the header found, the cells turned into numbers."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.files import read_text
+from oed.foundation.quantities import plain_number
+from oed.foundation.shown import written
+from oed.logs.series import Array, Rows, shortened
+
+BLANKS = " "
+DELIMITERS = {"tab": "\t", "blanks": BLANKS}
+"""Names in study files of those that are hard to see."""
+
+COMMENT, QUOTE = ("#", "%"), '"'
+LARGEST = 1e30
+"""No number of a robot is larger, in any unit; what is stands for a missing one."""
+
+MOST = 2**30
+"""Bytes of a log: days of driving."""
+
+NAMES = 40
+"""Of a header's columns that are shown."""
+
+_LOOKED_AT = 20
+_NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
+"""What columns are called; other text has more signs and no end."""
+_FIGURES = re.compile(r"[-+\d.,: ]*")
+"""What numbers and times may be written with."""
+
+Cells = Callable[[str], list[str]]
+"""The cells of a row's text."""
+
+
+@dataclass(frozen=True)
+class UnknownColumn(FileFlaw):
+    """A column that the table has not: the study may have to say which one is meant."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A text table: rows, the lines they stand in, and the names of the columns.
+
+    Attributes:
+        file: its name.
+        header: names of the columns; empty where the file has none.
+        lines: of the rows, from 1.
+        rows: their text; cells are taken from it as they are asked for, for logs may be long.
+        cells: of a row's text.
+        plain: the delimiter of rows without quotes, which need no more than to be cut at it; None where
+            some have quotes.
+        cut_off: whether the last line was left out because the file breaks off in it.
+    """
+
+    file: str
+    header: tuple[str, ...]
+    lines: Rows
+    rows: list[str]
+    cells: Cells
+    plain: str | None
+    cut_off: bool = False
+
+    @cached_property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.header) or max((len(self.cells(row)) for row in self.rows), default=0)
+
+    def label(self, place: int) -> str:
+        """A column's name, or its number from 0."""
+        return self.header[place] if place < len(self.header) and self._is_header else f"column {place}"
+
+    @property
+    def _is_header(self) -> bool:
+        # Another text's first line is nobody's business.
+        return len(self.header) > 1 and all(map(_NAME.fullmatch, self.header))
+
+    @property
+    def _known(self) -> str:
+        if not self._is_header:
+            return "its first line does not look like one: is it the right file?"
+        rest = len(self.header) - NAMES
+        return f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
+
+    def place(self, column: int | str, key: str) -> int:
+        """Index of a column given by its name or index.
+
+        Raises:
+            LogError: there is no such column (an `UnknownColumn`); says which there are.
+        """
+        reason = self._reason_against(column)
+        if reason:
+            raise LogError([UnknownColumn(self.file, self._first_line, 0, key, reason)])
+        if isinstance(column, str) and column in self.header:
+            return self.header.index(column)
+        return int(column)
+
+    def _reason_against(self, column: int | str) -> str:
+        if isinstance(column, str) and self.header:
+            count = self.header.count(column)
+            if count > 1:
+                return f"the header has {column!r} {count} times; give the column's index, from 0"
+            return "" if count else f"the header lacks {column!r}; {self._known}"
+        if isinstance(column, str) and not column.isdecimal():
+            return f"the file has no header, so {column!r} is not known; give the column's index, from 0"
+        last = self.width - 1
+        return "" if int(column) <= last else f"there is no column {column}; the last one is {last}, from 0"
+
+    @property
+    def _first_line(self) -> int:
+        return int(self.lines[0]) - bool(self.header) if len(self.lines) else 0
+
+    def texts(self, place: int) -> list[str]:
+        """A column's cells, "" where a row is too short."""
+        rows = map(self.cells, self.rows)
+        return [row[place].strip() if place < len(row) else "" for row in rows]
+
+    def numbers(self, place: int) -> tuple[Array, list[FileFlaw]]:
+        """A column (rows,), not-a-number in empty cells, and a flaw for each cell that is no number."""
+        values = self._all_numbers(place)
+        if values is not None:
+            return values, []
+        cells = self.texts(place)
+        values = np.array([_number(cell) for cell in cells])
+        wrong = [row for row in np.flatnonzero(np.isnan(values)).tolist() if cells[row]]
+        if len(wrong) > 1 and not any(_is_float(cell) or _FIGURES.fullmatch(cell) for cell in cells if cell):
+            text = (
+                "expected finite numbers, and the column has none: is it the right one, and the right file?"
+            )
+            return values, [FileFlaw(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
+        return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
+
+    def _all_numbers(self, place: int) -> Array | None:
+        # Almost every column of almost every log; None where cells have to be looked at one by one.
+        if self.plain is None:
+            return None
+        delimiter = None if self.plain == BLANKS else self.plain
+        try:
+            values = np.loadtxt(self.rows, delimiter=delimiter, usecols=place, comments=None, ndmin=1)
+        except ValueError:
+            return None
+        return values if (np.abs(values) < LARGEST).all() else None
+
+    def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
+        """A cell that is no finite number."""
+        got = f"got {written(cell)}" if cell else "the cell is empty"
+        hint = " (decimals need a point)" if "," in cell else ""
+        text = f"expected a finite number, {got}{hint}"
+        return FileFlaw(self.file, int(self.lines[row]), place + 1, self.label(place), text)
+
+
+def _number(cell: str) -> float:
+    value = plain_number(cell)
+    return value if value is not None and abs(value) < LARGEST else math.nan
+
+
+def read_table(file: Path, delimiter: str | None = None, header: bool | None = None) -> Table:
+    """Read a text table.
+
+    Args:
+        file: to read; lines that begin with # or % are comments, of which one right above the first row
+            may be the header.
+        delimiter: between cells, " " for any number of blanks; found by itself if None.
+        header: whether the first row has the names; if None it does where it is not all numbers.
+
+    Raises:
+        LogError: no such file, not text, or nothing in it.
+    """
+    texts = _lines(file)
+    # Most lines begin with a digit, which is enough to tell that they are rows.
+    kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
+    if not kept:
+        raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows")])
+    rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
+    delimiter = delimiter or _delimiter(rows[:_LOOKED_AT])
+    quoted = delimiter != BLANKS and any(QUOTE in row for row in rows)
+    cells = partial(_quoted_cells if quoted else _plain_cells, delimiter)
+    if quoted:
+        _require_closed_quotes(file, rows, lines, cells)
+    comment = texts[kept[0] - 1] if kept[0] else ""
+    names, first = _header(cells(rows[0]), _comment_cells(comment, delimiter), header)
+    if first == len(rows):
+        raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows after its header")])
+    rows, lines = rows[first:], lines[first:]
+    _require_room(file, max(len(names), len(cells(rows[0]))), rows, lines, cells)
+    cut_off = _is_cut_off(rows, cells)
+    last = len(rows) - cut_off
+    return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
+
+
+def _is_row(text: str) -> bool:
+    return bool(text) and not text.isspace() and not text.lstrip().startswith(COMMENT)
+
+
+def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
+    # A robot that is switched off leaves half a line.
+    first, before, last = (len(cells(rows[index])) for index in (0, max(len(rows) - 2, 0), -1))
+    return len(rows) > 1 and last < min(before, first)
+
+
+def _lines(file: Path) -> list[str]:
+    try:
+        # Spreadsheets begin a file with a byte-order mark.
+        return read_text(file, "utf-8-sig", MOST).splitlines()
+    except FileNotFoundError:
+        reason = "no such file"
+    except IsADirectoryError:
+        reason = "expected a file, got a folder"
+    except UnicodeDecodeError:
+        reason = "is not a text file"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    raise LogError([FileFlaw(str(file), 0, 0, "", reason)])
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    # The last line may be half a one.
+    whole = lines[:-1] or lines
+    return next((mark for mark in "\t;," if all(mark in line for line in whole)), BLANKS)
+
+
+def _plain_cells(delimiter: str, row: str) -> list[str]:
+    return row.split() if delimiter == BLANKS else row.split(delimiter)
+
+
+def _quoted_cells(delimiter: str, row: str) -> list[str]:
+    if QUOTE not in row:
+        return row.split(delimiter)
+    return next(csv.reader([row], delimiter=delimiter, skipinitialspace=True, strict=True))
+
+
+def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
+    # A quote that is not closed in its line would swallow the lines after it.
+    flaws = []
+    for row, line in zip(rows, lines.tolist(), strict=True):
+        try:
+            cells(row)
+        except csv.Error as error:
+            stray = "a stray double quote: a cell in quotes has to end with one, in its line"
+            text = f"is not a table: {error}" if "larger" in str(error) else stray
+            flaws.append(FileFlaw(str(file), line, 0, "", text))
+    if flaws:
+        raise LogError(shortened(flaws))
+
+
+def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
+    # A cell too many moves those after it into columns of others; empty ones at the end do no harm. A single
+    # column is no table's.
+    flaws = []
+    for row, line in zip(rows, lines.tolist(), strict=True) if width > 1 else ():
+        found = cells(row)
+        if len(found) > width and any(map(str.strip, found[width:])):
+            text = f"expected {width} cells, as in the first line, got {len(found)}"
+            flaws.append(FileFlaw(str(file), line, width + 1, "", text))
+    if flaws:
+        raise LogError(shortened(flaws))
+
+
+def _comment_cells(comment: str, delimiter: str) -> list[str]:
+    if not comment.lstrip().startswith(COMMENT):
+        return []
+    return _plain_cells(delimiter, comment.strip().lstrip("".join(COMMENT)))
+
+
+def _header(row: Sequence[str], comment: Sequence[str], given: bool | None) -> tuple[tuple[str, ...], int]:
+    # The names, and which row is the first of numbers.
+    named = any(cell.strip() and not _is_float(cell) for cell in row)
+    if given is False or (given is None and not named and len(comment) != len(row)):
+        return (), 0
+    use_comment = not named and len(comment) == len(row)
+    names = comment if use_comment else row
+    return tuple(name.strip() for name in names), 0 if use_comment else 1
+
+
+def _is_float(cell: str) -> bool:
+    # A logged "nan" or "inf" is no name of a column, nor is "1_0", which is a mistake in a row.
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,54 @@
+"""Trajectories in TUM format, as evo and many trackers write them: timestamp, position, quaternion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from oed.foundation.errors import FileFlaw, LogError
+from oed.logs.series import Array, Series, shortened
+from oed.logs.tables.table import BLANKS, read_table
+
+NAMES = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_OFF_UNIT = 0.05
+
+
+def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Series:
+    """Poses in the plane from a TUM file.
+
+    Args:
+        file: rows `timestamp tx ty tz qx qy qz qw`, blanks between, # for comments.
+        quantities: which of x, y, heading to keep.
+        factor: seconds in a unit of the timestamps.
+
+    Raises:
+        LogError: every mistake in the file, each with its line.
+    """
+    table = read_table(file, BLANKS, header=False)
+    if table.width != len(NAMES):
+        text = f"expected {len(NAMES)} columns ({' '.join(NAMES)}), got {table.width}"
+        raise LogError([FileFlaw(str(file), int(table.lines[0]), 0, "", text)])
+    unknown = [name for name in quantities if name not in ("x", "y", "heading")]
+    if unknown:
+        text = f"a TUM file has no {', '.join(unknown)}, only x, y and heading"
+        raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+    read = [table.numbers(place) for place in range(len(NAMES))]
+    flaws = [flaw for _, found in read for flaw in found]
+    values = np.column_stack([column for column, _ in read])
+    if not flaws:
+        flaws = [table.cell_flaw(row, place) for row, place in np.argwhere(np.isnan(values)).tolist()]
+    for row in np.flatnonzero(np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > _OFF_UNIT):
+        text = "expected a unit quaternion in qx qy qz qw"
+        flaws.append(FileFlaw(str(file), int(table.lines[row]), 5, "qx", text))
+    if flaws:
+        raise LogError(shortened(flaws))
+    known = {"x": values[:, 1], "y": values[:, 2], "heading": heading_of(values[:, 4:])}
+    poses = np.column_stack([known[name] for name in quantities])
+    return Series(str(file), NAMES[0], factor * values[:, 0], poses, table.lines)
+
+
+def heading_of(quaternions: Array) -> Array:
+    """Yaw (n,) [rad] of unit quaternions (n, 4) in the order x, y, z, w."""
+    x, y, z, w = quaternions.T
+    return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))

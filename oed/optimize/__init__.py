@@ -1,0 +1,72 @@
+"""Searches for the best drive. A new solver is a file here and a name in `SOLVERS`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from oed.foundation.work.cluster import Cluster
+from oed.foundation.work.parallel import Workers, default_workers
+from oed.foundation.work.progress import Progress, Silent
+from oed.kernel.evaluation import evaluate
+from oed.kernel.identifiability import require_identifiable
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.optimize.assurance import assured
+from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
+from oed.optimize.ipopt import Ipopt
+from oed.optimize.solver import Context, Solver
+
+SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
+
+
+def solve(
+    problem: Problem,
+    solver: Solver | None = None,
+    *,
+    seed: int = 0,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    earlier: Mapping[str, Solution] | None = None,
+) -> Solution:
+    """The best drive that `solver` (by default `Ipopt()`) finds for `problem`.
+
+    Args:
+        problem: what to design for.
+        solver: a frozen set of options, e.g. `Ipopt(starts=12)`.
+        seed: of every random draw; the same seed gives the same design.
+        workers: processes, or a cluster; by default one per processor. Does not change the result.
+        progress: told how far the search is.
+        earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
+
+    Raises:
+        ProblemError: parameters that no drive tells apart; it names them.
+    """
+    options = solver or Ipopt()
+    chosen = seed if options.seed is None else options.seed
+    context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
+    own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
+    require_identifiable(own)
+    solution = assured(options, own, context)
+    if own is problem:
+        return solution
+    # Found by another measure of quality, but told by the problem's.
+    evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
+
+
+__all__ = [
+    "SOLVERS",
+    "Cluster",
+    "CmaEs",
+    "Context",
+    "DifferentialEvolution",
+    "Genetic",
+    "Ipopt",
+    "Progress",
+    "Silent",
+    "Solver",
+    "Workers",
+    "default_workers",
+    "solve",
+]

@@ -1,0 +1,124 @@
+"""A search for a robust drive: simulated with many robots, more careful until enough keep the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.optimize.solver import Context, Solver
+from oed.uncertainty.departures import Leaving, leaving
+from oed.uncertainty.robust import Robust
+
+ROUNDS = 12
+"""Searches, each more careful than the last, before giving up."""
+NARROWER = (
+    "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
+)
+FINAL = 0
+"""Stream of the draws that decide and are reported: no drive was made more careful with them."""
+UNTRIED = "It was not tried with other robots."
+
+
+def assured(options: Solver, problem: Problem, context: Context) -> Solution:
+    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks."""
+    return (
+        options.search(problem, context)
+        if problem.robust is None
+        else _Assured(problem, context).run(options)
+    )
+
+
+class _Assured:
+    def __init__(self, problem: Problem, context: Context) -> None:
+        assert problem.robust is not None
+        self.problem, self.context = problem, context
+        self.robust: Robust = problem.robust
+        self.solutions: list[Solution] = []
+
+    def run(self, options: Solver) -> Solution:
+        careful, quick, context = self.robust, options, self.context
+        last: Leaving | None = None
+        for _ in range(ROUNDS):
+            solution = self._searched(quick, careful, context)
+            if solution.trajectory is None:
+                return self._without_design(solution, last)
+            if solution.status is Status.INTERRUPTED or solution.leaving is None:
+                return self._told(solution)
+            seen = solution.leaving
+            if self._enough(solution):
+                solution = self._tried(solution, FINAL)
+                if solution.status is Status.INTERRUPTED:
+                    return self._told(solution)
+                if self._enough(solution):
+                    return self._searched_well(options, solution, careful)
+            # Of the draws that decide nothing is learned but that they were not enough.
+            last = solution.leaving
+            careful, quick = careful.safer(seen.worst), options.again()
+            context = self._knowing(solution)
+        return self._without_design(replace(solution, status=Status.FAILED), last)
+
+    def _searched_well(self, options: Solver, solution: Solution, careful: Robust) -> Solution:
+        # How careful to be was found with quick searches: now a whole one, from the best of them.
+        if len(self.solutions) == 1:
+            return self._told(solution)
+        again = self._searched(options.again(quick=False), careful, self._knowing(solution))
+        if self._enough(again) and _objective(again) > _objective(solution):
+            again = self._tried(again, FINAL)
+            solution = again if self._enough(again) else solution
+        if again.status is Status.INTERRUPTED:
+            solution = replace(solution, status=Status.INTERRUPTED)
+        return self._told(solution)
+
+    def _searched(self, options: Solver, careful: Robust, context: Context) -> Solution:
+        solution = options.search(replace(self.problem, robust=careful), context)
+        self.solutions.append(solution)
+        if solution.trajectory is None:
+            return solution
+        # Scored by the problem as it was given, whatever more was kept in reserve.
+        scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=careful)
+        # With draws of its own each time, lest the drive suit the draws that it is judged by.
+        return self._tried(scored, FINAL + len(self.solutions))
+
+    def _tried(self, solution: Solution, stream: int) -> Solution:
+        assert solution.trajectory is not None
+        progress, draws = self.context.progress, self.robust.draws
+        progress.begin(f"simulate {draws} robots", 1)
+        try:
+            found = leaving(
+                self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
+            )
+        except KeyboardInterrupt:
+            detail = solution.detail if solution.leaving else f"{solution.detail} {UNTRIED}".strip()
+            return replace(solution, status=Status.INTERRUPTED, detail=detail)
+        progress.advance(f"{found.probability:.2%} leave")
+        return replace(solution, leaving=found)
+
+    def _enough(self, solution: Solution) -> bool:
+        return solution.leaving is not None and solution.leaving.surely_below(1 - self.robust.confidence)
+
+    def _knowing(self, solution: Solution) -> Context:
+        return replace(self.context, earlier={**self.context.earlier, solution.name: solution})
+
+    def _without_design(self, solution: Solution, last: Leaving | None) -> Solution:
+        detail = solution.detail
+        if last is not None:
+            told = (
+                f"On the last drive {last.probability:.2%} of {last.draws} robots left the limits (up to "
+                f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may."
+            )
+            detail = f"{told} {detail}"
+        detail = f"{detail.strip()} {NARROWER}".strip()
+        return self._told(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
+
+    def _told(self, solution: Solution) -> Solution:
+        return replace(
+            solution,
+            starts=tuple(start for one in self.solutions for start in one.starts),
+            wall_seconds=sum(one.wall_seconds for one in self.solutions),
+        )
+
+
+def _objective(solution: Solution) -> float:
+    return float("-inf") if solution.evaluation is None else solution.evaluation.objective

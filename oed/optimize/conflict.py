@@ -1,0 +1,67 @@
+"""Why no feasible drive was found: which limits stand against each other, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.program import Program
+
+Array = npt.NDArray[np.float64]
+
+NEGLIGIBLE = 1e-4
+"""Relaxation, as a share of a limit's size, below which the limit counts as kept."""
+
+
+def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
+    """A sentence naming the limits of which one has to give way, and how far each alone would have to.
+
+    Every limit in turn is relaxed as little as a local search finds possible while the others hold. ""
+    where the limits turn out to agree.
+    """
+    relaxation = ca.SX.sym("relaxation", len(design.rows))
+    program = Program(
+        design,
+        objective=-ca.sum1(relaxation) - 1e-6 * ca.sumsqr(design.unknowns),
+        auxiliary=relaxation,
+        equalities=ca.SX(0, 1),
+        floors=ca.SX(0, 1),
+        relaxing=True,
+        options={"ipopt.max_iter": 150},
+    )
+    needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.rows))]
+    if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
+        return ""
+    limits = design.problem.limits
+    phrases = [
+        f"{limit.name} (by at most {amount * rows.size:.3g} {rows.unit})"
+        for limit, rows, amount in zip(limits, design.rows, needed, strict=True)
+        if amount is not None
+    ]
+    if not phrases:
+        names = ", ".join(limit.name for limit in limits)
+        return f"The limits {names} conflict; loosening a single one was not found to be enough."
+    if len(phrases) == 1:
+        return f"One limit is in the way and would have to be loosened: {phrases[0]}."
+    return f"These limits conflict, and loosening any one of them is enough: {', '.join(phrases)}."
+
+
+def _relaxed_alone(
+    program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
+) -> float | None:
+    # A small relaxation of one limit with the others kept, from the first start that finds one.
+    count = len(design.rows)
+    upper = np.zeros(count)
+    upper[index] = np.inf
+    for start in starts:
+        initial = np.where(upper > 0, 1.0, 0.0)
+        outcome = program.solve(start, initial, auxiliary_lower=np.zeros(count), auxiliary_upper=upper)
+        # Wherever Ipopt stopped: if all other limits hold there, it is a witness.
+        _, violations = design.score_many(outcome.unknowns[None, :])
+        if np.delete(violations[0], index).max(initial=0.0) < NEGLIGIBLE:
+            return float(violations[0, index])
+    return None

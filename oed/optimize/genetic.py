@@ -1,0 +1,276 @@
+"""Global search without derivatives: the paper's genetic algorithm, and two relatives, by pymoo.
+
+Genes are the spline coefficients (and the start pose where it is free). A population is scored at once
+through the same compiled function that screens Ipopt's starts, by several processes where that is faster;
+constraints are pymoo's own affair.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, PositiveInt
+
+from oed.foundation.errors import NotFinite
+from oed.foundation.quantities import Duration
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
+from oed.optimize.population import Population
+from oed.optimize.solver import Context, Solver
+from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.starts import random_drives, start_bounds
+
+Array = npt.NDArray[np.float64]
+
+REFINE = 2
+"""Path points per sample that the population is checked at; the best are re-scored at all times."""
+FINER, FINEST = 4, 32
+"""Factor on these points where all that seems feasible slips through between them, and the most there are."""
+RESCORED = 3
+"""Candidates of a generation that are re-scored at most, from the best down."""
+
+
+class PopulationSearch(Solver):
+    """What the searches by pymoo share.
+
+    Attributes:
+        population: drives per generation.
+        generations: at most.
+        evaluations: drives scored at most; None for no limit.
+        time_limit: [s]; None for none. A search that it ends depends on the machine.
+    """
+
+    population: Annotated[int, Field(ge=4, le=1_000_000)] = 200
+    generations: PositiveInt = 300
+    evaluations: PositiveInt | None = None
+    time_limit: Annotated[Duration, Field(gt=0)] | None = None
+
+    @abstractmethod
+    def algorithm(self, sampling: Array) -> Any:
+        """The pymoo algorithm, beginning with the unknowns `sampling` (population, size)."""
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """The best design of all generations; interrupted, the best so far."""
+        return _Run(self, problem, context).run()
+
+
+class Genetic(PopulationSearch):
+    """A real-coded genetic algorithm with elitist survival and feasibility-first selection.
+
+    Attributes:
+        crossover: "sbx" (simulated binary), "uniform" or "two_point".
+        mutation: "polynomial" or "gaussian".
+    """
+
+    kind: Literal["genetic"] = "genetic"
+    crossover: Literal["sbx", "uniform", "two_point"] = "sbx"
+    mutation: Literal["polynomial", "gaussian"] = "polynomial"
+
+    def algorithm(self, sampling: Array) -> Any:
+        """Pymoo's GA with the operators chosen."""
+        from pymoo.algorithms.soo.nonconvex.ga import GA
+        from pymoo.operators.crossover.pntx import TwoPointCrossover
+        from pymoo.operators.crossover.sbx import SBX
+        from pymoo.operators.crossover.ux import UniformCrossover
+        from pymoo.operators.mutation.gauss import GaussianMutation
+        from pymoo.operators.mutation.pm import PM
+
+        crossovers = {"sbx": SBX, "uniform": UniformCrossover, "two_point": TwoPointCrossover}
+        mutations = {"polynomial": PM, "gaussian": GaussianMutation}
+        return GA(
+            pop_size=self.population,
+            sampling=sampling,
+            crossover=crossovers[self.crossover](),
+            mutation=mutations[self.mutation](),
+        )
+
+
+class DifferentialEvolution(PopulationSearch):
+    """Differential evolution; `variant` as pymoo names it, e.g. "DE/rand/1/bin"."""
+
+    kind: Literal["differential_evolution"] = "differential_evolution"
+    variant: Annotated[str, Field(pattern=r"^DE/(best|rand)/\d/(bin|exp)$")] = "DE/best/1/bin"
+
+    def algorithm(self, sampling: Array) -> Any:
+        """Pymoo's DE."""
+        from pymoo.algorithms.soo.nonconvex.de import DE
+
+        return DE(pop_size=self.population, sampling=sampling, variant=self.variant)
+
+
+class CmaEs(PopulationSearch):
+    """Covariance matrix adaptation; `sigma` is the first step, as a share of each gene's range."""
+
+    kind: Literal["cmaes"] = "cmaes"
+    population: Annotated[int, Field(ge=4, le=1_000_000)] = 40
+    sigma: Annotated[float, Field(gt=0, lt=1)] = 0.05
+
+    def algorithm(self, sampling: Array) -> Any:
+        """Pymoo's CMA-ES from the gentlest drive of the sampling."""
+        from pymoo.algorithms.soo.nonconvex.cmaes import CMAES
+
+        gentlest = sampling[np.argmin(np.abs(sampling).max(axis=1))]
+        return CMAES(x0=gentlest, sigma=self.sigma, pop_size=self.population)
+
+
+def _bounds(design: DesignExpressions) -> Array:
+    # (size, 2): of every unknown.
+    scaled = design.problem.input_bounds / design.input_scale[:, None]
+    coefficients = np.repeat(scaled, design.coefficient_count // len(scaled), axis=0)
+    if design.size == design.coefficient_count:
+        return coefficients
+    return np.vstack([coefficients, start_bounds(design)])
+
+
+def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
+    # Made inside a function, for pymoo is loaded only when such a search runs.
+    from pymoo.core.problem import Problem as PymooProblem
+
+    bounds = _bounds(design)
+
+    class Design(PymooProblem):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__(
+                n_var=design.size,
+                n_obj=1,
+                n_ieq_constr=len(design.rows),
+                xl=bounds[:, 0],
+                xu=bounds[:, 1],
+            )
+
+        def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
+            values, violations = population.score(x)
+            out["F"] = -values[:, None]
+            out["G"] = violations
+
+    return Design()
+
+
+@dataclass
+class _Run:
+    options: PopulationSearch
+    problem: Problem
+    context: Context
+    began: float = field(default_factory=time.perf_counter)
+    best: tuple[Array, Evaluation] | None = None
+    standing: float = -np.inf
+    history: list[HistoryPoint] = field(default_factory=list)
+    evaluations: int = 0
+    refused: set[bytes] = field(default_factory=set)
+
+    def run(self) -> Solution:
+        status = Status.SEARCHED
+        try:
+            status = self._refined()
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        return self._solution(status)
+
+    def _refined(self) -> Status:
+        # Again with more points of the path, as long as all that is found slips through between them.
+        rng, refine = self.context.rng(3), REFINE
+        while True:
+            self.grid = Grid(self.problem, refine=refine, differentiated=False)
+            self.design = self.grid.design
+            self.refused.clear()
+            status = self._generations(rng, refine)
+            slipped = self.best is None and self.refused and status is not Status.TIME_LIMIT
+            if not slipped or self._enough or refine >= FINEST:
+                return status
+            refine *= FINER
+
+    @property
+    def _enough(self) -> bool:
+        limit = self.options.evaluations
+        return limit is not None and self.evaluations >= limit
+
+    def _generations(self, rng: np.random.Generator, refine: int) -> Status:
+        from pymoo.termination import get_termination
+
+        options, before = self.options, self.evaluations
+        amplitudes = rng.uniform(0.05, 1.0, options.population)
+        sampling = random_drives(self.design, amplitudes, rng)
+        algorithm = options.algorithm(sampling)
+        termination = get_termination("n_gen", options.generations)
+        seed = int(rng.integers(2**31))
+        expected = options.population * options.generations
+        expected = min(expected, options.evaluations or expected)
+        population = Population(self.design, refine, self.context.workers, expected)
+        algorithm.setup(_as_pymoo(self.design, population), termination=termination, seed=seed, verbose=False)
+        self.context.progress.begin(options.kind, options.generations)
+        while algorithm.has_next():
+            algorithm.next()
+            self.evaluations = before + int(algorithm.evaluator.n_eval)
+            self._keep_best(algorithm)
+            note = "" if self.best is None else f"best {self.best[1].objective:.6g}"
+            self.context.progress.advance(note)
+            if options.time_limit is not None and time.perf_counter() - self.began > options.time_limit:
+                return Status.TIME_LIMIT
+            if self._enough:
+                break
+        if self.best is None:
+            self._keep_best(algorithm, last=True)
+        return Status.SEARCHED
+
+    def _keep_best(self, algorithm: Any, *, last: bool = False) -> None:
+        for value, unknowns in self._fresh(algorithm.pop)[: None if last else RESCORED]:
+            if value <= self.standing:
+                return
+            # A drive that is not finite keeps no limit.
+            with contextlib.suppress(NotFinite):
+                evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+                if evaluation.feasible:
+                    self._keep(value, unknowns, evaluation)
+                    return
+            self.refused.add(unknowns.tobytes())
+
+    def _fresh(self, population: Any) -> list[tuple[float, Array]]:
+        # Drives that keep the limits where the population is checked, the best first, but those that do not
+        # keep them between: surviving from generation to generation, they would be in the others' way.
+        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
+        drives = [
+            (float(values[index]), np.asarray(population[index].X, dtype=float))
+            for index in np.argsort(-values, kind="stable")
+            if feasible[index]
+        ]
+        return [pair for pair in drives if pair[1].tobytes() not in self.refused]
+
+    def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
+        self.standing = value
+        if self.best is not None and evaluation.objective <= self.best[1].objective:
+            return
+        self.best = (unknowns, evaluation)
+        seconds = time.perf_counter() - self.began
+        self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
+
+    def _solution(self, status: Status) -> Solution:
+        best = self.best
+        if best is not None:
+            seconds = time.perf_counter() - self.began
+            self.history.append(HistoryPoint(self.evaluations, seconds, best[1].objective))
+        detail = ""
+        if status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+            detail = NOTHING_YET if best is None else BEST_YET
+        elif best is None:
+            status = Status.FAILED
+        if best is not None and not best[1].identifiable:
+            status, best = Status.SINGULAR, None
+        return Solution(
+            name=self.options.label,
+            kind=self.options.kind,
+            trajectory=None if best is None else self.grid.trajectory(best[0]),
+            evaluation=None if best is None else best[1],
+            status=status,
+            wall_seconds=time.perf_counter() - self.began,
+            seed=self.context.seed,
+            detail=detail,
+            history=tuple(self.history),
+        )

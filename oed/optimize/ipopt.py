@@ -1,0 +1,315 @@
+"""Gradient search: Ipopt from many starts, perturbed and solved again, then settled among equal optima."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, PositiveInt
+
+from oed.foundation.errors import Failure, Flaw, ProblemError
+from oed.foundation.quantities import Duration
+from oed.foundation.work.parallel import Workers, run_tasks
+from oed.kernel.criteria import D
+from oed.kernel.evaluation import TOLERANCE
+from oed.kernel.problem import Problem
+from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
+from oed.optimize.conflict import describe_conflict
+from oed.optimize.local import Local, Settings, local_search, surely_better
+from oed.optimize.solver import Context, Solver
+from oed.optimize.transcription.starts import (
+    SCREENED,
+    Screening,
+    perturbed,
+    random_drives,
+    screen,
+    starting_points,
+)
+
+Array = npt.NDArray[np.float64]
+
+ROUND = 4
+"""Perturbations tried from one design before the best of them is perturbed in turn."""
+TRIAL = 4
+"""Starts tried before a search that has found nothing asks whether the limits conflict."""
+RESCORED = 5
+"""Screened drives that are scored between their samples at most, the best first."""
+POOL_SECONDS = 8.0
+"""Work left below which starting worker processes, each building its own program, takes longer."""
+
+
+class Ipopt(Solver):
+    """Multi-start interior-point search with exact Hessians.
+
+    Attributes:
+        starts: local searches, half from screened random drives, half from small random coefficients.
+        perturbations: further searches from kicked copies of the best design.
+        second_stage: what decides among designs of practically equal objective: "logdet" (most
+            information in all directions), "shortest_path", or "none".
+        second_stage_share: share of the best objective that the second stage has to keep.
+        start_from: name of an earlier search of the study whose design takes the place of the first start.
+        search_samples: samples per run that searches look at, corrected to agree with all of them; by
+            default all up to 400, else at most 400 or 12 per spline coefficient.
+        max_iterations, tolerance: of Ipopt, per local search.
+        time_limit: of the whole search [s]; None for none. A search that it ends depends on the machine.
+    """
+
+    kind: Literal["ipopt"] = "ipopt"
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 12
+    perturbations: Annotated[int, Field(ge=0)] = 8
+    second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
+    second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
+    start_from: str | None = None
+    search_samples: PositiveInt | None = None
+    max_iterations: PositiveInt = 500
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+    time_limit: Annotated[Duration, Field(gt=0)] | None = None
+
+    def again(self, *, quick: bool = True) -> Ipopt:
+        """From the earlier design, alone or in the place of the first start."""
+        fewer = {"starts": 1, "perturbations": 0} if quick else {}
+        return self.model_copy(update={**fewer, "start_from": self.label})
+
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """The best design of all starts; interrupted, the best so far."""
+        return _Search(self, problem, context).run()
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One local search for a worker."""
+
+    token: str
+    problem: Problem
+    settings: Settings
+    unknowns: Array
+    share: float | None = None
+
+
+def _work(task: _Task) -> Local:
+    search = local_search(task.token, task.problem, task.settings)
+    return search.maximise(task.unknowns) if task.share is None else search.settle(task.unknowns, task.share)
+
+
+class _TimeUp(Exception):
+    """The search's time limit has passed."""
+
+
+@dataclass
+class _Search:
+    options: Ipopt
+    problem: Problem
+    context: Context
+    began: float = field(default_factory=time.perf_counter)
+    best: Local | None = None
+    starts: list[Start] = field(default_factory=list)
+    stages: dict[str, float] = field(default_factory=dict)
+    stopped: Status | None = None
+    evaluations: int = 0
+    history: list[HistoryPoint] = field(default_factory=list)
+    _reason: str = ""
+
+    def __post_init__(self) -> None:
+        options = self.options
+        self.token = uuid.uuid4().hex
+        self.settings = Settings(
+            options.max_iterations,
+            options.tolerance,
+            options.time_limit,
+            options.second_stage,
+            options.search_samples,
+        )
+        # The same expressions that starts solved in this process use.
+        search = local_search(self.token, self.problem, self.settings)
+        self.grid, self.design = search.grid, search.design
+
+    def run(self) -> Solution:
+        try:
+            for stage in (self._multi_start, self._perturb, self._settle):
+                if self._out_of_time():
+                    raise _TimeUp
+                stage()
+        except _TimeUp:
+            self.stopped = Status.TIME_LIMIT
+        except KeyboardInterrupt:
+            self.stopped = Status.INTERRUPTED
+        return self._solution()
+
+    def _multi_start(self) -> None:
+        rng = self.context.rng(0)
+        screened = screen(self.design, rng)
+        points = starting_points(self.design, self.options.starts, rng, screened)
+        self.evaluations += SCREENED
+        if self.options.start_from is not None:
+            points[0] = self._earlier_design(self.options.start_from)
+        self.context.progress.begin("starts", len(points))
+        # The first one here: it tells how long a start takes, and whether workers are worth starting.
+        self._try_starts(points[:1])
+        # Where the first few find nothing, asking why comes before trying the others.
+        self._try_starts(points[1:TRIAL])
+        if self.best is None:
+            self._fall_back(screened)
+        if self.best is None and self._conflict:
+            return
+        self._try_starts(points[TRIAL:])
+        self._fall_back(screened)
+        self._note_stage("starts")
+
+    def _fall_back(self, screened: Screening) -> None:
+        # On the best drives that were only looked at: no search is to end with less.
+        search = local_search(self.token, self.problem, self.settings)
+        standing = -np.inf if self.best is None else self.best.objective
+        for unknowns in screened.kept(TOLERANCE)[:RESCORED]:
+            found = search.met(unknowns, standing)
+            if found is not None:
+                self.best = Local(unknowns, found, Status.UNIMPROVED, 0, 0, 0.0)
+                return
+
+    def _try_starts(self, points: Sequence[Array]) -> None:
+        results: list[Local | None] = []
+        try:
+            self._solve_all(points, results)
+        finally:
+            self.starts += [_start(result) for result in results if result is not None]
+
+    @property
+    def _workers(self) -> Workers:
+        # How many processes share the work decides only when a design is found, not which.
+        left = self.options.starts + self.options.perturbations - len(self.starts)
+        typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
+        return self.context.workers if left * typical > POOL_SECONDS else 1
+
+    def _perturb(self) -> None:
+        left = self.options.perturbations
+        if self.best is None:
+            return
+        rng = self.context.rng(1)
+        if left:
+            self.context.progress.begin("perturb and solve again", left)
+        while left > 0:
+            base = self.best.unknowns
+            points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]
+            self._solve_all(points, [])
+            left -= len(points)
+        self._note_stage("perturbations")
+
+    def _settle(self) -> None:
+        options, best = self.options, self.best
+        if options.second_stage == "none" or best is None or best.singular:
+            return
+        # Maximising log det is what the first stage of D has done.
+        if options.second_stage == "logdet" and isinstance(self.problem.criterion, D):
+            return
+        self.context.progress.begin("settle among equal optima", 1)
+        settled = _work(self._task(best.unknowns, options.second_stage_share))
+        self.context.progress.advance()
+        # Less than was asked for only by rounding; anything worse is no gain.
+        asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
+        if settled.objective >= asked - 1e-6 * abs(asked):
+            self.best = settled
+        self._note_stage("second_stage")
+
+    def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
+        results += [None] * len(points)
+
+        def take(index: int, result: Local) -> None:
+            results[index] = result
+            self._note_history(result)
+            self.context.progress.advance(self._standing(results))
+            if self._out_of_time():
+                raise _TimeUp
+
+        try:
+            run_tasks(_work, [self._task(point) for point in points], self._workers, take)
+        finally:
+            # In the order of the starts, so that ties fall alike whatever the workers' timing.
+            self._keep_best(results)
+
+    def _note_history(self, result: Local) -> None:
+        self.evaluations += result.evaluations
+        risen = not self.history or result.objective > self.history[-1].objective
+        if np.isfinite(result.objective) and risen:
+            seconds = time.perf_counter() - self.began
+            self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
+
+    def _earlier_design(self, name: str) -> Array:
+        solution = self.context.earlier.get(name)
+        if solution is None:
+            known = ", ".join(self.context.earlier) or "none"
+            text = f"expected the name of an earlier search ({known}), got {name!r}"
+            raise ProblemError([Flaw(("solvers", "start_from"), text)])
+        if solution.trajectory is None:
+            raise Failure(f"{name} found no design to start from: {solution.message}")
+        return self.design.unknowns_of(solution.trajectory)
+
+    def _standing(self, results: Sequence[Local | None]) -> str:
+        reached = [one.objective for one in (*results, self.best) if one is not None]
+        return f"best {max(reached):.6g}" if reached and np.isfinite(max(reached)) else ""
+
+    def _task(self, unknowns: Array, share: float | None = None) -> _Task:
+        return _Task(self.token, self.problem, self.settings, unknowns, share)
+
+    def _keep_best(self, results: Sequence[Local | None]) -> None:
+        for result in results:
+            if result is None or result.evaluation is None:
+                self._reason = self._reason or ("" if result is None else result.reason)
+                continue
+            # Better than rounding alone could make it: else the first one stays, on every machine.
+            if self.best is None or surely_better(result.objective, self.best.objective):
+                self.best = result
+
+    def _note_stage(self, name: str) -> None:
+        if self.best is not None and not self.best.useless:
+            self.stages[name] = self.best.objective
+
+    def _out_of_time(self) -> bool:
+        limit = self.options.time_limit
+        return limit is not None and time.perf_counter() - self.began > limit
+
+    def _solution(self) -> Solution:
+        status, detail = self._verdict()
+        best = self.best if status.usable else None
+        return Solution(
+            name=self.options.label,
+            kind=self.options.kind,
+            trajectory=None if best is None else self.grid.trajectory(best.unknowns),
+            evaluation=None if best is None else best.evaluation,
+            status=status,
+            starts=tuple(self.starts),
+            wall_seconds=time.perf_counter() - self.began,
+            seed=self.context.seed,
+            detail=detail,
+            stages=self.stages,
+            history=tuple(self.history),
+        )
+
+    def _verdict(self) -> tuple[Status, str]:
+        if self.best is None:
+            if self.stopped is not None:
+                return self.stopped, NOTHING_YET
+            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
+        if self.best.useless:
+            return Status.SINGULAR, ""
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
+
+    @cached_property
+    def _conflict(self) -> str:
+        # Which limits conflict, in words; "" if they were found to agree, or something else is in the way.
+        if self._reason:
+            return ""
+        self.context.progress.begin("find out which limits conflict", 1)
+        points = random_drives(self.design, np.array([0.25, 0.5, 1.0]), self.context.rng(2))
+        conflict = describe_conflict(self.design, list(points))
+        self.context.progress.advance()
+        return conflict
+
+
+def _start(result: Local) -> Start:
+    reached = result.objective if np.isfinite(result.objective) else None
+    return Start(reached, result.status, result.wall_seconds, result.iterations)

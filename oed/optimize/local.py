@@ -1,0 +1,333 @@
+"""One local search: Ipopt from one start, repeated with tightened limits until the fine grid is satisfied."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import NotFinite
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.limit import PathLimit
+from oed.kernel.measurement.square_root import SQUARED
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Status
+from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.epigraph import objective_of
+from oed.optimize.transcription.program import Outcome, Program
+
+Array = npt.NDArray[np.float64]
+Round: TypeAlias = tuple[Outcome, Evaluation]
+Stage = Literal["program", "second"]
+
+TIGHTENINGS = 6
+"""Times that limits exceeded between the samples are tightened before the search is given up."""
+HOPELESS = 0.1
+"""Excess, as a share of a limit's size, that no tightening mends where Ipopt has not converged either: the
+search has not found the inside.
+"""
+NARROWEST = 0.6
+"""Share of a limit's size that tightening may take away at most."""
+MISLED = 1e-5
+"""Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
+ROUNDING = 1e-9
+"""Share of the objective that a design must be better by to replace one found before (or after)."""
+SLIPPED = 0.02
+"""Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
+FINER, FINEST = 4, 64
+"""Factor on the points per sample then, and the most there are."""
+
+_STATUS = {
+    "Solve_Succeeded": Status.CONVERGED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.ACCEPTABLE,
+    "Search_Direction_Becomes_Too_Small": Status.ACCEPTABLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Restoration_Failed": Status.INFEASIBLE,
+}
+
+
+@dataclass(frozen=True)
+class Local:
+    """The result of one local search: where it ended, and its evaluation if that is a feasible design."""
+
+    unknowns: Array
+    evaluation: Evaluation | None
+    status: Status
+    iterations: int
+    evaluations: int
+    wall_seconds: float
+    reason: str = ""
+    """Why it has failed, where that is known."""
+
+    @property
+    def singular(self) -> bool:
+        """Whether there is no design, or one that leaves some combination of parameters undetermined."""
+        return self.evaluation is None or self.evaluation.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether there is no design, or one that does not tell what the criterion asks about."""
+        return self.evaluation is None or not self.evaluation.identifiable
+
+    @property
+    def objective(self) -> float:
+        """The objective reached, minus infinity without a feasible design."""
+        return -np.inf if self.evaluation is None else self.evaluation.objective
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a local search needs to know of the solver's options."""
+
+    max_iterations: int
+    tolerance: float
+    time_limit: float | None
+    second_stage: str
+    search_samples: int | None = None
+
+    @property
+    def ipopt(self) -> dict[str, Any]:
+        """The options in Ipopt's names."""
+        options: dict[str, Any] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
+        if self.time_limit is not None:
+            options["ipopt.max_wall_time"] = self.time_limit
+        return options
+
+
+class LocalSearch:
+    """The compiled programs of one problem: the criterion's, and the second stage's.
+
+    Limits on the path hold at `refine` points per sample. Where a design slips through between them, as
+    across a wall that is thinner than a step, the search goes on with more.
+    """
+
+    def __init__(self, problem: Problem, settings: Settings, refine: int = 1) -> None:
+        """Write the expressions; programs are built when first used."""
+        self.problem = problem
+        self.settings = settings
+        self.refine = refine
+        self.grid = Grid(problem, settings.search_samples, refine)
+        self.design = self.grid.design
+        self.scale = self.design.scale
+        self._robots = [[matrix / self.scale for matrix in own] for own in self.grid.robots]
+        self._objective = objective_of(problem, self._robots)
+        # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
+        self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
+
+    @cached_property
+    def _finer(self) -> LocalSearch:
+        return LocalSearch(self.problem, self.settings, FINER * self.refine)
+
+    @cached_property
+    def program(self) -> Program:
+        """The criterion's program."""
+        return Program(
+            self.design,
+            objective=self._objective.maximised,
+            auxiliary=self._auxiliary,
+            equalities=self._objective.equalities,
+            floors=self._objective.floors,
+            options=self.settings.ipopt,
+        )
+
+    @cached_property
+    def _second(self) -> Program:
+        return Program(
+            self.design,
+            objective=self._secondary(),
+            auxiliary=self._auxiliary,
+            equalities=self._objective.equalities,
+            floors=ca.vertcat(self._objective.floors, self._objective.maximised),
+            options=self.settings.ipopt,
+        )
+
+    def _secondary(self) -> Expression:
+        if self.settings.second_stage == "shortest_path":
+            fastest = self.problem.model.twist(
+                ca.DM(self.design.input_scale), ca.DM(self.problem.model.nominal)
+            )
+            return -self.design.terms.drive.path_length(softening=max(0.01 * abs(float(fastest[0])), 1e-6))
+        return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
+
+    def maximise(self, unknowns: Array) -> Local:
+        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
+        floors = np.zeros(self._objective.floors.shape[0])
+        found = self._best("program", unknowns, floors, self.grid.no_correction)
+        better = self.met(unknowns, found.objective)
+        if better is None:
+            return found
+        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED, reason="")
+
+    def met(self, unknowns: Array, standing: float) -> Evaluation | None:
+        """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
+        if not self._may_be_better(unknowns, standing):
+            return None
+        try:
+            found = evaluate(self.problem, self.grid.trajectory(unknowns))
+        except NotFinite:
+            return None
+        usable = found.feasible and found.identifiable
+        return found if usable and surely_better(found.objective, standing) else None
+
+    def _may_be_better(self, unknowns: Array, standing: float) -> bool:
+        # Without scoring it. Of fewer samples than all nobody knows by how much they tell otherwise.
+        if self.grid.coarse:
+            return True
+        matrices = self.grid.matrices_of(unknowns, self.grid.no_correction)
+        # As much as it may be worth: of nearly singular matrices, rounding decides.
+        most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
+        return surely_better(float(self.design.objective(most)), standing)
+
+    def settle(self, unknowns: Array, share: float) -> Local:
+        """Among designs with at least `share` of this design's objective, the best by the second measure."""
+        corrections = self.grid.correction(unknowns)
+        value = float(self.design.objective(self._numeric(unknowns, corrections)))
+        # A little more than asked for, lest rounding leave a little less.
+        level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
+        floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
+        return self._best("second", unknowns, floors, corrections)
+
+    def _best(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Local:
+        # What is not finite ends a search, but takes nothing from the rounds before.
+        began, rounds, reason = time.perf_counter(), list[Round](), ""
+        try:
+            for one in self._rounds(stage, unknowns, floors, corrections):
+                rounds.append(one)
+        except NotFinite as error:
+            reason = str(error)
+        seconds = time.perf_counter() - began
+        if not rounds:
+            return Local(unknowns, None, Status.FAILED, 0, 0, seconds, reason)
+        return _judged(rounds, seconds, reason)
+
+    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Iterator[Round]:
+        # Solves under limits tightened again and again, each with what its end is worth.
+        program = self.program if stage == "program" else self._second
+        backoff = np.zeros(len(self.problem.limits))
+        after: Outcome | None = None
+        for _ in range(TIGHTENINGS):
+            outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
+            # Limits and corrections change little from round to round: each goes on from the one before.
+            unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
+            evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+            yield outcome, evaluation
+            excess = self._excess(evaluation)
+            # A second stage that fails under tighter limits has no room left to choose in.
+            lost = not outcome.succeeded and (stage == "second" or excess.max() > HOPELESS)
+            if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
+                break
+            if outcome.succeeded and self._slips(excess):
+                yield from self._finer._rounds(stage, unknowns, floors, corrections)
+                return
+            before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
+            if excess.any() and np.array_equal(before, backoff):
+                break
+            corrections = self.grid.correction(unknowns)
+
+    def _slips(self, excess: Array) -> bool:
+        # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
+        on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
+        return self.refine < FINEST and bool(np.any(excess[on_path] > SLIPPED))
+
+    def solved(
+        self,
+        program: Program,
+        unknowns: Array,
+        corrections: Array,
+        floors: Array | None = None,
+        backoff: Array | None = None,
+        after: Outcome | None = None,
+    ) -> Outcome:
+        """One call of Ipopt from a start, with the grid's corrections."""
+        begun = self.initial(unknowns, corrections)
+        free = np.full(len(begun), np.inf)
+        return program.solve(
+            unknowns,
+            np.concatenate([begun, corrections]),
+            floors=floors,
+            backoff=backoff,
+            auxiliary_lower=np.concatenate([-free, corrections]),
+            auxiliary_upper=np.concatenate([free, corrections]),
+            after=after,
+        )
+
+    def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
+        # Whether the grid saw a design much otherwise than all samples do.
+        if not self.grid.coarse:
+            return False
+        seen = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
+        return abs(seen - evaluation.objective) > MISLED * abs(evaluation.objective)
+
+    def initial(self, unknowns: Array, corrections: Array) -> Array:
+        """The epigraph's auxiliary unknowns for a design."""
+        return self._objective.initial(self._numeric(unknowns, corrections))
+
+    def _numeric(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
+        found = self.grid.matrices_of(unknowns, corrections)
+        return [[matrix / self.scale for matrix in own] for own in found]
+
+    def _excess(self, evaluation: Evaluation) -> Array:
+        # Half the tolerance is left for rounding, so that the design passes other people's checks as well.
+        named = {margin.name: margin for margin in evaluation.margins}
+        shares = np.array(
+            [named[limit.name].violation / named[limit.name].size for limit in self.problem.limits]
+        )
+        return np.where(shares > TOLERANCE / 2, shares, 0.0)
+
+
+def surely_better(objective: float, standing: float) -> bool:
+    """Whether an objective is larger than another by more than rounding."""
+    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
+
+
+def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
+    # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
+    # tell what is asked for is a design, if of no use: the search says so in the end. `broken` is why the
+    # round after them was not finite, if one was not.
+    chosen, standing = len(rounds) - 1, -np.inf
+    for place in range(len(rounds) - 1, -1, -1):
+        evaluation = rounds[place][1]
+        if evaluation.feasible and surely_better(evaluation.objective, standing):
+            chosen, standing = place, evaluation.objective
+    outcome, evaluation = rounds[chosen]
+    status = _STATUS.get(outcome.return_status, Status.FAILED)
+    found = evaluation.feasible and (bool(np.isfinite(standing)) or not evaluation.identifiable)
+    if not found:
+        status = status if status is Status.INFEASIBLE else Status.FAILED
+    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or chosen < len(rounds) - 1:
+        # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
+        status = Status.ACCEPTABLE
+    return Local(
+        outcome.unknowns,
+        evaluation if found else None,
+        status,
+        sum(one.iterations for one, _ in rounds),
+        sum(one.evaluations for one, _ in rounds),
+        seconds,
+        "" if found else broken,
+    )
+
+
+_CACHE: OrderedDict[str, LocalSearch] = OrderedDict()
+_CACHED = 4
+
+
+def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:
+    """The search of this token, built once in each process."""
+    if token not in _CACHE:
+        _CACHE[token] = LocalSearch(problem, settings)
+        if len(_CACHE) > _CACHED:
+            _CACHE.popitem(last=False)
+    return _CACHE[token]

@@ -1,0 +1,69 @@
+"""The Solver seam: a frozen set of options that can search a problem."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from oed.foundation.component import Component, OneOf
+from oed.foundation.work.parallel import Workers, default_workers
+from oed.foundation.work.progress import Progress, Silent
+from oed.kernel.criteria import CRITERIA, Criterion
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+
+
+@dataclass(frozen=True)
+class Context:
+    """The circumstances of a search; of these only the seed and the earlier searches may change its result.
+
+    Attributes:
+        seed: of every random draw.
+        workers: processes to use, or a cluster.
+        progress: who is told how far it is.
+        earlier: solutions of the searches before this one, by name.
+    """
+
+    seed: int = 0
+    workers: Workers = field(default_factory=default_workers)
+    progress: Progress = field(default_factory=Silent)
+    earlier: Mapping[str, Solution] = field(default_factory=dict)
+
+    def rng(self, stream: int) -> np.random.Generator:
+        """An independent generator for each part of a search."""
+        return np.random.default_rng([self.seed, stream])
+
+
+class Solver(Component, ABC):
+    """Options of one kind of search.
+
+    Attributes:
+        name: of its result; the kind by default.
+        seed: instead of the study's.
+        criterion: instead of the problem's, to maximise; the design is scored by the problem's all the same.
+    """
+
+    kind: str
+    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
+    criterion: Annotated[Criterion, OneOf(CRITERIA)] | None = None
+
+    @property
+    def label(self) -> str:
+        """The result's name."""
+        return self.name or self.kind
+
+    def again(self, *, quick: bool = True) -> Solver:
+        """The options to search with once more, where an earlier solution of the same name is a good start:
+        from that alone if `quick`. The same ones by default.
+        """
+        return self
+
+    @abstractmethod
+    def search(self, problem: Problem, context: Context) -> Solution:
+        """The best design found for `problem`; every number in it comes from `evaluate`."""

@@ -1,0 +1,50 @@
+"""Terms: a drive's information and limit rows as functions of the unknowns, with their derivatives.
+
+`base` says what they are. `unrolled` writes the whole drive out; `pieces` puts it together: a `cell` is one
+sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a piece hands on (by the chain
+rule of `carry`), `condensing` goes from pieces to the drive, `totals` and `ending` from there to the
+matrices, `piece_rows` to the limits; `passes` is one evaluation, forwards and back.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from oed.kernel.problem import Problem
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.pieces import Pieces, divisible
+from oed.optimize.terms.unrolled import Unrolled
+
+_KEPT: list[tuple[tuple[Any, ...], Terms]] = []
+_MOST = 2
+
+
+def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) -> Terms:
+    """The terms of a problem, written once in a process for all criteria of the same matrices: from pieces
+    where its drives can be cut into them, else unrolled.
+
+    Values alone, without derivatives, are found faster by unrolled ones.
+    """
+    criterion = problem.criterion
+    same = (
+        problem.model,
+        problem.design,
+        problem.measurement,
+        problem.limits,
+        problem.estimate,
+        problem.prior,
+        problem.uncertainty,
+        problem.robust,
+        criterion.scaling,
+        criterion.subset,
+        refine,
+        differentiated,
+    )
+    for key, terms in _KEPT:
+        if key == same:
+            return terms
+    layout = divisible(problem) if differentiated else None
+    terms = Unrolled(problem, refine) if layout is None else Pieces(problem, layout, refine)
+    _KEPT.insert(0, (same, terms))
+    del _KEPT[_MOST:]
+    return terms

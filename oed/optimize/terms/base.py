@@ -1,0 +1,205 @@
+"""What a search asks of a drive again and again, whoever computes it: information, limits, derivatives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive, roll_out
+from oed.kernel.problem import Problem
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RowBounds:
+    """One limit's rows without their expression: bounds (rows,), size and unit as in `Rows`."""
+
+    lower: Array
+    upper: Array
+    size: float
+    unit: str
+
+
+class Terms(ABC):
+    """Information and limit rows of a problem's drives as functions of the unknowns z.
+
+    The unknowns are the free spline coefficients, in units of each input's largest speed, and the start
+    poses where they are free. Positions are limited at `refine` points per sample.
+
+    Attributes:
+        size: of z; the first `coefficient_count` are spline coefficients.
+        unknowns: z (SX), for what is written around the terms.
+    """
+
+    def __init__(self, problem: Problem, refine: int = 1) -> None:
+        """Name the unknowns."""
+        space = problem.design
+        self.problem, self.refine = problem, refine
+        self.input_scale = np.abs(problem.input_bounds).max(axis=1)
+        self.free = space.free_rows
+        self.coefficient_count = len(self.free) * len(problem.model.inputs)
+        self.size = self.coefficient_count + (3 * space.runs if space.start_is_free else 0)
+        self.unknowns: Expression = ca.SX.sym("z", self.size)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The drive of the nominal robot, written out (SX of `unknowns`)."""
+        space, robot = self.problem.design, self.problem.robot
+        coefficients = self._coefficients()
+        return roll_out(
+            robot,
+            space.integration,
+            inputs=without_zeros(space.sampling_matrix) @ coefficients,
+            start=self._starts(),
+            parameters=ca.SX(ca.DM(robot.nominal)),
+            period=ca.SX(space.period),
+            input_values=coefficients,
+            input_rates=without_zeros(space.rate_matrix) @ coefficients,
+            input_jerks=without_zeros(space.jerk_matrix) @ coefficients,
+            refine=self.refine,
+            runs=space.runs,
+        )
+
+    def _coefficients(self) -> Expression:
+        inputs = len(self.problem.model.inputs)
+        free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
+        table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
+        table[self.free.tolist(), :] = free @ ca.diag(ca.DM(self.input_scale))
+        return table
+
+    def _starts(self) -> Expression:
+        problem = self.problem
+        if problem.fixed_starts is not None:
+            return ca.SX(ca.DM(problem.fixed_starts))
+        poses = ca.reshape(self.unknowns[self.coefficient_count :], 3, problem.design.runs).T
+        return ca.horzcat(poses, ca.SX(problem.design.runs, len(problem.model.states) - 3))
+
+    @property
+    @abstractmethod
+    def sizes(self) -> list[int]:
+        """The size of every information matrix."""
+
+    @property
+    @abstractmethod
+    def rows(self) -> list[RowBounds]:
+        """Bounds of every limit's rows, without rows that no unknown moves."""
+
+    @property
+    @abstractmethod
+    def linear(self) -> list[bool]:
+        """Whether each limit's rows are linear in z."""
+
+    @property
+    @abstractmethod
+    def values(self) -> ca.Function:
+        """Z -> entries of the matrices (their upper halves, stacked), rows (stacked)."""
+
+    @property
+    @abstractmethod
+    def jacobian(self) -> ca.Function:
+        """Z -> derivatives of the entries (dense), and of the rows."""
+
+    @property
+    @abstractmethod
+    def hessian(self) -> ca.Function:
+        """(z, weights of the entries, weights of the rows) -> second derivatives of the weighted sum, on
+        and above the diagonal.
+        """
+
+    @property
+    def entry_count(self) -> int:
+        """Entries of all matrices together."""
+        return sum(size * (size + 1) // 2 for size in self.sizes)
+
+    @cached_property
+    def scores(self) -> ca.Function:
+        """Z -> entries of the matrices, and for every limit its largest violation over its size."""
+        z = ca.MX.sym("z", self.size)
+        entries, stacked = self.values(z)
+        worst, first = [], 0
+        for rows in self.rows:
+            own = stacked[first : first + len(rows.lower)]
+            first += len(rows.lower)
+            worst.append(ca.fmax(0, ca.fmax(_above(own, rows.upper), _above(-own, -rows.lower))) / rows.size)
+        return ca.Function("scores", [z], [entries, ca.vertcat(*worst)])
+
+    @cached_property
+    def bounded_unknowns(self) -> tuple[Places, Places, Array, Array]:
+        """Rows that are a constant plus a multiple of a single unknown: those rows, the unknowns, the
+        multiples, the constants.
+        """
+        nothing = np.zeros(self.size)
+        slope = self.jacobian(nothing)[1]
+        rows, columns = (np.array(part, dtype=int) for part in slope.sparsity().get_triplet())
+        linear = np.repeat(self.linear, [len(one.lower) for one in self.rows])
+        single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
+        # The place of each row's last entry, which is its only one where it is single.
+        place = np.zeros(len(linear), dtype=int)
+        place[rows] = np.arange(len(rows))
+        own = place[single]
+        constants = np.array(self.values(nothing)[1]).ravel()[single]
+        return single, columns[own], np.array(slope.nonzeros())[own], constants
+
+
+def _above(values: Expression, upper: Array) -> Expression:
+    # The most by which values exceed their bounds; far below 0 where there are none.
+    bounded = np.isfinite(upper)
+    if not bounded.any():
+        return -1e20
+    kept, bounds = values[np.flatnonzero(bounded).tolist()], upper[bounded]
+    if (bounds == bounds[0]).all():
+        # As most limits are: one subtraction instead of one for every row.
+        return ca.mmax(kept) - bounds[0]
+    return ca.mmax(kept - ca.DM(bounds))
+
+
+def upper_half(matrix: Expression) -> Expression:
+    """The entries on and above the diagonal, column by column, (p (p + 1) / 2,)."""
+    size = matrix.shape[0]
+    return ca.vertcat(*(matrix[row, column] for column in range(size) for row in range(column + 1)))
+
+
+def symmetric(entries: Expression, size: int) -> Expression:
+    """The symmetric matrix (p, p) with these entries on and above its diagonal."""
+    rows: list[list[Any]] = [[None] * size for _ in range(size)]
+    places = ((row, column) for column in range(size) for row in range(column + 1))
+    for index, (row, column) in enumerate(places):
+        rows[row][column] = rows[column][row] = entries[index]
+    return ca.blockcat(rows)
+
+
+def symmetric_all(entries: Expression, sizes: Sequence[int]) -> list[Expression]:
+    """The symmetric matrices of these sizes whose upper halves are stacked."""
+    edges = np.cumsum([0, *(size * (size + 1) // 2 for size in sizes)]).tolist()
+    return [
+        symmetric(entries[first:last], size)
+        for first, last, size in zip(edges[:-1], edges[1:], sizes, strict=True)
+    ]
+
+
+def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
+    """Numeric matrices (K, p, p) of stacked entries (sum of p (p + 1) / 2, K), one for each size p."""
+    found, first = [], 0
+    for size in sizes:
+        columns, rows = np.tril_indices(size)
+        matrix = np.empty((entries.shape[1], size, size))
+        own = entries[first : first + len(rows)].T
+        matrix[:, rows, columns] = matrix[:, columns, rows] = own
+        found.append(matrix)
+        first += len(rows)
+    return found
+
+
+def without_zeros(matrix: Array) -> ca.DM:
+    """A constant whose zeros are structural."""
+    return ca.sparsify(ca.DM(matrix))

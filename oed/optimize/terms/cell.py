@@ -1,0 +1,220 @@
+"""One sample of a drive: where it leads, what it tells, its limit rows, and their derivatives.
+
+The formulas are those of every drive, applied to a drive of a single sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import casadi as ca
+
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive, roll_out
+from oed.kernel.limit import Limit, PathLimit, Rows
+from oed.kernel.measurement.sensor import Sensor, joint_readings
+from oed.kernel.problem import Problem
+from oed.optimize.terms.base import upper_half
+from oed.optimize.terms.carry import Carry
+from oed.optimize.terms.packed import Packed
+from oed.robots.sensors.displacements import Displacements
+from oed.robots.sensors.several import sensors_of
+
+
+class Cell:
+    """A sample as a function of the state x handed on to it and of its inputs, in units of their scale.
+
+    x is the robot's state, followed by the entries that change of its derivatives by (parameters, start of
+    the piece). A sample tells what is read at its first instant; the last instant belongs to the next one.
+
+    Attributes:
+        states: of the robot.
+        width: of x.
+        carry: how the sensitivities are handed on.
+        rows: of every limit.
+        scale: what an input of 1 stands for, (inputs,).
+    """
+
+    def __init__(
+        self, problem: Problem, limits: Sequence[Limit], scale: Sequence[float], refine: int = 1
+    ) -> None:
+        """Write the sample; its path is limited at `refine` points."""
+        robot, self.refine = problem.robot, refine
+        self.states, self.limits = len(robot.states), tuple(limits)
+        self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
+        sensors = sensors_of(problem.measurement)
+        self.scale = tuple(scale)
+        self._reads = ca.SX.sym("reads", len(sensors))
+        drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
+        self.carry = Carry(
+            ca.densify(_told(problem, drive, self._reads)),
+            states=self.states,
+            parameters=len(estimated(problem)) if sensors else 0,
+            nuisances=sum(len(sensor.nuisances) for sensor in sensors),
+        )
+        self.width = self.states + len(self.carry.moving)
+        self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
+        following = ca.vertcat(drive.poses[-1, :].T, self.carry.following)
+        rows = ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in self.rows))
+        self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
+        self._begin = ca.vertcat(self._state, self.carry.carried)
+        self._arguments = [self._begin, self._inputs, self._reads]
+
+    def points(self, limit: Limit) -> int:
+        """At how many points of a sample a limit is asked the same."""
+        return self.refine if isinstance(limit, PathLimit) else 1
+
+    @property
+    def told(self) -> Expression:
+        """Entries of the information (SX)."""
+        return self._parts[1]
+
+    @property
+    def row_count(self) -> int:
+        """Limit rows."""
+        return int(self._parts[2].shape[0])
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """(state, inputs) -> next state."""
+        return ca.Function("step", [self._state, self._inputs], [self._parts[0][: self.states]])
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """(x, inputs, which sensors read) -> x at the end, what is told, limit rows."""
+        return ca.Function("cell", self._arguments, self._parts)
+
+    @cached_property
+    def slopes(self) -> list[Packed]:
+        """Derivatives of the same three by (x, inputs)."""
+        unknowns = ca.vertcat(self._begin, self._inputs)
+        return [Packed(part) for part in ca.cse([ca.jacobian(part, unknowns) for part in self._parts])]
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """(x, inputs, which sensors read) -> entries of the slopes."""
+        return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
+
+    @cached_property
+    def back(self) -> ca.Function:
+        """(weights of x at the end, entries of its slopes, more weights) -> weights of x."""
+        weight, more = ca.SX.sym("weight", self.width), ca.SX.sym("more", self.width)
+        onward, entries = self.slopes[0].symbol("onward")
+        total = onward[:, : self.width].T @ weight + more
+        return ca.Function("back", [weight, entries, more], [ca.densify(total)])
+
+    @cached_property
+    def pull(self) -> ca.Function:
+        """(entries of the slopes of what is told and of the rows, weights of both) -> weights of x."""
+        told, first = self.slopes[1].symbol("told")
+        rows, second = self.slopes[2].symbol("rows")
+        weights = [ca.SX.sym("weights", part.shape[0]) for part in (told, rows)]
+        total = told[:, : self.width].T @ weights[0] + rows[:, : self.width].T @ weights[1]
+        return ca.Function("pull", [first, second, *weights], [ca.densify(total)])
+
+    @cached_property
+    def _bending(self) -> tuple[list[Expression], Expression]:
+        weights = [ca.SX.sym("weights", part.shape[0]) for part in self._parts]
+        weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._parts, strict=True))
+        whole, _ = ca.hessian(weighted, ca.vertcat(self._begin, self._inputs))
+        return weights, ca.cse(whole)
+
+    @cached_property
+    def bent(self) -> list[int]:
+        """Which of (x, inputs) enter anything but linearly."""
+        return sorted(set(self._bending[1].sparsity().row()))
+
+    @cached_property
+    def inner(self) -> Packed:
+        """Second derivatives of the weighted sum by those."""
+        return Packed(self._bending[1][self.bent, self.bent])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """(x, inputs, which sensors read, weights of the three) -> entries of `inner`."""
+        return ca.Function("cell_curvature", [*self._arguments, *self._bending[0]], [self.inner.entries])
+
+    @cached_property
+    def depends(self) -> tuple[ca.Sparsity, ca.Sparsity]:
+        """Which of (end state, rows) depend on the state, and on the inputs."""
+        both = ca.vertcat(self._parts[0][: self.states], self._parts[2])
+        return ca.jacobian_sparsity(both, self._state), ca.jacobian_sparsity(both, self._inputs)
+
+    @cached_property
+    def linear(self) -> list[bool]:
+        """Whether each limit's rows are linear in the inputs, and moved by nothing else."""
+        return [self._linear(limit, rows) for limit, rows in zip(self.limits, self.rows, strict=True)]
+
+    def _linear(self, limit: Limit, rows: Rows) -> bool:
+        expression = ca.densify(rows.expression)
+        if isinstance(limit, PathLimit) or ca.depends_on(expression, self._state):
+            return False
+        return not any(ca.which_depends(expression, self._inputs, 2, True))
+
+
+def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
+    """The drive of a few samples with `held` inputs (n, inputs) from a state."""
+    return roll_out(
+        problem.robot,
+        problem.design.integration,
+        inputs=held,
+        start=start,
+        parameters=ca.SX(ca.DM(problem.robot.nominal)),
+        period=ca.SX(problem.design.period),
+        refine=refine,
+    )
+
+
+def estimated(problem: Problem) -> list[int]:
+    """Places of the estimated parameters among the robot's, of a problem with sensors."""
+    (estimation,) = problem.any_estimations
+    return sorted(estimation.block.parameters.index(name) for name in estimation.parameters)
+
+
+def read_end(problem: Problem, held: Expression, state: Expression) -> Expression:
+    """Information of the readings at a run's last instant, in a state, `held` (inputs,) until then."""
+    sensors = sensors_of(problem.measurement)
+    reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
+    return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
+
+
+def segment_length(problem: Problem) -> int:
+    """Samples of a segment, of a problem whose displacements' segments are of equal length."""
+    measurement, samples = problem.measurement, problem.design.samples
+    assert isinstance(measurement, Displacements)
+    return samples // measurement.segment_count(samples)
+
+
+def _told(problem: Problem, drive: Drive, reads: Expression) -> Expression:
+    # Sensitivities and information on (parameters, start, nuisances), or of a regression its rows. A segment
+    # of one sample is told by its square at once.
+    measurement = problem.measurement
+    if isinstance(measurement, Displacements):
+        blocks = measurement.model_copy(update={"segments": 1}).blocks(drive)
+        if segment_length(problem) > 1:
+            return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
+        return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
+    count, states = len(problem.robot.parameters), len(problem.robot.states)
+    columns = [*estimated(problem), *range(count, count + states)]
+    last = ca.densify(drive.sensitivities[:, -(count + states) :])
+    return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
+
+
+def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
+    # Information of what those sensors read at the first instant of a drive of one sample.
+    sensors = [sensor.model_copy(update={"every": 1}) for sensor in sensors_of(problem.measurement)]
+    joint = joint_readings(sensors, drive)
+    chosen = [*estimated(problem), *range(len(problem.robot.parameters), joint.white_jacobian.shape[1])]
+    total, first = ca.SX(len(chosen), len(chosen)), 0
+    for place, (sensor, one) in enumerate(zip(sensors, joint.each, strict=True)):
+        rows = range(first, first + _at_first(sensor, one.white_response.shape[0]))
+        own = ca.sparsify(joint.white_jacobian[list(rows), chosen])
+        total += reads[place] * (own.T @ own)
+        first += one.white_response.shape[0]
+    return ca.densify(total)
+
+
+def _at_first(sensor: Sensor, count: int) -> int:
+    return count // len(sensor.columns(1))

@@ -1,0 +1,141 @@
+"""Condensing: from what pieces do by their own few unknowns to what the drive does by all unknowns.
+
+States and their sensitivities go from piece to piece, information adds up. Their first derivatives follow by
+the chain rule forwards, weights (adjoints) backwards; second derivatives are those of the pieces, each
+weighted, between the first ones [Bock and Plitt, "A multiple shooting algorithm for direct solution of
+optimal control problems", IFAC 1984]. Matrices of pieces stand side by side; those by z are transposed, z
+down the rows, so that pieces add up in one product.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.link import Link
+from oed.optimize.terms.packed import Packed
+
+Places = npt.NDArray[np.int64]
+
+
+class Condensing:
+    """The functions that one piece after the other goes through, for `size` unknowns z.
+
+    Args:
+        link: a piece and what it hands on.
+        size: of z.
+        each: pieces of a run.
+        runs: how many runs there are.
+        places: where the pieces' own unknowns stand in z, (pieces, own), ascending.
+    """
+
+    def __init__(self, link: Link, size: int, each: int, runs: int, places: Places) -> None:
+        """Take the parts."""
+        self.link, self.size, self.each, self.runs, self.places = link, size, each, runs, places
+        self.count = each * runs
+
+    def along(self, begin: Expression, following: Expression, width: int) -> Expression:
+        """What each piece begins with: blocks of `width` columns that runs begin and pieces end with."""
+        if self.each == 1:
+            return begin
+        kept = width * (self.each - 1)
+        ends = ca.horzsplit(following, width * self.each)
+        begins = ca.horzsplit(begin, width)
+        parts = [part for run in range(self.runs) for part in (begins[run], ends[run][:, :kept])]
+        return ca.horzcat(*parts)
+
+    def backwards(self, table: Expression, width: int = 1) -> Expression:
+        """The pieces' blocks of columns in the opposite order, run by run."""
+        order = np.arange(self.count).reshape(self.runs, self.each)[:, ::-1].ravel()
+        return table[:, (order[:, None] * width + np.arange(width)).ravel().tolist()]
+
+    def spread(self, own: Expression, width: int) -> Expression:
+        """Matrices (own, width) by each piece's own unknowns, as (size, width) by z (sparse)."""
+        if width == 0:
+            return ca.MX(self.size, 0)
+        rows = np.repeat(self.places, width, axis=0)
+        starts = np.arange(0, rows.size + 1, rows.shape[1])
+        pattern = ca.Sparsity(self.size, len(rows), starts.tolist(), rows.ravel().tolist())
+        return ca.sparsity_cast(ca.densify(own), pattern)
+
+    def gathered(self, own: Expression) -> Expression:
+        """The sum (size, size) of matrices (own, own) of all pieces."""
+        count = self.places.shape[1]
+        place = self.places[:, None, :] + self.size * self.places[:, :, None]
+        columns = list(range(self.count * count**2 + 1))
+        pattern = ca.Sparsity(self.size**2, self.count * count**2, columns, place.ravel().tolist())
+        total = ca.DM(pattern, 1.0) @ ca.vec(own)
+        return ca.densify(ca.reshape(total, self.size, self.size))
+
+    def slopes(self, begin: Expression, onward: Expression, own: Expression) -> Expression:
+        """Derivatives (size, states) of every piece's begin by z, and those of the runs' ends behind them.
+
+        Args:
+            begin: of the runs' begins, (size, states * runs).
+            onward: entries of the derivatives of each piece's end by its begin.
+            own: derivatives (own, states) of each piece's end by its own unknowns.
+        """
+        width = self.link.width
+        moved = ca.densify(self.spread(own, width))
+        ends = self._forward(begin, onward, moved)
+        last = ca.horzcat(*(part[:, -width:] for part in ca.horzsplit(ends, width * self.each)))
+        return ca.horzcat(self.along(begin, ends, width), last)
+
+    @cached_property
+    def _forward(self) -> ca.Function:
+        slope = ca.MX.sym("slope", self.size, self.link.width)
+        moved = ca.MX.sym("moved", self.size, self.link.width)
+        onward = self.link.onward
+        entries = ca.MX.sym("onward", onward.pattern.nnz())
+        step = ca.Function("forward", [slope, entries, moved], [slope @ onward.matrix(entries).T + moved])
+        return step.mapaccum(self.each).map(self.runs)
+
+    def passed(self, slopes: Expression, packed: Packed, entries: Expression) -> Expression:
+        """Derivatives (size, k) by z, through their begin, of what has derivatives (k, states) by it."""
+        if packed.pattern.nnz() == 0:
+            return ca.MX(self.size, packed.pattern.size1() * self.count)
+        slope = ca.MX.sym("slope", self.size, self.link.width)
+        own = ca.MX.sym("own", packed.pattern.nnz())
+        through = ca.Function("through", [slope, own], [ca.densify(slope @ packed.matrix(own).T)])
+        return through.map(self.count)(slopes, entries)
+
+    def weights(self, last: Expression, onward: Expression, added: Expression) -> Expression:
+        """Weights (states,) of every piece's end: those of the runs' ends `last`, and what later pieces add.
+
+        `added` are the weights that each piece's own outputs give its begin.
+        """
+        width = self.link.width
+        weight, more = ca.SX.sym("weight", width), ca.SX.sym("more", width)
+        matrix, entries = self.link.onward.symbol("onward")
+        step = ca.Function("back", [weight, entries, more], [ca.densify(matrix.T @ weight + more)])
+        back = step.mapaccum(self.each).map(self.runs)
+        begins = back(last, self.backwards(onward), self.backwards(added))
+        return self.backwards(self.along(last, begins, 1))
+
+    def curvature(
+        self, slopes: Expression, inner: Expression, mixed: Expression, own: Expression
+    ) -> Expression:
+        """Second derivatives (size, size) by z.
+
+        Args:
+            slopes: of every piece's begin by z, (size, states) each.
+            inner: entries of second derivatives by its begin.
+            mixed: by its own unknowns and its bent begin, (own, bent states) each.
+            own: by its own unknowns, (own, own) each.
+        """
+        bent = self.link.bent
+        slope = ca.MX.sym("slope", self.size, self.link.width)
+        within = ca.MX.sym("inner", self.link.inner.pattern.nnz())
+        moved = ca.MX.sym("moved", self.size, len(bent))
+        chosen = slope[:, list(bent)]
+        half = ca.Function(
+            "half", [slope, within, moved], [chosen, chosen @ self.link.inner.matrix(within / 2) + moved]
+        )
+        shifted = ca.densify(self.spread(mixed, len(bent)))
+        left, right = half.map(self.count)(slopes, inner, shifted)
+        product = left @ right.T
+        return product + product.T + self.gathered(own)

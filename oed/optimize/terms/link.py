@@ -1,0 +1,181 @@
+"""What one piece hands on to the next, and how its derivatives become those of what is handed on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.carry import Carry
+from oed.optimize.terms.kernel import Kernel, Pattern
+from oed.optimize.terms.packed import Packed
+
+
+class Link:
+    """A kernel with the sensitivities that go through it.
+
+    The state handed on is the robot's, followed by the sensitivities' entries that change along a drive.
+
+    Attributes:
+        kernel: the piece.
+        carry: its sensitivities.
+        states: of the robot.
+        width: of the state handed on.
+        added: entries that a piece adds to the run's information.
+    """
+
+    def __init__(self, kernel: Kernel, carry: Carry) -> None:
+        """Take the parts; functions are compiled when first used."""
+        self.kernel, self.carry, self.states = kernel, carry, kernel.states
+        self.width = self.states + len(carry.moving)
+        self.added = int(carry.added.shape[0])
+
+    @property
+    def _arguments(self) -> list[Expression]:
+        return [self.carry.carried, self.kernel.symbols]
+
+    @cached_property
+    def follow(self) -> ca.Function:
+        """(carried, told) -> carried at the end."""
+        return ca.Function("follow", self._arguments, [self.carry.following])
+
+    @cached_property
+    def add(self) -> ca.Function:
+        """(carried, told) -> what is added to the information."""
+        return ca.Function("add", self._arguments, [self.carry.added])
+
+    @cached_property
+    def _given(self) -> tuple[list[Expression], list[Expression]]:
+        # A piece's slopes by its unknowns: of the end state, of what it tells; and symbols for them.
+        kernel, states = self.kernel, self.states
+        ends = ca.SX.sym("ends", kernel.size, kernel.cell.width)
+        told = ca.SX.sym("told", kernel.size, len(kernel.informed))
+        parts = [
+            _masked(one, pattern) for one, pattern in zip((ends, told), kernel.patterns[:2], strict=True)
+        ]
+        return [parts[0][:states, :], ca.vertcat(parts[0][states:, :], parts[1])], [ends, told]
+
+    @cached_property
+    def _slopes(self) -> list[Expression]:
+        # (end of all that is handed on, information) by (begin of it), and by the piece's own unknowns.
+        (end, told), symbols = self._given
+        states, own = slice(0, self.states), slice(self.states, None)
+        both = [self.carry.following, self.carry.added]
+        carried = [ca.jacobian(one, self.carry.carried) for one in both]
+        through = [ca.jacobian(one, self.kernel.symbols) @ told for one in both]
+        beside = ca.SX(self.states, len(self.carry.moving))
+        onward = ca.blockcat([[end[:, states], beside], [through[0][:, states], carried[0]]])
+        moved = ca.vertcat(end[:, own], through[0][:, own])
+        by_begin = ca.horzcat(through[1][:, states], carried[1])
+        return [onward, moved, by_begin, through[1][:, own], *symbols]
+
+    @cached_property
+    def onward(self) -> Packed:
+        """The end of what is handed on by its begin."""
+        return Packed(self._slopes[0])
+
+    @cached_property
+    def added_by_begin(self) -> Packed:
+        """The information added by the begin of what is handed on."""
+        return Packed(self._slopes[2])
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """(carried, told, a piece's slopes of what it hands on and of information) -> entries of `onward`,
+        the end by own unknowns (own, width), entries of `added_by_begin`, the added by own unknowns
+        (own, added).
+        """
+        _, moved, _, own, *slopes = self._slopes
+        results = [self.onward.entries, ca.densify(moved.T), self.added_by_begin.entries, ca.densify(own.T)]
+        return ca.Function("link_slopes", [*self._arguments, *slopes], results)
+
+    @cached_property
+    def rows_by_begin(self) -> Packed:
+        """The limit rows by the begin of what is handed on."""
+        return Packed(ca.horzcat(self._rows[0], ca.SX(self.kernel.row_count, len(self.carry.moving))))
+
+    @cached_property
+    def _rows(self) -> tuple[Expression, Expression]:
+        # The limit rows by the start state, and symbols for the same, transposed and dense.
+        entries = ca.SX.sym("rows", self.states, self.kernel.row_count)
+        return _masked(entries, self.kernel.patterns[2]), entries
+
+    @cached_property
+    def row_slopes(self) -> ca.Function:
+        """A piece's slopes (states, rows) of the rows by its start state -> entries of `rows_by_begin`."""
+        return ca.Function("row_slopes", [self._rows[1]], [self.rows_by_begin.entries])
+
+    @cached_property
+    def pull(self) -> ca.Function:
+        """(entries of `added_by_begin`, of `rows_by_begin`, weights of the added, of the rows) -> weights
+        that they give the begin.
+        """
+        added, first = self.added_by_begin.symbol("added")
+        rows, second = self.rows_by_begin.symbol("rows")
+        weights = [ca.SX.sym("weights", size) for size in (self.added, rows.shape[0])]
+        total = added.T @ weights[0] + rows.T @ weights[1]
+        return ca.Function("pull", [first, second, *weights], [ca.densify(total)])
+
+    @cached_property
+    def _weighted(self) -> tuple[Expression, Expression, Expression]:
+        weights = [ca.SX.sym("weights", size) for size in (len(self.carry.moving), self.added)]
+        total = ca.dot(weights[0], self.carry.following) + ca.dot(weights[1], self.carry.added)
+        return weights[0], weights[1], total
+
+    @cached_property
+    def pull_told(self) -> ca.Function:
+        """(carried, told, weights of carried at the end, of the added) -> weights of told."""
+        *weights, total = self._weighted
+        slope = ca.densify(ca.gradient(total, self.kernel.symbols))
+        return ca.Function("pull_told", [*self._arguments, *weights], [slope])
+
+    @cached_property
+    def _bending(self) -> tuple[list[Expression], Expression, Expression, Expression]:
+        # Second derivatives of the weighted sum: by (begin), (begin, own), (own).
+        *weights, total = self._weighted
+        slope = ca.gradient(total, self.carry.carried)
+        (_, told), entries = self._given
+        whole = ca.SX.sym("curvature", self.kernel.size, self.kernel.size)
+        mixed = ca.jacobian(slope, self.kernel.symbols) @ told
+        states, own = slice(0, self.states), slice(self.states, None)
+        inner = ca.blockcat(
+            [
+                [whole[states, states], mixed[:, states].T],
+                [mixed[:, states], ca.jacobian(slope, self.carry.carried)],
+            ]
+        )
+        across = ca.vertcat(whole[states, own], mixed[:, own])
+        arguments = [*self._arguments, *weights, *entries, whole]
+        return arguments, inner, across, whole[own, own]
+
+    @cached_property
+    def bent(self) -> Sequence[int]:
+        """Which of what is handed on enters anything but linearly."""
+        _, inner, across, _ = self._bending
+        both = ca.horzcat(inner, across).sparsity()
+        return sorted(set(both.row()))
+
+    @cached_property
+    def inner(self) -> Packed:
+        """Second derivatives by the bent part of the begin."""
+        return Packed(self._bending[1][self.bent, self.bent])
+
+    @cached_property
+    def hessian(self) -> ca.Function:
+        """(carried, told, weights of carried, of the added, a piece's slopes of what it hands on and of
+        information, its second derivatives) -> entries of `inner`, second derivatives by (own, bent) and
+        by (own, own).
+        """
+        arguments, _, across, own = self._bending
+        results = [self.inner.entries, ca.densify(across[self.bent, :].T), ca.densify(own)]
+        return ca.Function("link_curvature", arguments, results)
+
+
+def _masked(transposed: Expression, pattern: Pattern) -> Expression:
+    # A matrix given transposed and dense, without the zeros by the start state that the pattern knows.
+    whole = transposed.T
+    places = ca.sparsify(ca.DM(pattern.astype(float))).sparsity()
+    start = ca.project(whole[:, : pattern.shape[1]], places)
+    return ca.horzcat(start, whole[:, pattern.shape[1] :])

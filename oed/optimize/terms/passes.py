@@ -1,0 +1,304 @@
+"""One evaluation of the terms of a drive in pieces: forwards through the pieces, and back with weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.problem import Problem
+from oed.optimize.terms.base import without_zeros
+from oed.optimize.terms.condensing import Condensing
+from oed.optimize.terms.ending import Ending
+from oed.optimize.terms.kernel import Kernel
+from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.link import Link
+from oed.optimize.terms.piece_rows import PieceRows
+from oed.optimize.terms.totals import Sum
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The parts of which a drive's terms are put together.
+
+    Attributes:
+        problem: whose drives.
+        layout: the pieces.
+        kernel: one of them.
+        link: what it hands on.
+        total: what they add up to.
+        rows: the limits' rows.
+        size: of z; the first `coefficient_count` are spline coefficients.
+    """
+
+    problem: Problem
+    layout: Layout
+    kernel: Kernel
+    link: Link
+    total: Sum
+    rows: PieceRows
+    size: int
+    coefficient_count: int
+
+    @cached_property
+    def condensing(self) -> Condensing:
+        """How the pieces follow each other."""
+        layout = self.layout
+        return Condensing(self.link, self.size, layout.each, layout.space.runs, layout.places)
+
+    @cached_property
+    def ending(self) -> Ending | None:
+        """What is read at the runs' last instants; None of regressions."""
+        return (
+            Ending(self.problem, self.link, self.size, self.kernel.cell.scale)
+            if self.total.totals.sensors
+            else None
+        )
+
+    @cached_property
+    def first(self) -> list[ca.Function]:
+        """Start state -> rows of the first instant; their slopes; and (with weights) second derivatives."""
+        start, rows = self.rows.start_symbol, self.rows.first
+        weights = ca.SX.sym("weights", rows.shape[0])
+        curvature, slope = ca.hessian(ca.dot(weights, rows), start)
+        return [
+            ca.Function("first", [start], [rows]),
+            ca.Function("first_slopes", [start], [ca.densify(ca.jacobian(rows, start))]),
+            ca.Function("first_curvature", [start, weights], [ca.densify(slope), ca.densify(curvature)]),
+        ]
+
+
+class Sweep:
+    """The terms at z as expressions (MX), every intermediate result once.
+
+    Attributes:
+        z: the unknowns.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        """Begin with z."""
+        self.plan, self.z = plan, ca.MX.sym("z", plan.size)
+        self._kernel, self._link, self._join = plan.kernel, plan.link, plan.condensing
+        self._count, self._runs = plan.layout.count, plan.layout.space.runs
+
+    @cached_property
+    def _inputs(self) -> Expression:
+        # Held in every sample, (inputs, samples), in units of their scale.
+        coefficients = ca.reshape(self.z[: self.plan.coefficient_count], -1, self._kernel.inputs)
+        runs = ca.vertsplit(coefficients, coefficients.shape[0] // self._runs)
+        held = without_zeros(self.plan.layout.held)
+        return ca.vertcat(*(held @ run for run in runs)).T
+
+    @cached_property
+    def _starts(self) -> Expression:
+        fixed = self.plan.problem.fixed_starts
+        if fixed is not None:
+            return ca.MX(ca.DM(fixed.T))
+        poses = ca.reshape(self.z[self.plan.size - 3 * self._runs :], 3, self._runs)
+        return ca.densify(ca.vertcat(poses, ca.MX(self._kernel.states - 3, self._runs)))
+
+    @cached_property
+    def _start_slopes(self) -> Array:
+        # Of what the runs begin with, by z: (size, width * runs).
+        width, size = self._link.width, self.plan.size
+        slopes = np.zeros((size, width * self._runs))
+        if self.plan.problem.design.start_is_free:
+            for run in range(self._runs):
+                for place in range(3):
+                    slopes[size - 3 * (self._runs - run) + place, run * width + place] = 1.0
+        return slopes
+
+    @cached_property
+    def _states(self) -> Expression:
+        # Of every piece the begin, then the runs' ends.
+        return self._with_ends(self._starts, self._rolled[1])
+
+    def _with_ends(self, begin: Expression, following: Expression) -> Expression:
+        each = self.plan.layout.each
+        last = following[:, [each * (run + 1) - 1 for run in range(self._runs)]]
+        return ca.horzcat(self._join.along(begin, following, 1), last)
+
+    @cached_property
+    def _rolled(self) -> tuple[Expression, ...]:
+        # What is handed on at every sample's begin, the pieces' end states, what they tell, their rows.
+        return self._kernel.roll(self._starts, self._inputs)
+
+    @cached_property
+    def _carried(self) -> Expression:
+        # The sensitivities at every piece's begin, then at the runs' ends.
+        link, layout = self._link, self.plan.layout
+        if not link.carry.moving:
+            return ca.MX(0, self._count + self._runs)
+        begin = ca.repmat(ca.MX(link.carry.begin), 1, self._runs)
+        follow = link.follow.mapaccum(layout.each).map(self._runs)
+        return self._with_ends(begin, follow(begin, self._rolled[2]))
+
+    @cached_property
+    def _arguments(self) -> list[Expression]:
+        return [self._carried[:, : self._count], self._rolled[2]]
+
+    @cached_property
+    def _end_arguments(self) -> list[Expression]:
+        # Of the runs' ends: state handed on, inputs held until then.
+        held = self._inputs[:, [self.plan.layout.space.samples * (run + 1) - 1 for run in range(self._runs)]]
+        return [ca.vertcat(self._states, self._carried)[:, self._count :], held]
+
+    @cached_property
+    def _last_held(self) -> Array:
+        # The inputs held at the runs' ends by z, (runs * inputs, size).
+        layout, inputs = self.plan.layout, self._kernel.inputs
+        found = np.zeros((self._runs, inputs, self.plan.size))
+        for run in range(self._runs):
+            places = layout.places[(run + 1) * layout.each - 1].reshape(inputs, -1)
+            for one in range(inputs):
+                found[run, one, places[one]] = layout.basis[-1, -1]
+        return found.reshape(-1, self.plan.size)
+
+    @cached_property
+    def _groups(self) -> Expression:
+        added = self._link.add.map(self._count)(*self._arguments) @ self._membership
+        ending = self.plan.ending
+        return added if ending is None else added + ending.values.map(self._runs)(*self._end_arguments)
+
+    @cached_property
+    def _membership(self) -> ca.DM:
+        return self.plan.total.totals.membership
+
+    @cached_property
+    def _sums(self) -> Expression:
+        return self.plan.total.sums(self._groups)
+
+    @property
+    def entries(self) -> Expression:
+        """The matrices' entries."""
+        return self.plan.total.finish(self._sums)
+
+    @property
+    def rows(self) -> Expression:
+        """The limits' rows."""
+        first = self.plan.first[0].map(self._runs)(self._starts)
+        return self.plan.rows.values(self.z, first, self._rolled[3])
+
+    @cached_property
+    def _sample_slopes(self) -> tuple[Expression, ...]:
+        return self._kernel.sample_slopes(self._rolled[0], self._inputs)
+
+    @cached_property
+    def _steps(self) -> tuple[Expression, Expression]:
+        return self._kernel.steps(self._sample_slopes[0])
+
+    @cached_property
+    def _piece_slopes(self) -> list[Expression]:
+        # Of what pieces hand on, and of their information.
+        return [self._steps[1], self._kernel.told_slopes(self._steps[0], self._sample_slopes[1])]
+
+    @cached_property
+    def _piece_rows(self) -> tuple[Expression, Expression]:
+        # Slopes of the pieces' rows by start state (entries) and by own coefficients.
+        slopes = self._kernel.row_slopes(self._steps[0], self._sample_slopes[2])
+        states = self._kernel.states
+        return self._link.row_slopes.map(self._count)(slopes[:states, :]), slopes[states:, :]
+
+    @cached_property
+    def _link_slopes(self) -> tuple[Expression, ...]:
+        function = self._link.jacobian.map(self._count)
+        found: tuple[Expression, ...] = function(*self._arguments, *self._piece_slopes)
+        return found
+
+    @cached_property
+    def _slopes(self) -> Expression:
+        onward, moved, *_ = self._link_slopes
+        return self._join.slopes(ca.MX(ca.DM(self._start_slopes)), onward, moved)
+
+    @property
+    def _begin_slopes(self) -> Expression:
+        return self._slopes[:, : self._link.width * self._count]
+
+    @cached_property
+    def _end_slopes(self) -> list[Expression]:
+        # (handed on, held) at the runs' ends by z, (size, width + inputs) each.
+        held = np.split(self._last_held.T, self._runs, axis=1)
+        ends = ca.horzsplit(self._slopes[:, self._link.width * self._count :], self._link.width)
+        return [ca.horzcat(*(ca.horzcat(end, ca.DM(own)) for end, own in zip(ends, held, strict=True)))]
+
+    @cached_property
+    def _group_slopes(self) -> Expression:
+        _, _, begin, own = self._link_slopes
+        link, join = self._link, self._join
+        added = join.passed(self._begin_slopes, link.added_by_begin, begin)
+        added = ca.densify(added + join.spread(own, link.added))
+        total = ca.reshape(added, self.plan.size * link.added, self._count) @ self._membership
+        ending = self.plan.ending
+        if ending is None:
+            return total
+        more = ending.slopes.map(self._runs)(*self._end_arguments, *self._end_slopes)
+        return total + ca.reshape(more, self.plan.size * link.added, self._runs)
+
+    @cached_property
+    def _sum_slopes(self) -> Expression:
+        return self.plan.total.sums_slopes(self._groups, self._group_slopes, self.plan.size)
+
+    @property
+    def entry_slopes(self) -> Expression:
+        """Derivatives of the entries by z."""
+        return self.plan.total.slope(self._sums) @ self._sum_slopes.T
+
+    @property
+    def row_slopes(self) -> Expression:
+        """Derivatives of the rows by z."""
+        join, width, states = self._join, self._link.width, self._kernel.states
+        begin, own = self._piece_rows
+        rows = join.passed(self._begin_slopes, self._link.rows_by_begin, begin)
+        rows = ca.densify(rows + join.spread(own, self._kernel.row_count))
+        first = self.plan.first[1].map(self._runs)(self._starts)
+        starts = [self._start_slopes[:, run * width : run * width + states] for run in range(self._runs)]
+        parts = [
+            ca.DM(slope) @ part.T for slope, part in zip(starts, ca.horzsplit(first, states), strict=True)
+        ]
+        return self.plan.rows.slopes(ca.horzcat(*parts), rows)
+
+    def curvature(self, entries: Expression, rows: Expression) -> Expression:
+        """Second derivatives by z of the weighted sum of entries and rows."""
+        plan, link, join, count = self.plan, self._link, self._join, self._count
+        weights, bent = plan.total.curvature(self._sums, entries)
+        total = self._sum_slopes @ bent @ self._sum_slopes.T if bent.nnz() else 0
+        groups, square = plan.total.weights(self._groups, weights)
+        if square is not None:
+            total += plan.total.bent(self._group_slopes, square, plan.size)
+        first, own_rows = plan.rows.weights(rows)
+        last, more = self._end_curvature(groups)
+        added = groups[:, plan.total.totals.group.tolist()]
+        begin, begin_rows = self._link_slopes[2], self._piece_rows[0]
+        pulled = link.pull.map(count)(begin, begin_rows, added, own_rows)
+        ends = join.weights(last, self._link_slopes[0], pulled)
+        states, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
+        told = link.pull_told.map(count)(*self._arguments, carried, added)
+        given, steps = [self._rolled[0], self._inputs], self._steps[0]
+        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, told, own_rows])
+        parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
+        return total + more + self._first_curvature(first) + join.curvature(self._begin_slopes, *parts)
+
+    def _end_curvature(self, groups: Expression) -> tuple[Expression, Expression]:
+        # Weights of what the runs end with, and second derivatives of what is read there.
+        ending = self.plan.ending
+        if ending is None:
+            return ca.MX.zeros(self._link.width, self._runs), 0
+        weights, parts = ending.curvature.map(self._runs)(*self._end_arguments, *self._end_slopes, groups)
+        return weights, sum(ca.horzsplit(parts, self.plan.size))
+
+    def _first_curvature(self, weights: Expression) -> Expression:
+        if not self.plan.rows.first.numel():
+            return 0
+        width, states = self._link.width, self._kernel.states
+        _, bent = self.plan.first[2].map(self._runs)(self._starts, weights)
+        total = 0
+        for run, part in enumerate(ca.horzsplit(bent, states)):
+            slope = ca.DM(self._start_slopes[:, run * width : run * width + states])
+            total += slope @ part @ slope.T
+        return total

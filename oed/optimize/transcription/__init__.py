@@ -1,0 +1,1 @@
+"""A search's program: unknowns, objective, grid and starts."""

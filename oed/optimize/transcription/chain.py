@@ -1,0 +1,232 @@
+"""Programs by the chain rule: what is cheap to write around the terms, differentiated apart from them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.unrolled import OtherRobots
+from oed.optimize.transcription.design import DesignExpressions
+
+Array = npt.NDArray[np.float64]
+Interval = tuple[Array, Array]
+
+LINEAR_WEIGHT = 20.0
+"""Factor on rows that are linear in z (speeds, accelerations), against 1 for the others (positions).
+
+Ipopt gives every row the same first multiplier, so a row's weight is how strongly it repels early on.
+Searches held away from saturated accelerations first end in better optima: on the per-sample form the
+mean over starts rises from 67 to 76 (of at most 85.8).
+"""
+
+
+NARROWED = 0.9
+"""Share of the way between two bounds that tightening may take away at most."""
+
+
+class Frame:
+    """How a program sees the limits: bounds of single unknowns as bounds, all others as weighed rows.
+
+    Bounds of single unknowns that contradict each other stay rows, for those Ipopt calls infeasible. With
+    `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation.
+    """
+
+    def __init__(self, terms: Terms, *, relaxing: bool) -> None:
+        """Sort the rows."""
+        self.size, self.relaxing = terms.size, relaxing
+        self._sizes = np.array([rows.size for rows in terms.rows])
+        self._owner = np.repeat(np.arange(len(terms.rows)), [len(rows.lower) for rows in terms.rows])
+        self._lower = np.concatenate([rows.lower for rows in terms.rows])
+        self._upper = np.concatenate([rows.upper for rows in terms.rows])
+        self._simple, self._unknown, self._slope, self._constant = terms.bounded_unknowns
+        least, most = self._ranges(self._lower, self._upper)
+        kept = (least <= most)[self._unknown] & (not relaxing)
+        self._simple, self._unknown = self._simple[kept], self._unknown[kept]
+        self._slope, self._constant = self._slope[kept], self._constant[kept]
+        self._rest = np.setdiff1d(np.arange(len(self._owner)), self._simple)
+        weights = np.where(np.array(terms.linear) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
+        self._weights = weights[self._owner[self._rest]]
+
+    @property
+    def choice(self) -> ca.DM:
+        """The matrix (kept, rows) that picks and weighs rows."""
+        kept = len(self._rest)
+        return ca.DM.triplet(range(kept), self._rest.tolist(), self._weights, kept, len(self._owner))
+
+    @property
+    def relaxations(self) -> ca.DM:
+        """The matrix (rows, limits) that says which limit each row belongs to."""
+        count = len(self._owner)
+        return ca.DM.triplet(range(count), self._owner.tolist(), np.ones(count), count, len(self._sizes))
+
+    def bounds(self, backoff: Array) -> tuple[Interval, Interval]:
+        """Bounds of z and of the rows, with each limit tightened by that share of its size."""
+        shift = (backoff * self._sizes)[self._owner]
+        # Something is left between two bounds, however narrow: a robot may all but fill its room.
+        shift = np.minimum(shift, NARROWED * (self._upper - self._lower) / 2)
+        lower, upper = self._lower + shift, self._upper - shift
+        low, high = self._unknowns_within(lower, upper)
+        least, most = lower[self._rest] * self._weights, upper[self._rest] * self._weights
+        if self.relaxing:
+            unbounded = np.full(len(least), np.inf)
+            least, most = np.concatenate([-unbounded, least]), np.concatenate([most, unbounded])
+        return (low, high), (least, most)
+
+    def _unknowns_within(self, lower: Array, upper: Array) -> Interval:
+        # What tightened rows of single unknowns leave of these.
+        low, high = self._ranges(lower, upper)
+        least, most = self._ranges(self._lower, self._upper)
+        # So it is of what several limits together leave of one unknown.
+        spare = np.zeros(self.size)
+        bounded = np.isfinite(most - least)
+        spare[bounded] = (1 - NARROWED) * (most - least)[bounded] / 2
+        return np.minimum(low, most - spare), np.maximum(high, least + spare)
+
+    def _ranges(self, lower: Array, upper: Array) -> Interval:
+        # Of every unknown, where all its own rows lie between such bounds.
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        ends = np.array([lower[self._simple], upper[self._simple]])
+        ends = np.sort((ends - self._constant) / self._slope, axis=0)
+        np.maximum.at(low, self._unknown, ends[0])
+        np.minimum.at(high, self._unknown, ends[1])
+        return low, high
+
+
+class ChainRule:
+    """A program around the terms, with its derivatives (MX).
+
+    Args:
+        design: what it is about.
+        frame: how it sees the limits.
+        objective: scalar to maximise, SX of z, the entries and the auxiliary unknowns, as the next ones.
+        auxiliary: further unknowns, (k,).
+        conditions: further rows, before those of the limits.
+    """
+
+    def __init__(
+        self,
+        design: DesignExpressions,
+        frame: Frame,
+        objective: Expression,
+        auxiliary: Expression,
+        conditions: Expression,
+    ) -> None:
+        """Write the program; the terms are differentiated where no program did so before."""
+        self._design, self._frame = design, frame
+        self._around = _Around([design.unknowns, design.entries, auxiliary], -objective, conditions)
+        self._x, self._p = ca.MX.sym("x", design.size + auxiliary.shape[0]), ca.MX.sym("p", 0)
+        self._z, self._auxiliary = self._x[: design.size], self._x[design.size :]
+        self._entries, rows = self._values()
+        self._point = [self._z, self._entries, self._auxiliary]
+        self._f, own = self._around.values(*self._point)
+        self._g = ca.vertcat(own, self._framed(rows))
+        self.program = {"x": self._x, "f": self._f, "g": self._g}
+
+    @property
+    def derivatives(self) -> dict[str, ca.Function]:
+        """The program's derivatives, as options of a solver."""
+        return {"grad_f": self._gradient(), "jac_g": self._jacobian(), "hess_lag": self._hessian()}
+
+    def _values(self) -> tuple[Expression, Expression]:
+        nominal, rows = self._design.terms.values(self._z)
+        others = [(place, robots.values(*given)) for place, robots, given in self._others()]
+        return self._stacked(nominal, others), rows
+
+    def _entry_slopes(self, nominal: Expression) -> Expression:
+        others = [(place, robots.jacobian(*given)) for place, robots, given in self._others()]
+        return self._stacked(nominal, others)
+
+    def _stacked(self, nominal: Expression, others: list[tuple[int, Expression]]) -> Expression:
+        each = [nominal] * len(self._design.robots)
+        for place, own in others:
+            each[place] = own
+        return ca.vertcat(*each)
+
+    def _others(self) -> list[tuple[int, OtherRobots, list[Any]]]:
+        # Robots judged besides the nominal one: place, functions, what those take.
+        return [
+            (place, self._design.other_robots, [self._z, ca.DM(parameters), ca.DM(shift)])
+            for place, parameters, shift in self._design.others
+        ]
+
+    def _framed(self, rows: Expression) -> Expression:
+        kept = self._frame.choice @ rows
+        if not self._frame.relaxing:
+            return kept
+        relaxed = self._frame.relaxations @ self._auxiliary
+        return ca.vertcat(kept - relaxed, kept + relaxed)
+
+    def _gradient(self) -> ca.Function:
+        by_z, by_entries, by_auxiliary = self._around.gradient(*self._point)
+        if self._around.gradient.nnz_out(1):
+            nominal, _ = self._design.terms.jacobian(self._z)
+            by_z += self._entry_slopes(nominal).T @ by_entries
+        gradient = ca.densify(ca.vertcat(by_z, by_auxiliary))
+        return ca.Function("grad_f", [self._x, self._p], [self._f, gradient])
+
+    def _jacobian(self) -> ca.Function:
+        nominal, rows = self._design.terms.jacobian(self._z)
+        by_z, by_entries, by_auxiliary = self._around.jacobian(*self._point)
+        framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
+        relaxed = ca.MX(framed.shape[0], count)
+        if self._frame.relaxing:
+            relaxed = ca.MX(self._frame.relaxations)
+            framed, relaxed = ca.vertcat(framed, framed), ca.vertcat(-relaxed, relaxed)
+        own = ca.horzcat(by_z + by_entries @ self._entry_slopes(nominal), by_auxiliary)
+        whole = ca.vertcat(own, ca.horzcat(framed, relaxed))
+        return ca.Function("jac_g", [self._x, self._p], [self._g, whole])
+
+    def _hessian(self) -> ca.Function:
+        terms, around = self._design.terms, self._around
+        factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", self._g.shape[0])
+        own, rest = ca.vertsplit(multipliers, [0, around.count, self._g.shape[0]])
+        if self._frame.relaxing:
+            lowered, raised = ca.vertsplit(rest, rest.shape[0] // 2)
+            rest = lowered + raised
+        weights, zz, ze, za, ee, ea, aa = around.hessian(*self._point, factor, own)
+        each = ca.vertsplit(weights, terms.entry_count)
+        on_nominal = ca.MX(terms.entry_count, 1)
+        places = {place for place, *_ in self._design.others}
+        for place, weight in enumerate(each):
+            on_nominal = on_nominal if place in places else on_nominal + weight
+        upper = terms.hessian(self._z, ca.densify(on_nominal), self._frame.choice.T @ rest)
+        for place, robots, given in self._others():
+            upper += robots.hessian(*given, each[place])
+        corner = ca.triu2symm(upper) + zz
+        if around.bent:
+            nominal, _ = terms.jacobian(self._z)
+            slope = self._entry_slopes(nominal)
+            mixed = ze @ slope
+            corner += slope.T @ ee @ slope + mixed + mixed.T
+            za += slope.T @ ea
+        whole = ca.triu(ca.blockcat([[corner, za], [za.T, aa]]))
+        return ca.Function("hess_lag", [self._x, self._p, factor, multipliers], [whole])
+
+
+class _Around:
+    """What is written around the terms, and its derivatives by z, entries and auxiliary unknowns."""
+
+    def __init__(self, arguments: list[Expression], target: Expression, conditions: Expression) -> None:
+        conditions = ca.densify(conditions)
+        self.count = conditions.shape[0]
+        factor, multipliers = ca.SX.sym("factor"), ca.SX.sym("multipliers", self.count)
+        weighted = factor * target + ca.dot(multipliers, conditions)
+        slopes = [ca.gradient(weighted, each) for each in arguments]
+        blocks = [ca.jacobian(slopes[row], arguments[column]) for row in range(3) for column in range(row, 3)]
+        self.values = ca.Function("around", arguments, [ca.densify(target), conditions])
+        self.gradient = ca.Function(
+            "gradient", arguments, [ca.jacobian(target, each).T for each in arguments]
+        )
+        self.jacobian = ca.Function(
+            "jacobian", arguments, [ca.jacobian(conditions, each) for each in arguments]
+        )
+        self.hessian = ca.Function(
+            "hessian", [*arguments, factor, multipliers], [ca.densify(slopes[1]), *blocks]
+        )
+        # Most criteria are linear in the information: then its slope need not be known here.
+        self.bent = any(blocks[place].nnz() for place in (1, 3, 4))

@@ -1,0 +1,173 @@
+"""What a search works on: a problem's terms, the matrices that its criterion judges, and its unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.problem import Problem
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.base import RowBounds, Terms, stacks, symmetric_all
+from oed.optimize.terms.unrolled import OtherRobots, Unrolled
+from oed.optimize.transcription.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+
+
+UNSOUND = 1e3
+"""Violation of every limit, as a share of its size, of a drive that is not finite."""
+
+
+class DesignExpressions:
+    """A problem's information and limits as functions of the unknowns z, and z of its drives.
+
+    Attributes:
+        terms: what is written out and differentiated.
+        robots: for every robot judged its matrices, of symbols that stand for their numbers (SX).
+        entries: those symbols, stacked.
+    """
+
+    def __init__(self, problem: Problem, refine: int = 1, *, differentiated: bool = True) -> None:
+        """Write the expressions; positions are limited at `refine` points per sample.
+
+        With `differentiated` False they serve for values alone.
+        """
+        self.problem = problem
+        self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
+        self.sizes = self.terms.sizes
+        count = self.terms.entry_count
+        symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]
+        self.entries = ca.vertcat(*symbols)
+        self.robots = [symmetric_all(own, self.sizes) for own in symbols]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns; the first `coefficient_count` are spline coefficients."""
+        return self.terms.size
+
+    @property
+    def coefficient_count(self) -> int:
+        """Free spline coefficients of all inputs together."""
+        return self.terms.coefficient_count
+
+    @property
+    def input_scale(self) -> Array:
+        """Largest value of each input, (inputs,)."""
+        scale: Array = self.terms.input_scale
+        return scale
+
+    @property
+    def unknowns(self) -> Expression:
+        """Z (SX)."""
+        return self.terms.unknowns
+
+    @property
+    def rows(self) -> list[RowBounds]:
+        """Bounds of every limit, without rows that no unknown moves."""
+        return self.terms.rows
+
+    @cached_property
+    def others(self) -> list[tuple[int, Array, Array]]:
+        """Robots judged that are not the nominal one: place, parameters (p,), shift of the start states."""
+        nominal = np.array(self.problem.robot.nominal)
+        return [
+            (place, parameters, shift)
+            for place, (parameters, shift) in enumerate(self.problem.judged_robots)
+            if shift.any() or not np.array_equal(parameters, nominal)
+        ]
+
+    @cached_property
+    def other_robots(self) -> OtherRobots:
+        """The information of other robots than the nominal one."""
+        assert isinstance(self.terms, Unrolled)
+        return OtherRobots(self.problem, self.terms)
+
+    def trajectory(self, unknowns: Array) -> Trajectory:
+        """The drive that z stands for."""
+        space, inputs = self.problem.design, len(self.problem.model.inputs)
+        table = np.zeros((space.all_coefficients, inputs))
+        free = unknowns[: self.coefficient_count].reshape((len(space.free_rows), inputs), order="F")
+        table[space.free_rows] = free * self.input_scale
+        start = self.problem.fixed_starts
+        if start is None:
+            start = self.problem.start_states(unknowns[self.coefficient_count :])
+        return space.trajectory(table, start)
+
+    def unknowns_of(self, trajectory: Trajectory) -> Array:
+        """Z of a drive of this design space.
+
+        Raises:
+            ValueError: the drive's splines are not this space's.
+        """
+        space = self.problem.design
+        same = trajectory.degree == space.spline.degree and trajectory.knots.shape == space.knots.shape
+        if not same or not np.allclose(trajectory.knots, space.knots):
+            raise ValueError("the trajectory's splines are not those of the design space")
+        free = trajectory.coefficients[space.free_rows] / self.input_scale
+        start = trajectory.starts[:, :3] if space.start_is_free else np.zeros(0)
+        return np.concatenate([free.ravel(order="F"), start.ravel()])
+
+    def matrices_of(self, unknowns: Array) -> list[list[Array]]:
+        """The information matrices of every robot judged, for one z."""
+        return [[stack[0] for stack in own] for own in self._judged(unknowns[None, :])[0]]
+
+    def objective(self, matrices: Sequence[Sequence[Array]]) -> Array:
+        """The objective (...,) of the matrices (..., p, p) of every robot judged."""
+        return self.problem.together([self.problem.objective.value(own) for own in matrices])
+
+    @cached_property
+    def scale(self) -> float:
+        """A typical lambda_min of the information: divides it in the program, so that it is of order 1."""
+        rng = np.random.default_rng(0)
+        low, high = np.full((2, self.size), [[-1.0], [1.0]])
+        bounds = self.problem.input_bounds / self.input_scale[:, None]
+        count = self.coefficient_count
+        low[:count], high[:count] = np.repeat(bounds, len(self.terms.free), axis=0).T
+        (first, *_), _ = self._judged(rng.uniform(low, high, (200, self.size)))
+        smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
+        means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
+        typical = float(smallest.max())
+        return typical if typical > 0 else float(np.max(means)) or 1.0
+
+    def score_many(self, candidates: Array) -> tuple[Array, Array]:
+        """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size).
+
+        For ranking candidates only: it looks at limits at the samples, `evaluate` between them too.
+        """
+        matrices, violations = self._judged(candidates)
+        return self.objective(matrices), violations
+
+    @cached_property
+    def _scores(self) -> ca.Function:
+        return self.terms.scores
+
+    def compile_scores(self) -> None:
+        """Let generated C score candidates, where there is a compiler; the numbers stay the same."""
+        self._scores = compiled(self.terms.scores)
+
+    def _judged(self, candidates: Array) -> tuple[list[list[Array]], Array]:
+        # For every robot its matrices (K, p, p); relative violations (K, limits).
+        count = len(candidates)
+        nominal, violations = map(np.array, self._scores.map(count)(candidates.T))
+        found = [stacks(nominal, self.sizes)] * len(self.robots)
+        for place, parameters, shift in self.others:
+            other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
+            found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
+        return _finite(found, violations.T.reshape(count, -1))
+
+
+def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
+    # A drive that is not finite tells nothing and exceeds all limits, whatever robot it is of.
+    parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
+    sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
+    if sound.all():
+        return robots, violations
+    kept = [[np.where(sound[:, :, None], stack, 0.0) for stack in own] for own in robots]
+    return kept, np.where(sound, violations, UNSOUND)

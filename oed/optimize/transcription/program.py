@@ -1,0 +1,177 @@
+"""The design as a nonlinear program: assembled once, solved from many starts.
+
+Limits on speed and acceleration act on spline coefficients, whose convex hull holds the curve, so they hold
+at all times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.dynamics.expression import Expression
+from oed.optimize.transcription.chain import ChainRule, Frame
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.interrupts import interrupts_kept
+from oed.optimize.transcription.threads import one_thread
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one call of Ipopt returned."""
+
+    unknowns: Array
+    auxiliary: Array
+    return_status: str
+    iterations: int
+    evaluations: int
+    row_multipliers: Array
+    bound_multipliers: Array
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether Ipopt reached its tolerance, so that another solve may go on from here."""
+        return self.return_status == "Solve_Succeeded"
+
+
+IPOPT_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    # A start from which the drive is not finite is told in words, once.
+    "show_eval_warnings": False,
+    # The derivatives are given; nobody asks for those by parameters, of which there are none.
+    "no_nlp_grad": True,
+    "calc_lam_p": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    # Bounds are not to be exceeded at all, or a design could seem to beat a bound that is proved.
+    "ipopt.bound_relax_factor": 0.0,
+}
+
+WARM_OPTIONS: dict[str, Any] = {
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-5,
+    "ipopt.warm_start_bound_push": 1e-6,
+    "ipopt.warm_start_bound_frac": 1e-6,
+    "ipopt.warm_start_slack_bound_push": 1e-6,
+    "ipopt.warm_start_slack_bound_frac": 1e-6,
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+}
+"""Of a solve that goes on from the end of one before, under slightly other limits."""
+LED_NOWHERE = (
+    "Maximum_Iterations_Exceeded",
+    "Infeasible_Problem_Detected",
+    "Restoration_Failed",
+    "Error_In_Step_Computation",
+    "Invalid_Number_Detected",
+    "Diverging_Iterates",
+)
+"""How such a solve ends that is better begun anew."""
+WARM_ITERATIONS = 100
+"""After which the multipliers it goes on from have misled it: where they help, a dozen do."""
+
+
+class Program:
+    """One nonlinear program over z and auxiliary unknowns, built once and called for every start.
+
+    Expressions are SX of z, of `design.entries` and of the auxiliary unknowns.
+
+    Args:
+        design: the problem's expressions.
+        objective: scalar to maximise.
+        auxiliary: further unknowns, (k,).
+        equalities: expressions that must vanish, (e,).
+        floors: expressions that must stay at or above values given with each call, (f,).
+        relaxing: whether the auxiliary unknowns relax the limits, one each, in units of the limit's size.
+        options: of Ipopt, added to the package's own.
+    """
+
+    def __init__(
+        self,
+        design: DesignExpressions,
+        *,
+        objective: Expression,
+        auxiliary: Expression,
+        equalities: Expression,
+        floors: Expression,
+        relaxing: bool = False,
+        options: dict[str, Any] | None = None,
+    ) -> None:
+        """Build the solver and its derivatives."""
+        self.design = design
+        self._equalities, self._floors = equalities.shape[0], floors.shape[0]
+        self._frame = Frame(design.terms, relaxing=relaxing)
+        chain = ChainRule(design, self._frame, objective, auxiliary, ca.vertcat(equalities, floors))
+        self._program = chain.program
+        self._options = {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
+
+    @cached_property
+    def _solver(self) -> ca.Function:
+        return ca.nlpsol("design", "ipopt", self._program, self._options)
+
+    @cached_property
+    def _warm_solver(self) -> ca.Function:
+        most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
+        options = {**self._options, **WARM_OPTIONS, "ipopt.max_iter": most}
+        return ca.nlpsol("design", "ipopt", self._program, options)
+
+    def solve(
+        self,
+        unknowns: Array,
+        auxiliary: Array,
+        *,
+        floors: Array | None = None,
+        backoff: Array | None = None,
+        auxiliary_lower: Array | None = None,
+        auxiliary_upper: Array | None = None,
+        after: Outcome | None = None,
+    ) -> Outcome:
+        """Solve from a start. `backoff` tightens each limit by that share of its size.
+
+        With `after` the start is where that solve ended, whose multipliers are a beginning; where they lead
+        nowhere, it is solved without them.
+        """
+        shares = np.zeros(len(self.design.rows)) if backoff is None else backoff
+        (low, high), (row_low, row_high) = self._frame.bounds(shares)
+        zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
+        least = np.zeros(self._floors) if floors is None else floors
+        unbounded = np.full(len(auxiliary), np.inf)
+        given = {
+            "x0": np.concatenate([unknowns, auxiliary]),
+            "lbg": np.concatenate([zero, least, row_low]),
+            "ubg": np.concatenate([zero, open_side, row_high]),
+            "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
+            "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
+        }
+        if after is None:
+            return self._called(self._solver, given)
+        multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
+        warm = self._called(self._warm_solver, {**given, **multipliers})
+        if warm.return_status not in LED_NOWHERE:
+            return warm
+        cold = self._called(self._solver, given)
+        iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
+        return replace(cold, iterations=iterations, evaluations=evaluations)
+
+    def _called(self, solver: ca.Function, given: dict[str, Array]) -> Outcome:
+        with interrupts_kept(), one_thread():
+            result = solver(**given)
+        stats = solver.stats()
+        values = np.array(result["x"]).ravel()
+        size = self.design.size
+        return Outcome(
+            values[:size],
+            values[size:],
+            stats["return_status"],
+            int(stats["iter_count"]),
+            int(stats["n_call_nlp_f"]),
+            np.array(result["lam_g"]).ravel(),
+            np.array(result["lam_x"]).ravel(),
+        )

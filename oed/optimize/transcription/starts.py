@@ -1,0 +1,115 @@
+"""Where local searches begin: random drives, screened, and small random coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.optimize.transcription.design import DesignExpressions
+from oed.robots.limits.workspace import workspace_of
+
+Array = npt.NDArray[np.float64]
+
+SCREENED = 2000
+"""Random drives simulated to choose starts from."""
+SMALL = 0.25
+"""Amplitude of the small random starts, as a share of each input's range."""
+DISCOUNT = 1.0
+"""Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
+KICK = 0.15
+"""Standard deviation of a perturbation, as a share of each input's largest value."""
+
+
+def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
+    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range."""
+    bounds = design.problem.input_bounds / design.input_scale[:, None]
+    rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
+    per_input = design.coefficient_count // len(bounds)
+    low, high = (np.repeat(bounds[:, side], per_input) for side in (0, 1))
+    centre = np.repeat(rest, per_input)
+    draws = rng.uniform(low, high, (len(amplitudes), design.coefficient_count))
+    coefficients = centre + amplitudes[:, None] * (draws - centre)
+    poses = design.size - design.coefficient_count
+    if not poses:
+        return np.asarray(coefficients)
+    return np.hstack([coefficients, random_poses(design, len(amplitudes), rng)])
+
+
+def start_bounds(design: DesignExpressions) -> Array:
+    """Bounds (3 * runs, 2) of free start poses: the workspace's bounding box, all headings."""
+    room = workspace_of(design.problem.limits)
+    x_min, x_max, y_min, y_max = (-1e-3, 1e-3, -1e-3, 1e-3) if room is None else room.extent
+    pose = np.array([[x_min, x_max], [y_min, y_max], [-np.pi, np.pi]])
+    return np.tile(pose, (design.problem.design.runs, 1))
+
+
+def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
+    """Random start poses (count, 3 * runs) within those bounds."""
+    # Coordinate by coordinate, as they always were drawn.
+    columns = [rng.uniform(low, high, count) for low, high in start_bounds(design)]
+    return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Random drives, scored at the samples.
+
+    Attributes:
+        candidates: their unknowns, (K, size).
+        values: of the criterion, (K,).
+        violations: of each limit as a share of its size, (K, limits).
+    """
+
+    candidates: Array
+    values: Array
+    violations: Array
+
+    def kept(self, tolerance: float) -> list[Array]:
+        """Unknowns of those that keep every limit at the samples within that share, the best first."""
+        kept = np.isfinite(self.values) & (self.violations.max(axis=1, initial=0.0) <= tolerance)
+        places = np.flatnonzero(kept)
+        return list(self.candidates[places[np.argsort(-self.values[places], kind="stable")]])
+
+
+def screen(design: DesignExpressions, rng: np.random.Generator) -> Screening:
+    """Simulate random drives of all sizes."""
+    candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
+    return Screening(candidates, *design.score_many(candidates))
+
+
+def starting_points(
+    design: DesignExpressions, count: int, rng: np.random.Generator, screened: Screening | None = None
+) -> list[Array]:
+    """Unknowns of `count` starts: half screened, half small.
+
+    Screening ranks random drives by criterion, discounted by how far they exceed the limits.
+    """
+    found = screen(design, rng) if screened is None else screened
+    order = np.argsort(-_merit(found.values, found.violations), kind="stable")
+    # Taking turns, so that a search cut short has tried both sorts.
+    starts = np.empty((count, design.size))
+    starts[0::2] = found.candidates[order[: (count + 1) // 2]]
+    starts[1::2] = random_drives(design, np.full(count // 2, SMALL), rng)
+    return list(starts)
+
+
+def _merit(values: Array, violations: Array) -> Array:
+    # Standard scores, so that criteria of any size and sign are discounted alike.
+    finite = np.isfinite(values)
+    if not finite.any():
+        return np.asarray(-violations.sum(axis=1))
+    spread = float(values[finite].std()) or 1.0
+    scores = np.where(finite, (values - values[finite].mean()) / spread, -1e3)
+    return np.asarray(scores - DISCOUNT * violations.sum(axis=1))
+
+
+def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
+    """A neighbour of a design: every coefficient kicked, within the inputs' bounds."""
+    bounds = design.problem.input_bounds / design.input_scale[:, None]
+    per_input = design.coefficient_count // len(bounds)
+    kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
+    head = kicked[: design.coefficient_count]
+    np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
+    return np.asarray(kicked)

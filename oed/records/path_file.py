@@ -1,0 +1,277 @@
+"""Trajectory CSV files: one row per sample, the pose at its start and the inputs held during it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import FileFlaw, PathFileError
+from oed.foundation.files import read_text, write_text
+from oed.foundation.quantities import LARGEST, plain_number, too_large
+from oed.foundation.shown import written
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+EVEN = 1e-3
+"""Share of the period by which a step in time may be off the even grid."""
+
+
+def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> str:
+    """The CSV text of a trajectory whose poses at the samples are `poses` (N + runs, states).
+
+    Several runs follow each other, told apart by a first column `run`, each on its own clock.
+    """
+    buffer, runs = io.StringIO(), trajectory.runs
+    writer = csv.writer(buffer, lineterminator="\n")
+    first = ["run"] if runs > 1 else []
+    writer.writerow([*first, "t", *problem.model.input_names, *problem.model.states])
+    times = np.linspace(0.0, trajectory.duration / runs, trajectory.samples // runs + 1)
+    nothing = [[""] * len(problem.model.inputs)]
+    each = zip(np.split(trajectory.inputs, runs), np.split(poses, runs), strict=True)
+    for run, (rows, own_poses) in enumerate(each, start=1):
+        held = [*([repr(float(value)) for value in row] for row in rows), *nothing]
+        number = [str(run)] if runs > 1 else []
+        for time, inputs, pose in zip(times, held, own_poses, strict=True):
+            numbers = (repr(float(value)) for value in pose)
+            writer.writerow([*number, _time_text(float(time)), *inputs, *numbers])
+    return buffer.getvalue()
+
+
+def _time_text(time: float) -> str:
+    return f"{time:.9f}".rstrip("0").rstrip(".") or "0"
+
+
+def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
+    """Write a trajectory CSV.
+
+    Raises:
+        UserMistake, Failure: as `write_text` does.
+    """
+    write_text(path, trajectory_csv(problem, trajectory, poses))
+
+
+def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
+    """The drive in a CSV: its own duration and samples, started at its first pose (or the study's start).
+
+    Needed are `t` and the robot's inputs, for a study with several runs also `run`; the poses of later rows
+    follow from those and are not read.
+
+    Raises:
+        PathFileError: every mistake in the file, each with its line.
+    """
+    table = _read(file, ("t", *problem.model.input_names), problem.model.states)
+    parts = _by_run(table, problem.design.runs)
+    read = [_read_run(part, problem) for part in parts]
+    flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
+    if flaws:
+        raise PathFileError(sorted(flaws, key=lambda flaw: (flaw.line, flaw.key)))
+    runs = [one for one in read if isinstance(one, _Run)]
+    for part, run in zip(parts[1:], runs[1:], strict=True):
+        _require_alike(part, run, runs[0])
+    given = [run.start for run in runs if run.start is not None]
+    starts = np.array(given) if len(given) == len(runs) else problem.fixed_starts
+    return Trajectory.from_samples(
+        np.vstack([run.inputs for run in runs]),
+        sum(run.duration for run in runs),
+        problem.start_states(np.zeros((len(runs), 3))) if starts is None else starts,
+        rest_to_rest=problem.design.rest_to_rest,
+        runs=len(runs),
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of a path: inputs (N, inputs) held, duration [s], start state where the file gives one."""
+
+    inputs: Array
+    duration: float
+    start: Array | None
+
+
+def _require_alike(table: _Table, run: _Run, first: _Run) -> None:
+    # All runs share one duration and number of periods.
+    count, expected = len(run.inputs), len(first.inputs)
+    if count != expected:
+        text = f"expected {expected} periods, as in the first run, got {count}"
+    elif abs(run.duration - first.duration) > EVEN * first.duration / expected:
+        text = f"expected {first.duration:.6g} s, as in the first run, got {run.duration:.6g} s"
+    else:
+        return
+    raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+
+
+def _by_run(table: _Table, expected: int) -> list[_Table]:
+    # The rows of each run, in the order of their first appearance.
+    if "run" not in table.header:
+        numbers = [""] * len(table.rows)
+    else:
+        place = table.header.index("run")
+        numbers = [row[place].strip() if place < len(row) else "" for row in table.rows]
+    names = list(dict.fromkeys(numbers))
+    if len(names) != expected:
+        text = f"expected {expected} run(s), as the study has, told apart by a column `run`; got {len(names)}"
+        raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+    chosen = [[index for index, number in enumerate(numbers) if number == name] for name in names]
+    return [table.some(rows) for rows in chosen]
+
+
+def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
+    model = problem.model
+    if len(table.rows) < 2:
+        return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
+    states = [state for state in model.states if state in table.header]
+    given = states if len(states) == len(model.states) else []
+    times, flaws = _columns(table, ("t",), last_may_be_empty=False)
+    inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
+    start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
+    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, model)
+    if flaws:
+        return flaws
+    # The last row holds the final pose only, with empty inputs.
+    rows = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
+    if np.isnan(rows).any() or len(rows) < 2:
+        text = f"expected numbers for {', '.join(model.input_names)} in at least two rows"
+        return [table.flaw(-1 if np.isnan(rows).any() else 0, "", text)]
+    return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
+
+
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str], model: Model) -> list[FileFlaw]:
+    # Rows of other lengths than the header, and a file that does not end as a whole one does.
+    width = len(table.header)
+    uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
+    if uneven:
+        text = "expected {} cells, as in the header, got {}; is the file cut short?"
+        return [table.flaw(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
+    if np.isnan(inputs[-1]).any() or (table.ended and not states):
+        return []
+    # Exported commands end with the one to stop.
+    drives = np.array([entry.drives for entry in model.inputs])
+    if table.ended and not inputs[-1, drives].any():
+        return []
+    held = "the final pose" if states else "the time of the end"
+    text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
+    return [table.flaw(-1, "", text)]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A CSV's header, and its rows with the lines they stand in; whether its last line is ended."""
+
+    name: str
+    header: list[str]
+    lines: list[int]
+    rows: list[list[str]]
+    ended: bool
+
+    def some(self, chosen: Sequence[int]) -> _Table:
+        """Some of its rows."""
+        lines, rows = [self.lines[index] for index in chosen], [self.rows[index] for index in chosen]
+        return replace(self, lines=lines, rows=rows)
+
+    def flaw(self, row: int, key: str, message: str) -> FileFlaw:
+        """A flaw in a row."""
+        return FileFlaw(self.name, self.lines[row], 0, key, message)
+
+
+def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Table:
+    name, text = str(file), _text(file)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
+    numbered = [(number, _cells(name, number, line)) for number, line in lines]
+    if len(numbered) < 3:
+        raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
+    header = [cell.strip() for cell in numbered[0][1]]
+    reason = _reason_against(header, needed, states)
+    if reason:
+        raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
+    places, rows = zip(*numbered[1:], strict=True)
+    return _Table(name, header, list(places), list(rows), text.endswith("\n"))
+
+
+def _text(file: str | Path) -> str:
+    try:
+        # Spreadsheets begin a file with a byte-order mark.
+        return read_text(file, "utf-8-sig")
+    except FileNotFoundError:
+        reason = "no such file"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    except UnicodeDecodeError:
+        reason = "cannot be read: not UTF-8 text"
+    raise PathFileError([FileFlaw(str(file), 0, 0, "", reason)])
+
+
+def _cells(name: str, number: int, line: str) -> list[str]:
+    # Line by line: a quote that is not closed would swallow the lines after it.
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
+
+
+def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
+    missing = [column for column in needed if column not in header]
+    # What the file says instead is not repeated: it may be no path at all, and nobody's business.
+    lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
+    if missing:
+        return lacking
+    twice = sorted({column for column in header if column and header.count(column) > 1})
+    if twice:
+        return f"the header has {', '.join(twice)} twice; which column counts?"
+    # A start that is given in part would be taken for one that is not given.
+    given = [state for state in states if state in header]
+    others = [state for state in states if state not in header]
+    text = f"the header has {', '.join(given)} of the start, but not {', '.join(others)}: give all or none"
+    return text if given and others else ""
+
+
+def _columns(
+    table: _Table, columns: Sequence[str], *, last_may_be_empty: bool
+) -> tuple[Array, list[FileFlaw]]:
+    # (rows, columns); not-a-number where the last row is empty.
+    values, flaws = np.full((len(table.rows), len(columns)), math.nan), []
+    for place, column in enumerate(columns):
+        index = table.header.index(column)
+        for number, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
+            cell = row[index].strip() if index < len(row) else ""
+            if not cell and last_may_be_empty and number == len(table.rows) - 1:
+                continue
+            value = _number(cell)
+            if value is None:
+                flaws.append(
+                    FileFlaw(table.name, line, 0, column, f"expected a finite number, got {written(cell)}")
+                )
+            elif abs(value) > LARGEST:
+                flaws.append(FileFlaw(table.name, line, 0, column, too_large(value)))
+            else:
+                values[number, place] = value
+    return values, flaws
+
+
+def _number(cell: str) -> float | None:
+    value = plain_number(cell)
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _period(table: _Table, times: Array) -> float:
+    # The median step is the period even where a row is missing or doubled, and tells which.
+    steps = np.diff(times)
+    period = float(np.median(steps))
+    if period <= 0:
+        text = f"expected t to rise, got {times[1]:.6g} s after {times[0]:.6g} s"
+        raise PathFileError([table.flaw(1, "t", text)])
+    uneven = np.flatnonzero((np.abs(steps - period) > EVEN * period) | (steps <= 0))
+    if uneven.size:
+        step = int(uneven[0])
+        text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample the path"
+        raise PathFileError([table.flaw(step + 1, "t", text)])
+    return float(times[-1] - times[0]) / len(steps)

@@ -1,0 +1,96 @@
+"""The one way in for saved JSON: a file's text, its syntax and its keys, every flaw named by file and key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from oed.foundation.errors import FileFlaw, RecordError
+from oed.foundation.files import read_text
+from oed.records.stored.parts import Stored
+from oed.study.study_errors import sentence
+
+DIGITS = 100
+"""Of a whole number."""
+SHOWN = 12
+"""Flaws of a file that are told; what is damaged throughout is not told line by line."""
+
+Kind = TypeVar("Kind", bound=Stored)
+
+
+def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
+    """The JSON object in a file.
+
+    Args:
+        path: the file.
+        absent: what to say where there is none.
+        expected: what to say of JSON that is something else.
+
+    Raises:
+        RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
+    """
+    try:
+        data = json.loads(read_text(path), parse_constant=_refuse, parse_int=_whole)
+    except FileNotFoundError:
+        raise _flaw(path, absent) from None
+    except json.JSONDecodeError as error:
+        raise RecordError(
+            [FileFlaw(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
+        ) from None
+    except OSError as error:
+        raise _flaw(path, f"cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise _flaw(path, "cannot be read: not UTF-8 text") from None
+    except RecursionError:
+        raise _flaw(path, "cannot be read: nested too deeply") from None
+    except ValueError as error:
+        raise _flaw(path, f"cannot be read: {str(error).partition(';')[0]}") from None
+    if not isinstance(data, dict):
+        raise _flaw(path, expected)
+    return data
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is no number of JSON")
+
+
+def _whole(text: str) -> int:
+    if len(text) > DIGITS:
+        raise ValueError(f"a whole number of {len(text)} digits")
+    return int(text)
+
+
+def _flaw(path: Path, text: str) -> RecordError:
+    return RecordError([FileFlaw(str(path), 0, 0, "", text)])
+
+
+def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
+    """Data as what it is to be.
+
+    Raises:
+        RecordError: names the file and the key of everything that is missing or something else.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise RecordError(_flaws(error.errors(include_url=False), path)) from None
+    except RecursionError:
+        raise _flaw(path, "cannot be read: nested too deeply") from None
+
+
+def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
+    flaws = [FileFlaw(str(path), 0, 0, ".".join(map(str, one["loc"])), sentence(one)) for one in details]
+    rest = len(flaws) - SHOWN
+    return (
+        flaws if rest <= 0 else [*flaws[:SHOWN], FileFlaw(str(path), 0, 0, "", f"and {rest} more like that")]
+    )
+
+
+def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
+    """Flaws of a file from keys and messages."""
+    return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]

@@ -1,0 +1,156 @@
+"""A result of a record: a drive of a search or of a baseline, with all that is known of it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from oed.kernel.criteria import CRITERIA
+from oed.records.stored.parts import (
+    Count,
+    Name,
+    Number,
+    Numbers,
+    Positive,
+    Seed,
+    Size,
+    Sizes,
+    Stored,
+    require_known,
+    require_table,
+)
+
+KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
+DEGREE = 7
+"""Of splines, at most."""
+
+
+class Drive(Stored):
+    """A drive's exact splines, and its poses at the samples."""
+
+    degree: Annotated[int, Field(ge=0, le=DEGREE)]
+    knots: list[Size]
+    coefficients: Annotated[Sizes, Field(min_length=1)]
+    start: list[Size] | Sizes
+    samples: Annotated[int, Field(ge=1)]
+    runs: Annotated[int, Field(ge=1)] = 1
+    poses: Sizes
+
+    @model_validator(mode="after")
+    def _fits(self) -> Drive:
+        require_table("coefficients", self.coefficients, None, len(self.coefficients[0]))
+        if not self.coefficients[0]:
+            raise ValueError("coefficients: expected one of every input, got none")
+        self._require_knots()
+        if self.samples % self.runs:
+            raise ValueError(f"samples: expected as many in each of {self.runs} runs, got {self.samples}")
+        width = max(3, len(self.poses[0])) if self.poses else 3
+        require_table("poses", self.poses, self.samples + self.runs, width)
+        self._require_starts(width)
+        return self
+
+    def _require_knots(self) -> None:
+        count = len(self.coefficients) + self.degree + 1
+        if len(self.knots) != count:
+            raise ValueError(f"knots: expected {count} of them, got {len(self.knots)}")
+        falling = any(later < earlier for earlier, later in zip(self.knots, self.knots[1:], strict=False))
+        if falling or not self.knots[0] < self.knots[-1]:
+            raise ValueError("knots: expected times that rise")
+        if self.knots[0] != 0:
+            raise ValueError(f"knots: expected times from 0, got {self.knots[0]:g}")
+
+    def _require_starts(self, width: int) -> None:
+        rows = [one if isinstance(one, list) else [one] for one in self.start]
+        nested = any(isinstance(one, list) for one in self.start)
+        if nested:
+            require_table("start", rows, self.runs, width)
+        elif self.runs > 1 or len(self.start) != width:
+            raise ValueError(f"start: expected {width} numbers of each of {self.runs} runs")
+
+
+class Margin(Stored):
+    """How much room a drive leaves to a limit."""
+
+    limit: str
+    margin: Number
+    size: Positive
+    unit: str
+    active: bool
+    kept: bool
+    certain: bool | None = None
+
+
+class StartPoint(Stored):
+    """What a search made of one of its starts."""
+
+    objective: Number | None
+    status: str
+    wall_seconds: Positive
+    iterations: Count
+
+
+class Progress(Stored):
+    """The best objective after so many evaluations."""
+
+    evaluations: Count
+    seconds: Positive
+    objective: Number | None
+
+
+class Covariance(Stored):
+    """The predicted covariance of parameters that are told together."""
+
+    parameters: Annotated[list[str], Field(min_length=1)]
+    covariance: list[list[Number | None]]
+
+    @model_validator(mode="after")
+    def _square(self) -> Covariance:
+        require_table("covariance", self.covariance, len(self.parameters), len(self.parameters))
+        known = [row[place] for place, row in enumerate(self.covariance)]
+        if any(value is not None and value < 0 for value in known):
+            raise ValueError("covariance: expected variances of at least 0")
+        return self
+
+
+class StoredResult(Stored):
+    """A result."""
+
+    name: Name
+    kind: str
+    criterion: str | None = None
+    status: str
+    message: str
+    feasible: bool
+    violations: dict[str, Number]
+    objective: Number | None
+    lambda_min: Number | None
+    lambda_max: Number | None
+    condition_number: Number | None
+    smallest_singular_value: Number | None
+    norm_y: Number | None
+    path_length: Positive | None
+    singular_values: Numbers
+    standard_deviations: dict[str, Positive | None]
+    covariances: list[Covariance] = Field(default_factory=list)
+    margins: list[Margin] = Field(default_factory=list)
+    wall_seconds: Positive
+    starts: list[StartPoint]
+    stages: dict[str, Number | None]
+    history: list[Progress] = Field(default_factory=list)
+    seed: Seed | None = None
+    trajectory: Name | None
+    drive: Drive | None
+    criteria: dict[str, Number | None] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _known(self) -> StoredResult:
+        if self.feasible and self.drive is None:
+            raise ValueError("drive: expected that of a feasible result, got none")
+        if self.drive is not None and self.path_length is None:
+            raise ValueError("path_length: expected that of the drive, got none")
+        require_known("criterion", [self.criterion or "E"], KINDS)
+        require_known("criteria", self.criteria, KINDS)
+        if self.lambda_min is not None and self.lambda_max is not None and self.lambda_min > self.lambda_max:
+            raise ValueError(f"lambda_min: expected at most lambda_max, got {self.lambda_min:g}")
+        return self

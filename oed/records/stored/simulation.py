@@ -1,0 +1,158 @@
+"""What simulations say of a record's drives: whether estimates scatter as promised, who leaves the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from oed.records.stored.parts import (
+    Count,
+    Line,
+    Matrix,
+    Name,
+    Number,
+    Numbers,
+    Seed,
+    Share,
+    Stored,
+    require_alike,
+    require_different,
+    require_known,
+    require_table,
+)
+from oed.simulation.monte_carlo import ALPHA
+
+
+class StoredCheck(Stored):
+    """A test of simulated estimates against what is promised."""
+
+    name: str
+    question: str
+    statistic: Number
+    expected: Annotated[Numbers, Field(min_length=2, max_length=2)]
+    p_value: Share
+    passed: bool
+
+
+class Simulated(Stored):
+    """Simulated experiments with one drive."""
+
+    name: Name
+    estimator: str = "ols"
+    heading: str = "known"
+    passed: bool
+    verdict: str
+    parameters: Annotated[list[str], Field(min_length=1)]
+    true: Numbers
+    mean: Numbers
+    promised_covariance: Matrix
+    sampled_covariance: Matrix
+    paired_variance_ratio: Numbers
+    paired_standard_error: Numbers
+    checks: list[StoredCheck]
+    estimates: Annotated[Matrix, Field(min_length=2)]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Simulated:
+        count = len(self.parameters)
+        require_different("parameters", self.parameters)
+        require_alike(
+            count,
+            true=self.true,
+            mean=self.mean,
+            paired_variance_ratio=self.paired_variance_ratio,
+            paired_standard_error=self.paired_standard_error,
+        )
+        require_table("estimates", self.estimates, None, count)
+        for what in ("promised_covariance", "sampled_covariance"):
+            covariance: Matrix = getattr(self, what)
+            require_table(what, covariance, count, count)
+            require_covariance(what, covariance)
+        return self
+
+
+def require_covariance(what: str, matrix: Matrix) -> None:
+    """Refuse what is no covariance: variances above 0, and no correlation beyond 1.
+
+    Raises:
+        ValueError: names the row.
+    """
+    for place, row in enumerate(matrix):
+        if not row[place] > 0:
+            raise ValueError(f"{what}.{place}: expected a variance above 0, got {row[place]:g}")
+    for place, row in enumerate(matrix):
+        for other, value in enumerate(row):
+            if abs(value) > (1 + 1e-6) * math.sqrt(row[place]) * math.sqrt(matrix[other][other]):
+                raise ValueError(f"{what}.{place}.{other}: expected a correlation of at most 1")
+
+
+class StoredValidation(Stored):
+    """A record's `validation`: options left out are the usual ones."""
+
+    replicates: Count = 0
+    heading: Literal["known", "predicted", "measured"] = "known"
+    loss: str | None = "linear"
+    alpha: Share = ALPHA
+    seed: Seed = 0
+    results: list[Simulated]
+
+
+class Uncertain(Stored):
+    """A parameter that may be another."""
+
+    name: str
+    unit: str
+    nominal: Number
+    low: Number
+    high: Number
+    uniform: bool
+
+
+class Tried(Stored):
+    """How many robots leave the limits on a drive."""
+
+    name: Name
+    probability: Share
+    interval: Annotated[list[Share], Field(min_length=2, max_length=2)]
+    draws: Count
+    seed: Seed
+    by_limit: dict[str, Number]
+    farthest: Number | None
+    objective: Number | None
+    reserve: Number | None
+    kept: Count | None
+    checked_at_points: list[str] | None = None
+
+
+class Paths(Stored):
+    """Where robots drawn from the uncertainty go: points by robot and run."""
+
+    name: Name
+    leaves: list[bool]
+    paths: list[list[Line]]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Paths:
+        require_alike(len(self.paths), leaves=self.leaves)
+        return self
+
+
+class StoredRobustness(Stored):
+    """A record's `robustness`."""
+
+    kind: Literal["chance", "tube", "scenarios"]
+    confidence: Share
+    objective: Literal["nominal", "mean", "worst"]
+    limits: list[str]
+    uncertain: list[Uncertain]
+    results: list[Tried]
+    bundles: list[Paths]
+
+    @model_validator(mode="after")
+    def _fits(self) -> StoredRobustness:
+        names = [one.name for one in self.results]
+        require_different("results", names)
+        require_known("bundles", (one.name for one in self.bundles), names)
+        return self

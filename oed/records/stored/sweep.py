@@ -1,0 +1,103 @@
+"""What sweep.json holds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from oed.records.stored.parts import (
+    Count,
+    Name,
+    Number,
+    Positive,
+    Seed,
+    Stored,
+    require_different,
+    require_known,
+)
+
+RECORD = "record.json"
+
+
+class SweptKey(Stored):
+    """A key that was varied, and its values."""
+
+    key: str
+    name: str
+    unit: str
+    values: Annotated[list[str], Field(min_length=1)]
+    numeric: bool
+
+
+class SweptPoint(Stored):
+    """A point, in a folder of its own."""
+
+    values: dict[str, str]
+    numbers: dict[str, Number | None]
+    label: str
+    folder: Name
+    record: str | None
+    status: str
+    message: str
+    seed: Seed
+    design: str | None
+    objective: Number | None
+    lambda_min: Number | None
+    standard_deviations: dict[str, Positive | None]
+    upper_bound: Number | None
+    gap: Number | None
+    seconds: Positive | None
+
+    @model_validator(mode="after")
+    def _in_its_folder(self) -> SweptPoint:
+        expected = f"{self.folder}/{RECORD}"
+        if self.record not in (None, expected):
+            raise ValueError(f"record: expected {expected!r}, got {self.record!r}")
+        if self.record is None and self.design is not None:
+            raise ValueError("record: expected that of the design, got none")
+        return self
+
+
+class StoredSweep(Stored):
+    """A sweep."""
+
+    format: Literal[1]
+    oed_version: str
+    study: str
+    name: str
+    keys: Annotated[list[SweptKey], Field(min_length=1)]
+    points: Annotated[list[SweptPoint], Field(min_length=1)]
+    best: str | None
+    comparable: bool
+    kept: Count = 0
+    interrupted: bool
+
+    @model_validator(mode="after")
+    def _fits(self) -> StoredSweep:
+        folders = [one.folder for one in self.points]
+        require_different("points", folders)
+        require_known("best", [self.best] if self.best is not None else [], folders)
+        seen = set[tuple[str, ...]]()
+        for place, one in enumerate(self.points):
+            self._require_values(f"points.{place}", one)
+            seen.add(tuple(one.values[axis.key] for axis in self.keys))
+        if len(seen) < len(self.points):
+            raise ValueError("points: expected other values in each, got some twice")
+        if len(seen) < self._combinations:
+            raise ValueError(f"points: expected all {self._combinations} combinations, got {len(seen)}")
+        return self
+
+    @property
+    def _combinations(self) -> int:
+        product = 1
+        for axis in self.keys:
+            product *= len(set(axis.values))
+        return product
+
+    def _require_values(self, what: str, one: SweptPoint) -> None:
+        for axis in self.keys:
+            value = one.values.get(axis.key)
+            require_known(f"{what}.values.{axis.key}", [str(value)], axis.values)
+            if axis.numeric and one.numbers.get(axis.key) is None:
+                raise ValueError(f"{what}.numbers.{axis.key}: expected a number, got none")

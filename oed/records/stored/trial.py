@@ -1,0 +1,180 @@
+"""Drives of a simulated robot with slip, as a record has them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from oed.records.stored.parts import (
+    Count,
+    Interval,
+    Line,
+    Number,
+    Numbers,
+    Positive,
+    Seed,
+    Stored,
+    require_different,
+    require_known,
+    require_pairs,
+    require_table,
+)
+
+
+class Scaled(Stored):
+    """A parameter of a model, and the size that its errors are relative to."""
+
+    name: str
+    nominal: Number
+    unit: str
+    scale: Annotated[float, Field(gt=0, le=1e100)]
+
+
+class TriedModel(Stored):
+    """A model on trial."""
+
+    name: str
+    kind: str
+    parameters: list[Scaled]
+
+
+class Fit(Stored):
+    """How a model is calibrated."""
+
+    name: str
+    kind: str
+    method: str
+
+
+class StoredPlan(Stored):
+    """A drive to calibrate from."""
+
+    name: str
+    model: str | None
+    criterion: str | None
+    status: str
+    message: str
+    feasible: bool
+    violations: dict[str, Number]
+    path_length: Number | None
+    fastest: Number | None
+    wall_seconds: Positive
+    promised: dict[str, Positive | None] | None
+    path: Line | None
+    inputs: list[Numbers] | None
+
+
+class Around(Stored):
+    """A number, and the interval it lies in."""
+
+    value: Number | None
+    low: Number | None
+    high: Number | None
+
+
+class Error(Around):
+    """How far off a model's prediction is, calibrated from a drive [m]."""
+
+    drive: str
+    fit: str
+    along: Number | None
+    misfit: Number | None
+    refused: Count
+    each: list[Number | None]
+
+
+class Scatter(Stored):
+    """How estimates from a drive scatter."""
+
+    drive: str
+    fit: str
+    mean: Numbers
+    relative: Numbers
+    total: Around
+    each: list[Numbers]
+
+
+class Goal(Stored):
+    """A ratio that an aim is set for."""
+
+    kind: Literal["scatter", "error", "best"]
+    friction: Positive
+    drive: str
+    model: str
+    other_drive: str
+    other_model: str
+    ratio: Number | None
+    interval: Interval
+    most: Number
+    met: bool
+    sure: bool
+
+
+class StoredFloor(Stored):
+    """What was found on one floor."""
+
+    friction: Positive
+    done: Count
+    errors: list[Error]
+    scatter: list[Scatter]
+    goals: list[Goal]
+    drawn: Numbers = Field(default_factory=list)
+    paths: dict[str, Line] = Field(default_factory=dict)
+
+
+class SimulatedRobot(Stored):
+    """The robot that drives."""
+
+    kind: str
+
+
+class Spread(Stored):
+    """How much robots differ."""
+
+    friction: Positive
+    grip: Positive
+
+
+class StoredTrial(Stored):
+    """A record's `physics`."""
+
+    robot: SimulatedRobot
+    frictions: Annotated[Numbers, Field(min_length=1)]
+    repeats: Count
+    variation: Spread
+    held_out: Count
+    seed: Seed
+    interrupted: bool
+    models: Annotated[list[TriedModel], Field(min_length=1)]
+    fits: Annotated[list[Fit], Field(min_length=1)]
+    planned: list[StoredPlan]
+    floors: list[StoredFloor]
+
+    @model_validator(mode="after")
+    def _fits(self) -> StoredTrial:
+        require_different("models", [one.name for one in self.models])
+        require_different("planned", [one.name for one in self.planned])
+        require_different("fits", [one.name for one in self.fits])
+        models = [one.name for one in self.models]
+        require_known("planned", (one.model for one in self.planned if one.model is not None), models)
+        for place, floor in enumerate(self.floors):
+            self._require_floor(f"floors.{place}", floor)
+        driven = [set(floor.paths) for floor in self.floors if floor.errors]
+        if any(names != driven[0] for names in driven):
+            raise ValueError("floors: expected the same drives on every floor")
+        return self
+
+    def _require_floor(self, what: str, floor: StoredFloor) -> None:
+        planned = [one.name for one in self.planned if one.path is not None]
+        fits = [one.name for one in self.fits]
+        drives = list(dict.fromkeys(one.drive for one in floor.errors))
+        for names in (drives, floor.paths, (one.drive for one in floor.scatter)):
+            require_known(what, names, planned)
+        for names in ((one.fit for one in floor.errors), (one.fit for one in floor.scatter)):
+            require_known(what, names, fits)
+        require_pairs(f"{what}.errors", ((one.drive, one.fit) for one in floor.errors), drives, fits)
+        own = self.models[0]
+        for one in floor.scatter:
+            if one.fit == own.name:
+                require_table(f"{what}.scatter", [one.relative], None, len(own.parameters))

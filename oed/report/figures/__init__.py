@@ -1,0 +1,1 @@
+"""Figures: each draws plain data on the axes it is given."""

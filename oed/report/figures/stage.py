@@ -1,0 +1,178 @@
+"""The pictures of a film: what stands still is drawn once, what moves is drawn over it again and again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
+from matplotlib.ticker import MaxNLocator
+
+from oed.report.figures.driven import Array
+from oed.report.figures.path_figures import END, START, plot_room
+from oed.report.figures.plots import FAINT, INK
+from oed.report.figures.scene import Cast, Scene
+from oed.report.film.frame import Frame
+from oed.report.parts.wording import as_drawn
+
+DPI = 100
+WIDTHS = {1: 5.6, 2: 8.0}
+"""Of a film with that many columns [inch]."""
+TALLEST = 1.5
+"""Height of a panel, as a share of its width."""
+SLIM = 0.45
+"""Share of its width below which panels stand one above the other."""
+SMALLEST = 7.0
+"""Half the robot's width at least [px]."""
+ROBOT = np.array([(1.3, 0.0), (-0.6, 1.0), (-0.2, 0.0), (-0.6, -1.0)])
+"""The triangle that stands for the robot, in half its width, notched to show its heading."""
+LETTERS = 12
+"""Of a title on an inch."""
+PAD = 0.1
+"""Around and between panels [inch]."""
+
+WAY: dict[str, Any] = {"color": "#b9b9b6", "linewidth": 1.3, "zorder": 1.8}
+DONE: dict[str, Any] = {"color": "#7a95ad", "linewidth": 1.5, "zorder": 2}
+TRACE: dict[str, Any] = {"color": "#123f6d", "linewidth": 2.2, "zorder": 2.2}
+BODY: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.0, "zorder": 8}
+TOW: dict[str, Any] = {"color": "#5f5f5f", "linewidth": 3.0, "solid_capstyle": "butt", "zorder": 8.5}
+HITCH: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 5, "linestyle": "none", "zorder": 8.7}
+FACE: dict[str, Any] = {"facecolor": "#e07b00", "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
+
+
+class Stage:
+    """The figure of a film, one panel per drive."""
+
+    def __init__(self, scene: Scene, casts: Sequence[Cast], speed: float) -> None:
+        """Draw all that stands still."""
+        self._speed = speed
+        x_min, x_max, y_min, y_max = scene.view
+        ratio = min((y_max - y_min) / (x_max - x_min), TALLEST)
+        columns = 1 if len(casts) == 1 or ratio < SLIM else 2
+        rows = math.ceil(len(casts) / columns)
+        width = WIDTHS[columns]
+        apart = any(_clock_apart(cast, (width - 1.0) / columns) for cast in casts)
+        head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)
+        height = rows * ((width - 0.6 - 0.3 * columns) / columns * ratio + head + 0.15) + 0.9
+        # Even numbers of pixels, as an MP4 has them.
+        size = [2 * round(DPI * length / 2) / DPI for length in (width, height)]
+        self._figure = Figure(figsize=(size[0], size[1]), dpi=DPI, layout="constrained")
+        self._figure.get_layout_engine().set(w_pad=PAD, h_pad=PAD)
+        self._canvas = FigureCanvasAgg(self._figure)
+        self._panels = [
+            _Panel(self._figure.add_subplot(rows, columns, number), scene, cast, apart)
+            for number, cast in enumerate(casts, 1)
+        ]
+        rate = "" if speed == 1 else f", {speed:g} × real time"
+        self._figure.suptitle(as_drawn(f"{scene.title}{rate}"), fontsize=11)
+        self._figure.supxlabel("x [m]", fontsize=10)
+        self._figure.supylabel("y [m]", fontsize=10)
+        self._canvas.draw()
+        self._figure.set_layout_engine("none")
+        for panel in self._panels:
+            panel.set_moving()
+        self._canvas.draw()
+        self._still = self._canvas.copy_from_bbox(self._figure.bbox)
+
+    def frame(self, time: float) -> Frame:
+        """The picture at a time of the film [s]."""
+        self._canvas.restore_region(self._still)
+        for panel in self._panels:
+            panel.draw(*panel.cast.moment(time, self._speed))
+        return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3])
+
+    def colours(self, length: float) -> Frame:
+        """Pictures with all colours of a film that long [s], one above the other."""
+        return np.vstack([self.frame(share * length) for share in (0.0, 0.5, 1.0)])
+
+
+class _Panel:
+    def __init__(self, ax: Axes, scene: Scene, cast: Cast, apart: bool) -> None:
+        self.cast, self._ax, self._scene = cast, ax, scene
+        x_min, x_max, y_min, y_max = scene.view
+        ax.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+        ax.tick_params(labelsize=9, color=FAINT)
+        plot_room(ax, scene.room)
+        for run in cast.runs:
+            ax.plot(*run.poses[:, :2].T, **WAY)
+            for mark, end in ((START, 0), (END, -1)):
+                ax.plot(
+                    *run.poses[end, :2], **{**mark, "markersize": 0.7 * mark["markersize"], "zorder": 1.9}
+                )
+        # The clock stands beside the name, or below it where there is no room.
+        ax.set_title(as_drawn(cast.title) + ("\n" if apart else ""), loc="left", fontsize=10)
+        self._clock = ax.set_title("", loc="right", fontsize=10)
+        self._done = [ax.plot(*run.poses[:, :2].T, **DONE)[0] for run in cast.runs[:-1]]
+        (self._trace,) = ax.plot([], [], **TRACE)
+        self._face = ax.add_patch(Polygon(ROBOT, closed=True, **FACE))
+        self._moving: list[Artist] = [self._trace, self._face, self._clock]
+        self._body: Circle | None = None
+        if scene.room.body_radius:
+            self._body = ax.add_patch(Circle((0.0, 0.0), scene.room.body_radius, **BODY))
+            self._moving.insert(1, self._body)
+        self._tow: tuple[Line2D, Line2D] | None = None
+        if scene.trailer is not None and cast.runs[0].poses.shape[1] > 3:
+            self._tow = (ax.plot([], [], **TOW)[0], ax.plot([], [], **HITCH)[0])
+            self._moving[1:1] = self._tow
+        self._half = 0.0
+
+    def set_moving(self) -> None:
+        """Leave what moves out of what stands still; the layout is settled."""
+        for artist in (*self._moving, *self._done):
+            artist.set_animated(True)
+        box, (x_min, x_max, *_) = self._ax.get_window_extent(), self._scene.view
+        self._half = max(self._scene.width / 2, SMALLEST * (x_max - x_min) / box.width)
+
+    def draw(self, number: int, time: float) -> None:
+        """The robot in that run, from 0, so many seconds after its start."""
+        run = self.cast.runs[number]
+        pose = run.at(time)
+        self._trace.set_data(*run.until(time).T)
+        self._face.set_xy(_placed(self._half * ROBOT, pose))
+        if self._body is not None:
+            self._body.set_center((pose[0], pose[1]))
+        if self._tow is not None:
+            self._draw_tow(pose)
+        self._clock.set_text(_clock(self.cast, number, time))
+        for artist in (*self._done[:number], *self._moving):
+            self._ax.draw_artist(artist)
+
+    def _draw_tow(self, pose: Array) -> None:
+        # From the hitch to the trailer's axle, and the axle.
+        assert self._tow is not None
+        assert self._scene.trailer is not None
+        offset, length = self._scene.trailer
+        bar, hitch = self._tow
+        place = _placed(np.array([(-offset, 0.0)]), pose)
+        along = np.array([*place[0], pose[2] + pose[3]])
+        shape = np.array([(0.0, 0.0), (-length, 0.0), (-length, 0.9), (-length, -0.9)])
+        shape[2:, 1] *= self._half
+        bar.set_data(*_placed(shape, along).T)
+        hitch.set_data(*place.T)
+
+
+def _clock(cast: Cast, number: int, time: float) -> str:
+    which = f"run {number + 1} of {len(cast.runs)}, " if len(cast.runs) > 1 else ""
+    return f"{which}{time:.1f} s of {cast.runs[number].duration:g} s"
+
+
+def _clock_apart(cast: Cast, width: float) -> bool:
+    # Whether a panel that wide [inch] has no room for both, the last line of its title and the clock.
+    last = len(cast.runs) - 1
+    clock = _clock(cast, last, cast.runs[last].duration)
+    return len(cast.title.splitlines()[-1]) + 2 + len(clock) > LETTERS * width
+
+
+def _placed(points: Array, pose: Array) -> Array:
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    placed: Array = points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
+    return placed

@@ -1,0 +1,223 @@
+"""A record's drives as a film: the robot along its path, in real time or faster."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.records.record import FILE, Record, load_record
+from oed.report.figures.scene import cast_of, scene_of
+from oed.report.film import require_format, require_length, write_frames
+from oed.report.film.frame import Frame
+from oed.report.parts.reading import Entry, with_drive
+from oed.report.parts.section import Film, Section
+from oed.report.parts.wording import listing, words
+
+if TYPE_CHECKING:
+    from oed.report.figures.stage import Stage
+
+NAME = "drive.gif"
+"""Of the film that a report shows."""
+MOST_DRIVES = 4
+"""Drives beside each other."""
+FPS = 20.0
+"""Frames a second, where not said otherwise."""
+FRAMES, LEAST_FPS = 500, 10.0
+"""Frames beyond which a film has fewer a second, where not said otherwise, and how few at least."""
+REST = 1.5
+"""Rest at the end, before the film begins again [s of the film]."""
+MARK = "oed "
+"""What the comment in a film that was made here begins with."""
+
+
+class Listener(Protocol):
+    """Listens to frames being made."""
+
+    def begin(self, description: str, total: int) -> None:
+        """There will be `total` frames."""
+
+    def advance(self, note: str = "") -> None:
+        """One is made."""
+
+
+@dataclass(frozen=True)
+class MadeFilm:
+    """A film that was written.
+
+    Attributes:
+        file: it.
+        results: names of what it shows.
+        frames: their number.
+        seconds: how long it plays.
+        fps: frames a second.
+        speed: how much faster than the robot.
+    """
+
+    file: Path
+    results: tuple[str, ...]
+    frames: int
+    seconds: float
+    fps: float
+    speed: float
+
+
+def animate(
+    source: Record | str | Path,
+    file: str | Path | None = None,
+    *,
+    results: Sequence[str] = (),
+    speed: float = 1.0,
+    fps: float | None = None,
+    progress: Listener | None = None,
+) -> MadeFilm:
+    """Write a film of a record's drives: the robot in its room, its path and a clock.
+
+    Args:
+        source: a record, or the folder of a saved one.
+        file: ends in .gif, or in .mp4, which needs ffmpeg; `drive.gif` in the record's folder by default.
+        results: names of results, shown side by side, at most four; the best one by default.
+        speed: how much faster than the robot.
+        fps: frames a second, of a GIF at most 50; by default 20, and fewer of a long film, down to 10.
+        progress: listener.
+
+    Returns:
+        What was written.
+
+    Raises:
+        RecordError: no record there, no such result, a result without a drive.
+        UserMistake: more than four results, a file that is neither GIF nor MP4, no ffmpeg, a rate or a speed
+            that cannot be shown, too many frames, a place that cannot be written to.
+        Failure: ffmpeg could not write it.
+    """
+    if not 0 < speed < math.inf:
+        raise UserMistake(f"speed: expected more than 0, got {speed:g}")
+    record = source if isinstance(source, Record) else load_record(source)
+    target = _target(source, file)
+    require_format(target, FPS if fps is None else fps)
+    entries = _chosen(record, source, results)
+    casts = [cast_of(entry) for entry in entries]
+    length = max(cast.length(speed) for cast in casts)
+    rate = min(FPS, max(FRAMES / length, LEAST_FPS)) if fps is None else fps
+    require_length(length, rate)
+    names = tuple(str(entry["name"]) for entry in entries)
+    times = [min(number / rate, length) for number in range(math.ceil(length * rate - 1e-6) + 1)]
+    times += [length] * round(REST * rate)
+    # Imported late: the drawing library takes longer to load than the rest.
+    from oed.report.figures.stage import Stage
+
+    stage = Stage(scene_of(record, entries), casts, speed)
+    if progress is not None:
+        progress.begin(f"frames of {target.name}", len(times))
+    count = write_frames(
+        _frames(stage, times, progress),
+        target,
+        rate,
+        colours=stage.colours(length),
+        comment=_mark(record, names),
+    )
+    return MadeFilm(target, names, count, round(count / rate, 3), rate, speed)
+
+
+def _frames(stage: Stage, times: Sequence[float], progress: Listener | None) -> Iterator[Frame]:
+    for time in times:
+        yield stage.frame(time)
+        if progress is not None:
+            progress.advance()
+
+
+def _target(source: Record | str | Path, file: str | Path | None) -> Path:
+    if file is not None:
+        return Path(file)
+    if isinstance(source, Record):
+        raise UserMistake("file: expected a name to write to, as the record comes from no folder")
+    return folder_of(source) / NAME
+
+
+def folder_of(place: str | Path) -> Path:
+    """The folder of a saved record, given as the folder or as the file."""
+    path = Path(place)
+    return path.parent if path.is_file() else path
+
+
+def _chosen(record: Record, source: Record | str | Path, names: Sequence[str]) -> list[Entry]:
+    asked: list[str | None] = list(dict.fromkeys(names)) or [None]
+    if len(asked) > MOST_DRIVES:
+        raise UserMistake(f"results: expected at most {MOST_DRIVES}, got {len(asked)}")
+    place = FILE if isinstance(source, Record) else str(folder_of(source) / FILE)
+    there = ", ".join(str(entry["name"]) for entry in with_drive(record)) or "none"
+    entries = []
+    for name in asked:
+        entry = record.result(name)
+        if entry is None or entry["drive"] is None:
+            missing = "no feasible result" if name is None else f"no drive of the name {name!r}"
+            raise RecordError([FileFlaw(place, 0, 0, "", f"{missing}; the record has {there}")])
+        entries.append(entry)
+    return entries
+
+
+def _mark(record: Record, names: Sequence[str]) -> str:
+    # Kept in the film, so that a report can tell whether it shows the drives of its record.
+    return MARK + json.dumps({"results": list(names), "drives": _digest(record, names)})
+
+
+def _digest(record: Record, names: Sequence[str]) -> str:
+    study = record.data["study"]
+    drives = [record.result(name) for name in names]
+    shown = [study["robot"], study["limits"], [None if one is None else one["drive"] for one in drives]]
+    return hashlib.sha256(json.dumps(shown, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def with_film(section: Section, record: Record, folder: Path) -> Section:
+    """A section whose drives are played, with the film of them that lies in `folder`, or how to make one."""
+    if section.animation is None:
+        return section
+    file = folder / NAME
+    told = _comment(file)
+    if told is None:
+        hint = (
+            f"`oed animate` with this folder makes a film of it, `{NAME}`, which is then shown here as well."
+        )
+        return replace(section, paragraphs=(*section.paragraphs, hint))
+    found = _marked(told)
+    if found is None:
+        return replace(section, film=Film(file, "A film of the drive", f"The film in `{NAME}`."))
+    names = list(map(str, found["results"]))
+    if found["drives"] != _digest(record, names):
+        old = f"`{NAME}` shows other drives than this record's; `oed animate` makes it again."
+        return replace(section, notices=(*section.notices, old))
+    shown = listing([words(name) for name in names])
+    return replace(
+        section, film=Film(file, f"Film of {shown} in the room", f"The film in `{NAME}`: {shown}.")
+    )
+
+
+def _comment(file: Path) -> str | None:
+    # The comment of a GIF, "" without one; None where there is no GIF.
+    from PIL import Image
+
+    if not file.is_file():
+        return None
+    try:
+        with Image.open(file, formats=["GIF"]) as image:
+            comment = image.info.get("comment", b"")
+    except OSError:
+        return None
+    return comment.decode(errors="replace") if isinstance(comment, bytes) else str(comment)
+
+
+def _marked(comment: str) -> Mapping[str, Any] | None:
+    # What a film that was made here says of itself; None of any other.
+    if not comment.startswith(MARK):
+        return None
+    try:
+        found = json.loads(comment.removeprefix(MARK))
+    except (ValueError, RecursionError):
+        return None
+    fits = isinstance(found, dict) and isinstance(found.get("results"), list) and "drives" in found
+    return found if fits else None

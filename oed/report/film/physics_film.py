@@ -1,0 +1,96 @@
+"""A film of a record's drive in simulated physics: wheels, slip and all, seen from behind the robot."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from ctypes.util import find_library
+from pathlib import Path
+
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.optimize import Progress
+from oed.records.record import FILE, drive_of, load_record
+from oed.records.recorded_study import recorded_study
+from oed.report.film import require_format, require_length, write_frames
+from oed.report.film.animation import MadeFilm
+from oed.report.film.frame import Frame
+from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
+from oed.study.study import Study
+
+SIZE = (300, 400)
+"""Height and width [pixels]."""
+FPS = 10.0
+"""Frames a second, where not said otherwise: shaded pictures take more room than drawings."""
+
+
+def film_physics(
+    folder: str | Path,
+    file: str | Path,
+    *,
+    result: str | None = None,
+    speed: float = 1.0,
+    fps: float | None = None,
+    progress: Progress | None = None,
+    trust: bool = False,
+) -> MadeFilm:
+    """Write a film of a physics robot on a record's drive.
+
+    Args:
+        folder: of the record.
+        file: ends in .gif, or in .mp4, which needs ffmpeg.
+        result: the drive's name; the best one by default.
+        speed: how much faster than the robot.
+        fps: frames a second; 10 by default.
+        progress: listener.
+        trust: whether Python code that the record names may be run.
+
+    Raises:
+        RecordError: no record there, no such result, a result without a drive, a robot that is code which is
+            not trusted.
+        UserMistake: a robot without wheel radii and track, several runs, too many frames, the engine is
+            not installed.
+        Failure: nothing to draw with.
+    """
+    if not 0 < speed < math.inf:
+        raise UserMistake(f"speed: expected more than 0, got {speed:g}")
+    _draw_without_a_screen()
+    rate = FPS if fps is None else fps
+    require_format(Path(file), rate)
+    saved = load_record(folder)
+    entry = saved.result(result)
+    trajectory = None if entry is None else drive_of(entry)
+    if entry is None or trajectory is None:
+        names = ", ".join(str(one["name"]) for one in saved.results if one["drive"] is not None) or "none"
+        text = f"expected a result with a drive ({names}), got {result or 'none that is feasible'}"
+        raise RecordError([FileFlaw(str(Path(folder) / FILE), 0, 0, "results", text)])
+    if trajectory.runs > 1:
+        raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
+    require_length(trajectory.duration / speed, rate)
+    robot = _robot(recorded_study(saved, trust=trust))
+    motion = drive(
+        robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
+    )
+    count = write_frames(_told(robot, motion, rate / speed, progress, Path(file).name), file, rate)
+    return MadeFilm(Path(file), (str(entry["name"]),), count, round(count / rate, 3), rate, speed)
+
+
+def _draw_without_a_screen() -> None:
+    # The engine chooses its graphics library once, when it is loaded, and by itself one that needs a screen.
+    if not {"MUJOCO_GL", "DISPLAY"} & os.environ.keys() and find_library("EGL"):
+        os.environ["MUJOCO_GL"] = "egl"
+
+
+def _robot(study: Study) -> PhysicsRobot:
+    return physics_robot(study.problem.model) if study.file.physics is None else study.file.physics.robot
+
+
+def _told(
+    robot: PhysicsRobot, motion: Motion, rate: float, progress: Progress | None, name: str
+) -> Iterator[Frame]:
+    if progress is not None:
+        progress.begin(f"frames of {name}", int(motion.times[-1] * rate) + 1)
+    for picture in frames(robot, motion, rate=rate, size=SIZE):
+        yield picture
+        if progress is not None:
+            progress.advance()

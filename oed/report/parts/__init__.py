@@ -1,0 +1,1 @@
+"""Parts of pages: sections, tables, numbers in words."""

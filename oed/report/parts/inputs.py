@@ -1,0 +1,179 @@
+"""The inputs of a record's drives over time: what they are called, their limits, and series to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.records.record import Record, drive_of
+from oed.report.parts.reading import Entry, heading
+from oed.report.parts.wording import DEGREES, words
+
+Array = npt.NDArray[np.float64]
+Bounds = tuple[float, float]
+
+PER_SAMPLE = 4
+"""Points drawn per sample of a smooth input."""
+MOST_POINTS = 1500
+"""Points drawn per input at most."""
+WHEELS = ("wheel_speed_right", "wheel_speed_left")
+"""The inputs of robots whose records do not name them."""
+RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
+"""Quantity of an input -> name of its rate, and of the limit on that."""
+JUST_BEFORE = 1 - 1e-12
+"""Where a run ends, as a share of the time at which the next one begins."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Inputs of one quantity, or their rates.
+
+    Attributes:
+        limit: the quantity, which is also the name of its limit.
+        columns: of the drives' inputs.
+        names: of those inputs, in files.
+        unit: in which they are shown.
+        factor: from SI to that unit.
+    """
+
+    limit: str
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    unit: str
+    factor: float = 1.0
+
+
+def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
+    """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
+    table = record.data.get("inputs") or _unnamed(count)
+    return [
+        _pair(quantity, [(column, one) for column, one in enumerate(table) if one["quantity"] == quantity])
+        for quantity in dict.fromkeys(str(one["quantity"]) for one in table)
+    ]
+
+
+def _unnamed(count: int) -> list[dict[str, str]]:
+    if count == len(WHEELS):
+        return [{"name": name, "quantity": "wheel_speed", "unit": "rad/s"} for name in WHEELS]
+    return [{"name": f"input_{index + 1}", "quantity": "input", "unit": ""} for index in range(count)]
+
+
+def _pair(quantity: str, inputs: list[tuple[int, Mapping[str, Any]]]) -> tuple[Group, Group]:
+    columns, names = tuple(column for column, _ in inputs), tuple(str(one["name"]) for _, one in inputs)
+    unit = str(inputs[0][1]["unit"])
+    # Angles that someone sets are in degrees, speeds of wheels in rad/s, as data sheets have them.
+    shown, factor = ("deg", DEGREES) if unit == "rad" else (unit, 1.0)
+    rate = RATES.get(quantity, f"rate_of_{quantity}")
+    return Group(quantity, columns, names, shown, factor), Group(
+        rate, columns, names, _per_second(shown), factor
+    )
+
+
+def _per_second(unit: str) -> str:
+    return f"{unit}^2" if unit.endswith("/s") else f"{unit or '1'}/s"
+
+
+def limit_bounds(record: Record, group: Group) -> Bounds | None:
+    """Bounds (min, max) that all inputs of a group share, as shown; None where they do not, or have none."""
+    own = own_bounds(record, group)
+    return own[group.names[0]] if len(own) == len(group.names) and len(set(own.values())) == 1 else None
+
+
+def own_bounds(record: Record, group: Group) -> dict[str, Bounds]:
+    """Bounds (min, max) of every input of a group that has some, as shown."""
+    limit = record.data["study"]["limits"].get(group.limit)
+    if limit is None:
+        return {}
+    common = limit.get("bounds")
+    pairs = dict.fromkeys(group.names, common) if common else limit.get("each") or {}
+    return {
+        name: (group.factor * pairs[name][0], group.factor * pairs[name][1])
+        for name in group.names
+        if name in pairs
+    }
+
+
+def short_names(group: Group) -> list[str]:
+    """What tells the inputs of a group apart: `right` and `left`."""
+    return [words(name).removeprefix("wheel speed ").removeprefix("steering angle ") for name in group.names]
+
+
+@dataclass(frozen=True)
+class Series:
+    """A drive's inputs, or their rates, over time.
+
+    Attributes:
+        title: the result's name.
+        times: (k,) [s].
+        values: (k, inputs); not a number between runs, where lines break.
+        steps: whether each value holds until the next time.
+        breaks: times at which a run ends and the next begins [s].
+    """
+
+    title: str
+    times: Array
+    values: Array
+    steps: bool = False
+    breaks: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Clock:
+    # Runs of equal length on one clock [s].
+    duration: float
+    runs: int
+
+    def times(self, periods: int) -> list[Array]:
+        # Even times of every run, to just before the next one, where the splines jump.
+        each = self.duration / self.runs
+        ends = [(run + 1) * each * JUST_BEFORE for run in range(self.runs - 1)] + [self.duration]
+        return [np.linspace(run * each, end, periods + 1) for run, end in enumerate(ends)]
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        each = self.duration / self.runs
+        return tuple(run * each for run in range(1, self.runs))
+
+
+def inputs_of(entry: Entry, group: Group) -> Series:
+    """A group's inputs of a result that has a drive."""
+    drive = drive_of(entry)
+    assert drive is not None
+    clock, periods = _Clock(drive.duration, drive.runs), drive.samples // drive.runs
+    if drive.degree == 0:
+        held = [np.vstack([run, run[-1:]]) for run in np.split(drive.inputs, drive.runs)]
+        return _series(entry, group, clock, clock.times(periods), held, steps=True)
+    times = clock.times(_drawn(periods, drive.runs))
+    return _series(entry, group, clock, times, [drive.inputs_at(one) for one in times])
+
+
+def rates_of(entry: Entry, group: Group) -> Series:
+    """A group's rates of a result that has a drive; of a piecewise constant one, jumps over a period."""
+    drive = drive_of(entry)
+    assert drive is not None
+    clock, periods = _Clock(drive.duration, drive.runs), drive.samples // drive.runs
+    if drive.degree == 0:
+        # From rest, from each period to the next, and to rest.
+        times = clock.times(periods)
+        jumps = np.split(drive.rates_at(np.concatenate(times)), drive.runs)
+        return _series(entry, group, clock, times, jumps, steps=True)
+    times = clock.times(_drawn(periods, drive.runs))
+    return _series(entry, group, clock, times, [drive.rates_at(one) for one in times])
+
+
+def _drawn(periods: int, runs: int) -> int:
+    return min(PER_SAMPLE * periods, MOST_POINTS // runs)
+
+
+def _series(
+    entry: Entry, group: Group, clock: _Clock, times: list[Array], values: list[Array], steps: bool = False
+) -> Series:
+    rows = [group.factor * one[:, list(group.columns)] for one in values]
+    for index, end in enumerate(clock.breaks):
+        times[index] = np.append(times[index], end)
+        rows[index] = np.vstack([rows[index], np.full(len(group.columns), np.nan)])
+    return Series(heading(entry), np.concatenate(times), np.vstack(rows), steps, clock.breaks)

@@ -1,0 +1,108 @@
+"""Numbers and names in words: the units a reader expects, lists, plurals."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+from oed.foundation.shown import shown_lines
+from oed.report.parts.tables import significant
+
+READABLE_UNITS = {"m": ("cm", 100.0)}
+"""SI unit -> unit in which parameters are shown, and its factor."""
+
+DEGREES = 180.0 / math.pi
+
+FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
+    "m": (("cm", 1e2), ("mm", 1e3), ("µm", 1e6)),
+    "": (("", 1.0), ("×10⁻³", 1e3), ("×10⁻⁶", 1e6)),
+    "rad": (("deg", DEGREES),),
+    "rad/s": (("deg/s", DEGREES),),
+}
+"""SI unit -> units in which deviations are shown, coarse to fine, and their factors."""
+
+ENOUGH = 0.1
+"""Least number that is shown of a deviation before the next finer unit is taken."""
+LEAST = {"": 0.01}
+"""The same of the coarsest unit, where that is another."""
+
+Unit = tuple[str, float]
+
+
+def readable(value: float, unit: str) -> tuple[float, str]:
+    """A parameter's value and unit as shown: lengths in cm."""
+    shown, factor = READABLE_UNITS.get(unit, (unit, 1.0))
+    return value * factor, shown
+
+
+def fine_unit(size: float | None, unit: str, least: float | None = None) -> Unit:
+    """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read."""
+    choices = FINE_UNITS.get(unit, ((unit, 1.0),))
+    if size is None or not math.isfinite(size) or size <= 0:
+        return choices[0]
+    first, others = (LEAST.get(unit, ENOUGH), ENOUGH) if least is None else (least, least)
+    needed = [first, *[others] * (len(choices) - 1)]
+    good = (choice for choice, enough in zip(choices, needed, strict=True) if size * choice[1] >= enough)
+    return next(good, choices[-1])
+
+
+def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) -> dict[str, Unit]:
+    """A unit, and its factor from SI, for the deviations of each parameter: one for all lengths, and so on.
+
+    Args:
+        sizes: standard deviations by parameter, SI; None for those that are not told.
+        units: SI units by parameter.
+    """
+    smallest: dict[str, float] = {}
+    for name, size in sizes.items():
+        if size is not None and math.isfinite(size) and size > 0:
+            smallest[units[name]] = min(size, smallest.get(units[name], math.inf))
+    return {name: fine_unit(smallest.get(unit), unit) for name, unit in units.items()}
+
+
+def deviation_text(size: float, unit: str, chosen: Unit | None = None) -> str:
+    """A standard deviation [SI] in the unit that suits it, or the one chosen: `30.3 µm`."""
+    shown, factor = chosen or fine_unit(size, unit)
+    return quantity(size * factor, shown)
+
+
+def given_text(size: float, unit: str) -> str:
+    """A quantity [SI] that somebody chose, without idle digits: `1 cm`, `2.5 deg`."""
+    shown, factor = fine_unit(abs(size), unit, least=1 - 1e-9)
+    return f"{size * factor:.4g} {unit_text(shown)}".strip()
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """`4.90 cm`; just the number where there is no unit."""
+    return f"{significant(digits)(value)} {unit_text(unit)}".strip()
+
+
+def unit_text(unit: str) -> str:
+    """A unit with raised exponents: rad/s^2 -> rad/s²."""
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
+def words(identifier: str) -> str:
+    """wheel_speed -> wheel speed."""
+    return identifier.replace("_", " ")
+
+
+def as_drawn(text: str) -> str:
+    """Text as figures are given it: a dollar sign begins no formula, and nothing steers."""
+    return shown_lines(text).replace("$", r"\$")
+
+
+def listing(items: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
+
+
+def count(number: int, noun: str) -> str:
+    """`1 start`, `12 starts`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def slug(title: str) -> str:
+    """A title as an anchor: lower case, words joined by hyphens."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")

@@ -1,0 +1,1 @@
+"""Mobile robots: models, limits, sensors, usual drives and robots on sale."""

@@ -1,0 +1,139 @@
+"""Families of drives of one form: the largest that keeps the limits, and the one of a given length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from oed.foundation.errors import NotFinite
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+
+BISECTIONS = 20
+REFINEMENTS = 18
+SCANNED = 24
+SCANNED_RATIO = 200.0
+TAIL = 5
+TAIL_RATIO = 4.0
+MOST_LAPS = 50
+PROPORTIONAL_STEPS = 8
+LENGTH_PRECISION = 1e-6
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A family of drives of one form: `drive(size, laps)`.
+
+    Attributes:
+        drive: of a size, in m for a pattern.
+        largest: size beyond which none fits.
+        fits: whether the samples suffice for that many laps.
+    """
+
+    drive: Callable[[float, int], Trajectory]
+    largest: float
+    fits: Callable[[int], bool]
+
+
+def largest(problem: Problem, shape: Shape) -> Trajectory:
+    """The largest size that keeps every limit; where none does, a small one, whose violations say why."""
+
+    def exceeded(size: float) -> frozenset[str]:
+        return _exceeded(problem, shape.drive(size, 1))
+
+    found = _scanned(exceeded, shape.largest)
+    if found is None:
+        return shape.drive(shape.largest / 4, 1)
+    low, high = found
+    for _ in range(REFINEMENTS if low < high else 0):
+        middle = (low + high) / 2
+        low, high = (low, middle) if exceeded(middle) else (middle, high)
+    return shape.drive(low, 1)
+
+
+def _scanned(exceeded: Callable[[float], frozenset[str]], most: float) -> tuple[float, float] | None:
+    # A size that keeps the limits and the next larger one that does not (or the same, for the largest of
+    # all). A limit of turning forbids small sizes, so that the sizes that fit are an interval.
+    above = exceeded(most)
+    if not above:
+        return most, most
+    for larger, smaller in pairwise(_sizes(most)):
+        below = exceeded(smaller)
+        if not below:
+            return smaller, larger
+        found = _between(exceeded, smaller, larger, (below, above))
+        if found is not None:
+            return found
+        above = below
+    return None
+
+
+def _sizes(most: float) -> Iterator[float]:
+    # From the largest down: close together at first, then far apart.
+    yield from most * SCANNED_RATIO ** -np.linspace(0.0, 1.0, SCANNED)
+    yield from most / SCANNED_RATIO / TAIL_RATIO ** np.arange(1, TAIL + 1)
+
+
+def _between(
+    exceeded: Callable[[float], frozenset[str]],
+    low: float,
+    high: float,
+    known: tuple[frozenset[str], frozenset[str]],
+) -> tuple[float, float] | None:
+    # The same between two sizes one of which is too small and the other too large, by different limits.
+    too_small, too_large = known
+    for _ in range(0 if too_small & too_large else BISECTIONS):
+        middle = (low + high) / 2
+        found = exceeded(middle)
+        if not found:
+            return middle, high
+        if found & too_small and found & too_large:
+            return None
+        low, high = (low, middle) if found & too_large else (middle, high)
+    return None
+
+
+def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
+    # Without the tolerance of `feasible`, which a bisection would use up.
+    try:
+        margins = evaluate(problem, trajectory).margins
+    except NotFinite as error:
+        return frozenset(map(str, error.flaw.key))
+    return frozenset(margin.name for margin in margins if margin.violation > 1e-9 * margin.size)
+
+
+def of_length(problem: Problem, shape: Shape, length: float, most: float) -> Trajectory:
+    """As few laps as the largest size, of length `most` [m], needs; at the size that gives `length` [m]."""
+    needed = min(MOST_LAPS, max(1, math.ceil(length / most - 1e-5))) if most > 0 else 1
+    laps = next((laps for laps in range(needed, 1, -1) if shape.fits(laps)), 1)
+
+    def reached(size: float) -> float:
+        try:
+            return evaluate(problem, shape.drive(size, laps)).path_length
+        except NotFinite:
+            return 0.0
+
+    # In proportion, as a pattern's length is to its size.
+    size = shape.largest
+    for _ in range(PROPORTIONAL_STEPS):
+        found = reached(size)
+        if abs(found - length) <= LENGTH_PRECISION * length:
+            return shape.drive(size, laps)
+        size = min(size * length / found, 1e3 * shape.largest) if found > 0 else shape.largest
+    return shape.drive(_bisected(reached, length, shape.largest), laps)
+
+
+def _bisected(reached: Callable[[float], float], length: float, most: float) -> float:
+    # The size that reaches a length [m], by halving.
+    low, high = 0.0, most
+    while reached(high) < length and high < 1e3 * most:
+        high *= 2
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if reached(middle) < length else (low, middle)
+    return (low + high) / 2

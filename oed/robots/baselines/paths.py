@@ -1,0 +1,94 @@
+"""One everyday path for a study, as large as it can be and of a given length."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status, unscored
+from oed.robots.baselines.fitting import Shape, largest, of_length
+from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, Move, Pattern
+from oed.robots.baselines.schedule import least_samples, starts, stretched
+from oed.robots.baselines.suitability import largest_size, refusal
+
+STREAM = 17
+
+
+def baselines(problem: Problem, name: str, *, length: float | None = None, seed: int = 0) -> list[Solution]:
+    """One everyday path as large as the limits allow, and where asked again with a given length, scored.
+
+    Args:
+        problem: whose limits, duration and start it is made for.
+        name: one of `NAMES`.
+        length: path length [m] of the second variant; None for none.
+        seed: of the random path.
+
+    Raises:
+        ProblemError: an unknown name, or a path that the robot cannot drive.
+    """
+    text = "" if name in NAMES else f"expected one of {', '.join(NAMES)}, got {name!r}"
+    text = text or refusal(problem, name)
+    if text:
+        raise ProblemError([Flaw(("baselines",), text)])
+    shape = _random_shape(problem, seed) if name == RANDOM else _pattern_shape(problem, PATTERNS[name])
+    scored = [_scored(problem, name, largest(problem, shape), seed)]
+    if length is not None:
+        most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
+        fitted = of_length(problem, shape, length, most)
+        scored.append(_scored(problem, f"{name}_same_length", fitted, seed))
+    return scored
+
+
+def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> Solution:
+    try:
+        evaluation = evaluate(problem, trajectory)
+    except NotFinite as error:
+        return unscored(name, "baseline", error)
+    return Solution(
+        name=name,
+        kind="baseline",
+        trajectory=trajectory,
+        evaluation=evaluation,
+        status=Status.SCORED,
+        seed=seed,
+        detail=_limits_exceeded(evaluation),
+    )
+
+
+def _limits_exceeded(evaluation: Evaluation) -> str:
+    if evaluation.feasible:
+        return ""
+    return f"It cannot be driven here: it exceeds {', '.join(evaluation.violations)}."
+
+
+def _pattern_shape(problem: Problem, pattern: Pattern) -> Shape:
+    size = largest_size(problem)
+
+    def moves(size: float, laps: int) -> list[Move]:
+        return [move for lap in range(laps) for move in pattern(size, lap)]
+
+    def drive(size: float, laps: int) -> Trajectory:
+        return stretched(problem, moves(size, laps))
+
+    def fits(laps: int) -> bool:
+        return least_samples(problem, moves(size, laps)) <= problem.design.samples
+
+    return Shape(drive, size, fits)
+
+
+def _random_shape(problem: Problem, seed: int) -> Shape:
+    space = problem.design
+    bounds, count = problem.input_bounds, space.all_coefficients
+    rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
+    draws = np.random.default_rng([seed, STREAM]).uniform(bounds[:, 0], bounds[:, 1], (count, len(bounds)))
+    held = np.zeros(count, dtype=bool)
+    held[space.free_rows] = True
+
+    def drive(size: float, laps: int) -> Trajectory:
+        table = rest + size * (draws - rest)
+        return space.trajectory(np.where(held[:, None], table, 0.0), starts(problem))
+
+    return Shape(drive, 1.0, lambda laps: True)

@@ -1,0 +1,71 @@
+"""Limits. A new one is a file here and an entry in `LIMITS` (a new workspace shape: in `WORKSPACES`)."""
+
+from typing import Annotated, Any
+
+from oed.foundation.component import OneOf
+from oed.kernel.limit import Limit, Rows
+from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
+from oed.robots.limits.end_pose import EndHeading, EndPosition
+from oed.robots.limits.path_length import PathLength
+from oed.robots.limits.steering import SteeringAngle, SteeringRate
+from oed.robots.limits.trailer_angle import TrailerAngle
+from oed.robots.limits.wheel_acceleration import WheelAcceleration
+from oed.robots.limits.wheel_jerk import WheelJerk
+from oed.robots.limits.wheel_speed import WheelSpeed
+from oed.robots.limits.workspace import (
+    WORKSPACES,
+    Circle,
+    CircularObstacle,
+    Obstacle,
+    Obstacles,
+    Polygon,
+    PolygonalObstacle,
+    Rectangle,
+    Workspace,
+)
+
+LIMITS: dict[str, Any] = {
+    WheelSpeed.name: WheelSpeed,
+    WheelAcceleration.name: WheelAcceleration,
+    WheelJerk.name: WheelJerk,
+    SteeringAngle.name: SteeringAngle,
+    SteeringRate.name: SteeringRate,
+    BodySpeed.name: BodySpeed,
+    YawRate.name: YawRate,
+    LateralAcceleration.name: LateralAcceleration,
+    TurningRadius.name: TurningRadius,
+    TrailerAngle.name: TrailerAngle,
+    Workspace.name: Annotated[Workspace, OneOf(WORKSPACES)],
+    Obstacles.name: Obstacles,
+    PathLength.name: PathLength,
+    EndPosition.name: EndPosition,
+    EndHeading.name: EndHeading,
+}
+"""What a study's `limits:` may hold: key -> type."""
+
+__all__ = [
+    "LIMITS",
+    "BodySpeed",
+    "Circle",
+    "CircularObstacle",
+    "EndHeading",
+    "EndPosition",
+    "LateralAcceleration",
+    "Limit",
+    "Obstacle",
+    "Obstacles",
+    "PathLength",
+    "Polygon",
+    "PolygonalObstacle",
+    "Rectangle",
+    "Rows",
+    "SteeringAngle",
+    "SteeringRate",
+    "TrailerAngle",
+    "TurningRadius",
+    "WheelAcceleration",
+    "WheelJerk",
+    "WheelSpeed",
+    "Workspace",
+    "YawRate",
+]

@@ -1,0 +1,260 @@
+"""What moves: the Model seam, and the planar step that every robot shares.
+
+A robot names its inputs and parameters and says which body twist they ask for; one that needs time to follow
+also says what it does instead, from its state. Pose integration, design matrices and derivatives follow from
+that. Expressions are CasADi's, for one sample; the callers map them over time.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import Annotated, ClassVar, Literal, Self
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Length
+from oed.kernel.dynamics.expression import Expression
+from oed.robots.models.own_code import in_words
+
+Integration = Literal["arc", "midpoint"]
+
+ROUNDING = 1e-12
+"""Share of the largest coefficient of its row below which one is rounding of the geometry."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input of a model.
+
+    Attributes:
+        name: in files.
+        quantity: what it is ("wheel_speed", "steering_angle"); limits apply by quantity.
+        unit: SI unit.
+        below: magnitude that the model's equations need it to stay below.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    below: float = inf
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves the robot in proportion, as a speed does; an angle only shapes the motion."""
+        return self.unit in ("rad/s", "m/s")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One constant of a model.
+
+    Attributes:
+        name: in files.
+        nominal: value in SI.
+        unit: SI unit ("" for a ratio).
+        size: what a relative precision refers to where the nominal value is 0, SI; 0 for nothing.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    size: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0."""
+        return abs(self.nominal) or self.size
+
+
+class Model(Component, ABC):
+    """A planar robot: state (x, y, heading, ...), inputs, parameters and the body twist they give.
+
+    Attributes:
+        body_radius: distance from the robot's origin to the farthest point of its body [m]: how far from
+            walls and obstacles its origin has to stay.
+    """
+
+    kind: str
+    body_radius: Annotated[Length, Field(ge=0)] = 0.0
+    inputs: ClassVar[tuple[Input, ...]]
+    states: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
+    skids: ClassVar[bool] = False
+    """Whether it turns by sliding over the ground, which nobody can tell from its geometry."""
+    short_forms: ClassVar[tuple[str, ...]] = ()
+    """Keys that stand for several parameters at once."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The kinematic parameters with their nominal values, in the order `twist` takes them."""
+
+    @abstractmethod
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Body twist (3,): forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s].
+
+        What the inputs ask for: where they are held for long, the robot moves so.
+
+        Args:
+            inputs: one sample's inputs, (len(self.inputs),).
+            parameters: parameter values, (len(self.parameters),), SI.
+        """
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """Coefficient matrix c of [yaw rate; forward speed] = c @ effective inputs [Choi, eqs 5, 6].
+
+        A robot that also moves sideways has a third row, for the lateral speed.
+
+        Raises:
+            NotImplementedError: the twist is not linear in any coefficients.
+        """
+        raise NotImplementedError(f"the twist of {self.kind} is not linear in coefficients")
+
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Inputs as they act on the ground, e.g. wheel speeds less slip; the inputs themselves by default."""
+        return inputs
+
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The constant twist (3,) that stands for a period of `period` [s], 0 for the instant itself.
+
+        What the robot makes, from `state` on, of the `twist` (3,) that its inputs ask for; by default just
+        that. Heading and pose follow from it.
+        """
+        return twist
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """Next values of the states after (x, y, heading), for a period's mean twist (3,), of `period` [s].
+
+        A period of no time changes nothing, and has finite derivatives.
+        """
+        return ca.SX(0, 1)
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same robot with other nominal values of parameters, SI.
+
+        Raises:
+            ValueError: no such parameter, or a value that the robot cannot have.
+        """
+        nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
+        strangers = [name for name in values if name not in nominal]
+        if strangers:
+            raise ValueError(f"expected parameters ({', '.join(nominal)}), got {', '.join(strangers)}")
+        given = self.model_dump(exclude_none=True, exclude=set(self.short_forms))
+        return type(self).model_validate({**given, **nominal, **values})
+
+    @property
+    def nominal(self) -> list[float]:
+        """Nominal parameter values, SI."""
+        return [parameter.nominal for parameter in self.parameters]
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """The inputs' names."""
+        return tuple(entry.name for entry in self.inputs)
+
+
+def twist_flaws(model: Model) -> list[Flaw]:
+    """Why what a robot's class gives as its twist is none; [] where it is one."""
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    try:
+        twist = ca.SX(model.twist(inputs, parameters))
+    except Exception as error:
+        # A class of the user's own may fail in any way.
+        return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
+    if twist.shape == (3, 1):
+        return []
+    text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
+    return [Flaw(("robot",), f"{text} {twist.shape}")]
+
+
+def moves_sideways(model: Model) -> bool:
+    """Whether any drive of the robot has a lateral speed."""
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    return not model.twist(inputs, parameters)[1].is_zero()
+
+
+@lru_cache(maxsize=32)
+def follows_state(model: Model) -> bool:
+    """Whether how the robot moves depends on the states after its pose, not on its inputs alone."""
+    state, twist = ca.SX.sym("state", len(model.states)), ca.SX.sym("twist", 3)
+    parameters, period = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("period")
+    return bool(ca.depends_on(model.mean_twist(state, twist, parameters, period), state))
+
+
+def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
+    """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
+
+    A third row of c gives the lateral speed, which is 0 without it.
+    """
+    product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
+    return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])
+
+
+def nominal_coefficients(model: Model) -> npt.NDArray[np.float64]:
+    """The matrix c at the nominal parameter values; what is 0 by the robot's geometry is exactly 0."""
+    values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
+    largest = np.abs(values).max(axis=1, keepdims=True)
+    return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
+
+
+def sinc(angle: Expression) -> Expression:
+    """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
+    magnitude = ca.fabs(angle)
+    small = magnitude < 0.02
+    square = angle * angle
+    # Products, for quotients take several times as long.
+    series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
+    # Of the magnitude: what stands in for small ones is on the same side of 0, so that bounds stay finite.
+    return ca.if_else(small, series, ca.sin(magnitude) / ca.if_else(small, 1, magnitude))
+
+
+def chord(
+    yaw_rate: Expression, heading: Expression, period: Expression, integration: Integration
+) -> tuple[Expression, Expression]:
+    """How a sample's speed moves the pose: (gain [s], direction [rad]); displacement = gain * R(direction) v.
+
+    `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
+    `midpoint` is the paper's rule, gain T [Choi, eq. 8].
+    """
+    half_turn = 0.5 * period * yaw_rate
+    gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
+    return gain, heading + half_turn
+
+
+@lru_cache(maxsize=32)
+def step(model: Model, integration: Integration) -> ca.Function:
+    """The function (pose, inputs, parameters, period [s]) -> next pose, shared by all robots."""
+    pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
+    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
+    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
+    forward, lateral, yaw_rate = ca.vertsplit(twist)
+    gain, direction = chord(yaw_rate, pose[2], period, integration)
+    cosine, sine = ca.cos(direction), ca.sin(direction)
+    following = ca.vertcat(
+        pose[0] + gain * (forward * cosine - lateral * sine),
+        pose[1] + gain * (forward * sine + lateral * cosine),
+        pose[2] + period * yaw_rate,
+        model.internal_step(pose, twist, parameters, period),
+    )
+    return ca.Function(
+        "step",
+        [pose, inputs, parameters, period],
+        [following],
+        ["pose", "inputs", "parameters", "period"],
+        ["next"],
+    )

@@ -1,0 +1,215 @@
+"""Skid steer whose slip is put together: a lag of the yaw rate, an effective track that grows in turns, a
+centre of rotation beside the origin, and a drift out of bends.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import casadi as ca
+from pydantic import Field, model_validator
+
+from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
+from oed.kernel.dynamics.expression import Expression
+from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.robots.models.wheels import (
+    COEFFICIENT_NAMES,
+    TWO_WHEEL_SPEEDS,
+    TwoSidedGeometry,
+    two_sided_coefficients,
+)
+
+Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
+
+SOFT_YAW_RATE = 0.05
+"""Yaw rate [rad/s] over which the corner of its magnitude at 0 is rounded."""
+SOFT_DRIFT = 0.01
+"""The same where it drives a drift [rad/s]."""
+SOFT_WHEEL_SPEED = 0.1
+"""Wheel speed [rad/s] over which the measure of curvature, which rest leaves open, is rounded."""
+INSTANT = 0.8
+"""Periods per lag below which series stand for exponentials."""
+TERMS = 16
+"""Of these series: their rest is below rounding."""
+LONG = 500.0
+"""Lags after which nothing is left of how a period began."""
+
+
+class SkidSteerSlip(TwoSidedGeometry, Model):
+    """Two sides whose wheels slip; each effect is there only where its key is given.
+
+    With none of them it is the differential drive. What slips takes less or more turning out of the same
+    wheel speeds [Wong, Theory of Ground Vehicles; Mandow et al.: Experimental kinematics for wheeled
+    skid-steer mobile robots, 2007].
+
+    Attributes:
+        yaw_lag: tau [s]: the yaw rate follows the one that the wheels ask for as a first-order lag. It is a
+            further state `yaw_rate` [rad/s], 0 where a drive begins.
+        track_per_yaw_rate: k [m s/rad]: the effective track is track + k |yaw rate|. The yaw rate is the one
+            of the plain track, (r_R w_R - r_L w_L) / track, so that the effective track follows from the
+            inputs at once; the one that results would have to be solved for.
+        track_per_curvature: k [m]: the effective track is track + k s, with s of `tightness`.
+        x_icr, y_icr: how far ahead of the origin and to its left the centre of spins lies [m]: the lateral
+            speed is -x_icr, the forward speed y_icr times the yaw rate more.
+        drift: k [s^2]: in bends the wheels slide outwards, at the lateral speed -k V Omega |Omega|. The
+            friction that holds the robot in its bend takes so much sliding.
+    """
+
+    kind: Literal["skid_steer_slip"] = "skid_steer_slip"
+    yaw_lag: Annotated[Duration, Field(gt=0)] | None = None
+    track_per_yaw_rate: LengthPerYawRate | None = None
+    track_per_curvature: Length | None = None
+    x_icr: Length | None = None
+    y_icr: Length | None = None
+    drift: Drift | None = None
+    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    skids: ClassVar[bool] = True
+
+    @model_validator(mode="after")
+    def _a_track_in_every_turn(self) -> SkidSteerSlip:
+        if self.track + (self.track_per_curvature or 0.0) <= 0:
+            raise ValueError("track_per_curvature leaves no track on a spin")
+        for name in ("x_icr", "y_icr"):
+            if abs(getattr(self, name) or 0.0) > 10 * self.track:
+                raise ValueError(f"{name} lies far outside the robot; is its unit right?")
+        return self
+
+    @property
+    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The pose, and the yaw rate of a robot whose yaw rate lags."""
+        return ("x", "y", "heading", *(() if self.yaw_lag is None else ("yaw_rate",)))
+
+    @property
+    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Their units."""
+        return ("m", "m", "rad", *(() if self.yaw_lag is None else ("rad/s",)))
+
+    @property
+    def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
+        """Those of the matrix c where at most x_icr is there."""
+        others = (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature, self.y_icr, self.drift)
+        if any(one is not None for one in others):
+            return ()
+        return COEFFICIENT_NAMES if self.x_icr is None else (*COEFFICIENT_NAMES, ("c31", "c32"))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius_right, wheel_radius_left, track [m]; of yaw_lag [s], track_per_yaw_rate [m s/rad],
+        track_per_curvature, x_icr and y_icr [m] and drift [s^2] those that are given.
+        """
+        # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift
+        # as fast as the way ahead at 1 rad/s.
+        own = (
+            ("yaw_lag", self.yaw_lag, "s", 0.0),
+            ("track_per_yaw_rate", self.track_per_yaw_rate, "m*s/rad", self.track),
+            ("track_per_curvature", self.track_per_curvature, "m", self.track),
+            ("x_icr", self.x_icr, "m", self.track),
+            ("y_icr", self.y_icr, "m", self.track),
+            ("drift", self.drift, "s^2", 1.0),
+        )
+        given = (Parameter(name, value, unit, size) for name, value, unit, size in own if value is not None)
+        return (*self.geometry_parameters, *given)
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """Matrix c (2, 2) of the paper [Choi, eq. 6], with x_icr a third row for the lateral speed.
+
+        Raises:
+            NotImplementedError: the twist is not linear in any coefficients.
+        """
+        if not self.coefficient_names:
+            return super().coefficients(parameters)
+        matrix = two_sided_coefficients(parameters[0], parameters[1], parameters[2])
+        ahead = self._value("x_icr", parameters)
+        return matrix if ahead is None else ca.vertcat(matrix, -ahead * matrix[0, :])
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward speed V = (r_R w_R + r_L w_L) / 2, lateral speed, yaw rate (r_R w_R - r_L w_L) / B of the
+        effective track B: what the robot tends to where its yaw rate lags.
+        """
+        if self.coefficient_names:
+            return coefficient_twist(self, inputs, parameters)
+        right, left = parameters[0] * inputs[0], parameters[1] * inputs[1]
+        yaw_rate = (right - left) / self._effective_track(inputs, parameters)
+        return self._slid((right + left) / 2, yaw_rate, parameters)
+
+    def tightness(self, inputs: Expression) -> Expression:
+        """How tightly wheel speeds (2,) make a robot turn: s = (w_R - w_L)^2 / (w_R^2 + w_L^2) / 2 in [0, 1].
+
+        0 on a straight, 1/2 where one side stands, 1 on a spin, where the curvature is infinite. Of wheels
+        alike it is (B kappa / 2)^2 / (1 + (B kappa / 2)^2) for the curvature kappa: its square, saturated.
+        """
+        squares = inputs[0] ** 2 + inputs[1] ** 2 + SOFT_WHEEL_SPEED**2
+        return (inputs[0] - inputs[1]) ** 2 / squares / 2
+
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The twist with the mean of the lagging yaw rate, W + (Omega - W) (1 - e^-r) / r with r = T / tau,
+        from Omega on, for the W asked for.
+
+        The heading at the period's end is exact. Position takes the turn for even: its error is of the order
+        of V T^3 (Omega - W) / (12 tau), across.
+        """
+        lag = self._value("yaw_lag", parameters)
+        if lag is None:
+            return twist
+        mean = twist[2] + (state[3] - twist[2]) * _means(lag, period)[0]
+        return self._slid(twist[0] - self._or_zero("y_icr", parameters) * twist[2], mean, parameters)
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The yaw rate at the period's end, W + (Omega - W) e^-r, from its mean: nothing without a lag."""
+        lag = self._value("yaw_lag", parameters)
+        if lag is None:
+            return super().internal_step(state, twist, parameters, period)
+        return state[3] + (twist[2] - state[3]) * _means(lag, period)[1]
+
+    def _effective_track(self, inputs: Expression, parameters: Expression) -> Expression:
+        track = parameters[2]
+        per_yaw_rate = self._value("track_per_yaw_rate", parameters)
+        per_curvature = self._value("track_per_curvature", parameters)
+        found = track
+        if per_yaw_rate is not None:
+            plain = (parameters[0] * inputs[0] - parameters[1] * inputs[1]) / track
+            found += per_yaw_rate * (ca.sqrt(plain**2 + SOFT_YAW_RATE**2) - SOFT_YAW_RATE)
+        return found if per_curvature is None else found + per_curvature * self.tightness(inputs)
+
+    def _slid(self, speed: Expression, yaw_rate: Expression, parameters: Expression) -> Expression:
+        # The twist of wheels that roll at a mean speed while the robot turns.
+        x_icr, y_icr, drift = (self._or_zero(name, parameters) for name in ("x_icr", "y_icr", "drift"))
+        magnitude = ca.sqrt(yaw_rate**2 + SOFT_DRIFT**2)
+        outwards = drift * speed * yaw_rate * magnitude
+        return ca.vertcat(speed + y_icr * yaw_rate, -x_icr * yaw_rate - outwards, yaw_rate)
+
+    def _or_zero(self, name: str, parameters: Expression) -> Expression:
+        value = self._value(name, parameters)
+        return 0 if value is None else value
+
+    def _value(self, name: str, parameters: Expression) -> Expression | None:
+        # Of a parameter that may be absent.
+        names = [entry.name for entry in self.parameters]
+        return parameters[names.index(name)] if name in names else None
+
+
+def _means(lag: Expression, period: Expression) -> tuple[Expression, Expression]:
+    """Mean p of e^(-t / tau) over a period, and by how many times the mean's change the end has changed.
+
+    With r = T / tau these are (1 - e^-r) / r and (1 - e^-r) / (1 - p); by series for a period of little time
+    or none. For lags down to and below 0, where a search may stray, p = tau / T: what it tends to.
+    """
+    lasting = LONG * lag > period
+    gone = ca.logic_and(ca.logic_not(lasting), period > 0)
+    ratio = period / ca.if_else(lasting, lag, 1.0)
+    short = ratio < INSTANT
+    # 1 - p = r / 2 (1 - r / 3 (1 - r / 4 ...)), with products: quotients take several times as long.
+    small, half = ca.if_else(short, ratio, 0.0), 1.0
+    for term in range(TERMS, 2, -1):
+        half = 1 - small * (1 / term) * half
+    series = 1 - 0.5 * small * half
+    inside = ca.if_else(short, 1.0, ratio)
+    whole = -ca.expm1(-inside) / inside
+    mean = ca.if_else(short, series, whole)
+    change = ca.if_else(short, 2 * series / half, inside * whole / (1 - whole))
+    left = ca.if_else(gone, lag, 0.0) / ca.if_else(gone, period, 1.0)
+    return ca.if_else(gone, left, mean), ca.if_else(gone, 1 / (1 - left), change)

@@ -1,0 +1,82 @@
+"""A differential drive that pulls a trailer."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import casadi as ca
+
+from oed.foundation.quantities import Length
+from oed.kernel.dynamics.expression import Expression
+from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.robots.models.wheels import (
+    COEFFICIENT_NAMES,
+    TWO_WHEEL_SPEEDS,
+    PositiveLength,
+    TwoSidedGeometry,
+    two_sided_coefficients,
+)
+
+SMALL = 0.05
+"""(rate * time)^2 below which series stand for hyperbolic functions."""
+
+
+class TractorTrailer(TwoSidedGeometry, Model):
+    """A differential drive with a trailer hitched `hitch_offset` [m] behind its axle.
+
+    `trailer_length` [m] is from the hitch to the trailer's axle. The state `trailer_angle` [rad] is the
+    trailer's heading relative to the tractor's: 0 straight behind, positive to the left.
+    [Altafini, Some properties of the general n-trailer, 2001]
+    """
+
+    kind: Literal["tractor_trailer"] = "tractor_trailer"
+    hitch_offset: Length = 0.0
+    trailer_length: PositiveLength
+    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    states: ClassVar[tuple[str, ...]] = ("x", "y", "heading", "trailer_angle")
+    state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad", "rad")
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius_right, wheel_radius_left, track, hitch_offset, trailer_length [m]."""
+        return (
+            *self.geometry_parameters,
+            Parameter("hitch_offset", self.hitch_offset, "m", self.trailer_length),
+            Parameter("trailer_length", self.trailer_length, "m"),
+        )
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The tractor's matrix c (2, 2) [Choi, eq. 6]."""
+        return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward speed, 0, yaw rate of the tractor."""
+        return coefficient_twist(self, inputs, parameters)
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The trailer angle psi after a constant twist, exactly.
+
+        psi' = a + b cos psi + c sin psi is a Riccati equation of e^(j psi), so a sample is a Moebius map of
+        the unit circle: e^(j psi) moves as the ratio of two numbers that follow a linear equation.
+        """
+        offset, length, angle = parameters[3], parameters[4], state[3]
+        a, b, c = -twist[2], -offset * twist[2] / length, -twist[0] / length
+        cosine, sine = ca.cos(angle), ca.sin(angle)
+        even, odd = _hyperbolic((b**2 + c**2 - a**2) / 4, period)
+        along, rate = c * cosine - b * sine, a + b * cosine + c * sine
+        return angle + 2 * ca.atan2(odd * rate / 2, even - odd * along / 2)
+
+
+def _hyperbolic(square: Expression, period: Expression) -> tuple[Expression, Expression]:
+    # cosh(m T) and sinh(m T) / m of m^2 = square, which may be negative, by series near 0.
+    reach = square * period**2
+    small, positive = ca.fabs(reach) < SMALL, reach > 0
+    root = ca.sqrt(ca.if_else(small, 1.0, ca.fabs(reach)))
+    even = ca.if_else(positive, ca.cosh(ca.if_else(positive, root, 1.0)), ca.cos(root))
+    odd = ca.if_else(positive, ca.sinh(ca.if_else(positive, root, 1.0)), ca.sin(root)) / root
+    even_series = 1 + reach / 2 * (1 + reach / 12 * (1 + reach / 30 * (1 + reach / 56 * (1 + reach / 90))))
+    odd_series = 1 + reach / 6 * (1 + reach / 20 * (1 + reach / 42 * (1 + reach / 72 * (1 + reach / 110))))
+    return ca.if_else(small, even_series, even), period * ca.if_else(small, odd_series, odd)

@@ -1,0 +1,45 @@
+"""The tricycle: one steered and driven wheel in front, two free wheels behind."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import casadi as ca
+
+from oed.foundation.quantities import Angle
+from oed.kernel.dynamics.expression import Expression
+from oed.robots.models.model import Input, Model, Parameter
+from oed.robots.models.wheels import PositiveLength
+
+
+class Tricycle(Model):
+    """A wheel of `wheel_radius` [m], driven and steered, `wheelbase` [m] ahead of the free wheels' axle.
+
+    The origin is the middle of that axle. The steering angle that acts is the commanded one plus
+    `steering_offset` [rad].
+    """
+
+    kind: Literal["tricycle"] = "tricycle"
+    wheel_radius: PositiveLength
+    wheelbase: PositiveLength
+    steering_offset: Angle = 0.0
+    inputs: ClassVar[tuple[Input, ...]] = (
+        Input("wheel_speed", "wheel_speed", "rad/s"),
+        Input("steering_angle", "steering_angle", "rad"),
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius, wheelbase [m], steering_offset [rad]."""
+        return (
+            Parameter("wheel_radius", self.wheel_radius, "m"),
+            Parameter("wheelbase", self.wheelbase, "m"),
+            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
+        )
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward speed r w cos(delta), 0, yaw rate r w sin(delta) / L, of the steered wheel's velocity
+        along and across the robot, L ahead of its origin.
+        """
+        speed, steered = parameters[0] * inputs[0], inputs[1] + parameters[2]
+        return ca.vertcat(speed * ca.cos(steered), 0, speed * ca.sin(steered) / parameters[1])

@@ -1,0 +1,144 @@
+"""Absolute poses, as a laser tracker or motion capture gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator, model_validator
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.sensor import Moment, PlacedSensor
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+Matrix = tuple[tuple[float, ...], ...]
+Quantity = Literal["x", "y", "heading"]
+AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
+
+
+class AbsoluteNoise(Component):
+    """Errors of one absolute pose, as standard deviations or as a covariance matrix.
+
+    Attributes:
+        position: of x and of y [m]; x and y may be given apart.
+        x, y: [m].
+        heading: [rad].
+        position_per_speed: k_v in the variance sigma^2 + (k_v V)^2 + (k_w Omega)^2 of a position, V the speed
+            [s].
+        heading_per_speed: the same of a heading [rad s/m].
+        position_per_yaw_rate: k_w there, Omega the yaw rate [m s/rad].
+        heading_per_yaw_rate: the same of a heading [s], e.g. readings whose times jitter by so much.
+        covariance: of one pose's quantities, in their order, (q, q); or of all readings, pose by pose,
+            (K q, K q); in SI units. Instead of the others.
+    """
+
+    position: Annotated[Length, Field(gt=0)] | None = None
+    x: Annotated[Length, Field(gt=0)] | None = None
+    y: Annotated[Length, Field(gt=0)] | None = None
+    heading: Annotated[Angle, Field(gt=0)] | None = None
+    position_per_speed: Annotated[Duration, Field(ge=0)] = 0.0
+    heading_per_speed: Annotated[AnglePerSpeed, Field(ge=0)] = 0.0
+    position_per_yaw_rate: Annotated[LengthPerYawRate, Field(ge=0)] = 0.0
+    heading_per_yaw_rate: Annotated[Duration, Field(ge=0)] = 0.0
+    covariance: Matrix | None = None
+
+    @field_validator("covariance")
+    @classmethod
+    def _is_a_covariance(cls, rows: Matrix | None) -> Matrix | None:
+        if rows is not None:
+            require_covariance(rows)
+        return rows
+
+    @model_validator(mode="after")
+    def _one_way_to_give_it(self) -> AbsoluteNoise:
+        others = [name for name, value in self if name != "covariance" and value]
+        if self.covariance is not None and others:
+            raise ValueError(f"a covariance says it all: leave out {', '.join(others)}")
+        return self
+
+    def deviation(self, quantity: Quantity) -> float | None:
+        """Standard deviation at rest, SI; None where it is not given."""
+        own: float | None = getattr(self, quantity)
+        return self.position if own is None and quantity != "heading" else own
+
+    def per_speed(self, quantity: Quantity) -> float:
+        """The k_v of sigma^2 + (k_v V)^2 + (k_w Omega)^2, SI."""
+        return self.heading_per_speed if quantity == "heading" else self.position_per_speed
+
+    def per_yaw_rate(self, quantity: Quantity) -> float:
+        """The k_w there, SI."""
+        return self.heading_per_yaw_rate if quantity == "heading" else self.position_per_yaw_rate
+
+
+class Poses(PlacedSensor):
+    """Absolute x, y [m] and heading [rad], or some of them, at every n-th sample.
+
+    Attributes:
+        quantities: which of x, y, heading are read.
+        noise: of one reading.
+    """
+
+    kind: Literal["poses"] = "poses"
+    quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)] = ("x", "y", "heading")
+    noise: AbsoluteNoise = AbsoluteNoise()
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading's place."""
+        return tuple(place for place, name in enumerate(self.quantities) if name == "heading")
+
+    def reading(self, moment: Moment) -> Expression:
+        """The quantities, at the lever arm's end."""
+        x, y = self.position(moment)
+        read = {"x": x, "y": y, "heading": moment.pose[2]}
+        return ca.vertcat(*(read[quantity] for quantity in self.quantities))
+
+    def whitening(self, moment: Moment) -> Expression:
+        """1 / sigma of each quantity at the moment's twist; the inverse Cholesky factor of a covariance."""
+        if self.noise.covariance is not None:
+            if self.joint_whitening is not None:
+                return ca.SX.eye(len(self.quantities))
+            return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
+        speed, turning = moment.twist[0] ** 2 + moment.twist[1] ** 2, moment.twist[2] ** 2
+        variances = [
+            (self.noise.deviation(name) or np.inf) ** 2
+            + self.noise.per_speed(name) ** 2 * speed
+            + self.noise.per_yaw_rate(name) ** 2 * turning
+            for name in self.quantities
+        ]
+        return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))
+
+    @property
+    def joint_whitening(self) -> Array | None:
+        """The inverse Cholesky factor of a covariance of all readings."""
+        given = self.noise.covariance
+        return None if given is None or len(given) == len(self.quantities) else _inverse_factor(given)
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """Quantities without noise or given twice, a covariance of another size."""
+        flaws, noise = [], self.noise
+        if len(set(self.quantities)) < len(self.quantities):
+            flaws.append(Flaw(("measurement", "quantities"), "a quantity is listed twice"))
+        if noise.covariance is not None:
+            alone = len(self.quantities)
+            together = alone * len(self.columns(samples))
+            if len(noise.covariance) not in (alone, together):
+                got = len(noise.covariance)
+                text = f"expected {alone} rows (one pose) or {together} (all readings), got {got}"
+                flaws.append(Flaw(("measurement", "noise", "covariance"), text))
+            return flaws
+        missing = [name for name in self.quantities if noise.deviation(name) is None]
+        if missing:
+            text = f"the noise of {', '.join(missing)} is needed to weigh the readings"
+            flaws.append(Flaw(("measurement", "noise"), text))
+        return flaws
+
+
+def _inverse_factor(covariance: Matrix) -> Array:
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.array(covariance))))

@@ -1,0 +1,58 @@
+"""Several sensors on one drive: their information adds up, the initial pose is theirs together."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from oed.foundation.component import OneOf
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.sensor import Sensor, joint_block
+from oed.robots.models.model import Model
+from oed.robots.sensors.poses import Poses
+from oed.robots.sensors.ranges import Ranges
+from oed.robots.sensors.trailer_angle import TrailerAngle
+from oed.robots.sensors.yaw_rate import YawRate
+
+SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
+
+
+class Several(Measurement):
+    """Sensors used together; in a study, a list of them."""
+
+    kind: Literal["several"] = "several"
+    sensors: Annotated[tuple[Annotated[Sensor, OneOf(SENSORS)], ...], Field(min_length=1)]
+
+    def blocks(self, drive: Drive) -> tuple[Block, ...]:
+        """One block of all sensors."""
+        return (joint_block(self.sensors, drive),)
+
+    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+        """The sensors' own flaws, and sensors that disagree on what is known of the initial pose."""
+        flaws = [
+            Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
+            for index, sensor in enumerate(self.sensors)
+            for flaw in sensor.flaws(model, samples)
+        ]
+        known = [sensor.initial_pose_known for sensor in self.sensors]
+        given = [entry for entry in known if entry is not None]
+        for index, entry in enumerate(known):
+            if entry is not None and entry != given[0]:
+                text = "differs from that of the sensors before; there is one initial pose"
+                flaws.append(Flaw(("measurement", index, "initial_pose"), text))
+        return flaws
+
+    def coarser(self, times: float) -> Several | None:
+        """The sensors' own."""
+        sensors = [sensor.coarser(times) for sensor in self.sensors]
+        return None if None in sensors else self.model_copy(update={"sensors": tuple(sensors)})
+
+
+def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
+    """The sensors of a measurement that are estimated from together; () for any other measurement."""
+    if isinstance(measurement, Several):
+        return measurement.sensors
+    return (measurement,) if isinstance(measurement, Sensor) else ()

@@ -1,0 +1,6 @@
+"""Is the promised precision what a simulation gives?"""
+
+from oed.simulation.checks import Check
+from oed.simulation.monte_carlo import Validation, validate
+
+__all__ = ["Check", "Validation", "validate"]

@@ -1,0 +1,120 @@
+"""Statistical tests of a promised covariance against simulated estimates (STATISTICS: bias, size, shape)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from oed.simulation.tally import COVERAGE, Tally
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One test: what it looks at, its statistic with the range expected, its p-value, and whether it passed.
+
+    `passed` is judged for all tests together (Holm), so that no single one alone decides too often.
+    """
+
+    name: str
+    question: str
+    statistic: float
+    expected: tuple[float, float]
+    p_value: float
+    passed: bool = True
+
+
+def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
+    """All tests of errors (R, p) against their promised covariance (p, p), at joint level `alpha`."""
+    return check_tally(Tally.of(errors, covariance), alpha)
+
+
+def check_tally(tally: Tally, alpha: float) -> tuple[Check, ...]:
+    """All tests of tallied errors, at joint level `alpha`."""
+    tests = (bias, likelihood_ratio, mean_nees, extreme_eigenvalues, coverage, nees_distribution)
+    return holm([test(tally, alpha) for test in tests], alpha)
+
+
+def bias(tally: Tally, alpha: float) -> Check:
+    """R zbar'zbar against chi2_p: is the mean estimate the truth?"""
+    mean, size = tally.whitened.mean, tally.size
+    statistic = float(tally.count * mean @ mean)
+    expected = (0.0, float(scipy.stats.chi2.ppf(1 - alpha, size)))
+    return Check(
+        "bias",
+        "is the mean estimate the truth?",
+        statistic,
+        expected,
+        float(scipy.stats.chi2.sf(statistic, size)),
+    )
+
+
+def likelihood_ratio(tally: Tally, alpha: float) -> Check:
+    """Bartlett-corrected likelihood ratio of the covariance against chi2_{p(p+1)/2}."""
+    nu, size, sample = tally.count - 1, tally.size, tally.whitened.covariance
+    _, logdet = np.linalg.slogdet(sample)
+    raw = nu * (np.trace(sample) - logdet - size)
+    statistic = float(raw * (1 - (2 * size + 1 - 2 / (size + 1)) / (6 * nu - 1)))
+    degrees = size * (size + 1) / 2
+    expected = (0.0, float(scipy.stats.chi2.ppf(1 - alpha, degrees)))
+    p_value = float(scipy.stats.chi2.sf(statistic, degrees))
+    return Check("covariance", "are size and shape of the covariance right?", statistic, expected, p_value)
+
+
+def mean_nees(tally: Tally, alpha: float) -> Check:
+    """Mean normalised squared error against its two-sided chi2 interval."""
+    degrees, total = tally.count * tally.size, tally.nees
+    low, high = (
+        float(value) / degrees for value in scipy.stats.chi2.ppf([alpha / 2, 1 - alpha / 2], degrees)
+    )
+    p_value = 2 * min(float(scipy.stats.chi2.cdf(total, degrees)), float(scipy.stats.chi2.sf(total, degrees)))
+    return Check("NEES", "is the variance right on average?", total / degrees, (low, high), min(1.0, p_value))
+
+
+def extreme_eigenvalues(tally: Tally, alpha: float) -> Check:
+    """The whitened sample covariance's eigenvalue farthest from 1, against a concentration bound."""
+    nu, size = tally.count - 1, tally.size
+    values = np.linalg.eigvalsh(tally.whitened.covariance)
+    roots = np.sqrt(values)
+    farthest = int(np.argmax(np.abs(roots - 1.0)))
+    reach = (math.sqrt(size) + math.sqrt(2 * math.log(2 / alpha))) / math.sqrt(nu)
+    excess = max(0.0, abs(float(roots[farthest]) - 1.0) * math.sqrt(nu) - math.sqrt(size))
+    p_value = min(1.0, 2 * math.exp(-(excess**2) / 2))
+    expected = (max(0.0, 1 - reach) ** 2, (1 + reach) ** 2)
+    question = "is the variance right in every direction?"
+    return Check("eigenvalues", question, float(values[farthest]), expected, p_value)
+
+
+def coverage(tally: Tally, alpha: float) -> Check:
+    """Share of estimates inside the 95 % ellipsoid, by the exact binomial test."""
+    test = scipy.stats.binomtest(tally.inside, tally.count, COVERAGE)
+    bounds = scipy.stats.binom.ppf([alpha / 2, 1 - alpha / 2], tally.count, COVERAGE)
+    low, high = (float(value) / tally.count for value in bounds)
+    question = "does the 95 % ellipse hold 95 % of the estimates?"
+    return Check("coverage", question, tally.inside / tally.count, (low, high), float(test.pvalue))
+
+
+def nees_distribution(tally: Tally, alpha: float) -> Check:
+    """Kolmogorov-Smirnov distance of the normalised squared errors from chi2_p."""
+    statistic = tally.levels.distance
+    limit = float(scipy.stats.kstwo.ppf(1 - alpha, tally.count))
+    question = "are the errors normal, as intervals assume?"
+    p_value = float(scipy.stats.kstwo.sf(statistic, tally.count))
+    return Check("distribution", question, statistic, (0.0, limit), p_value)
+
+
+def holm(checks: Sequence[Check], alpha: float) -> tuple[Check, ...]:
+    """The checks with `passed` set: together they fail wrongly at most so often as `alpha` [Holm, 1979]."""
+    order = sorted(range(len(checks)), key=lambda index: checks[index].p_value)
+    failed: set[int] = set()
+    for rank, index in enumerate(order):
+        if checks[index].p_value > alpha / (len(checks) - rank):
+            break
+        failed.add(index)
+    return tuple(replace(check, passed=index not in failed) for index, check in enumerate(checks))

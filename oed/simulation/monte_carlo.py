@@ -1,0 +1,216 @@
+"""Monte Carlo: simulate noisy experiments, estimate from them, compare with the covariance promised.
+
+What is promised, and how the readings are simulated, is the estimator's; what is tested is the same for all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.methods import Estimator, EstimatorName, Heading, Loss, make_estimator
+from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.work.parallel import Workers, run_tasks
+from oed.foundation.work.progress import Progress, Silent
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.simulation.checks import Check, check_tally
+from oed.simulation.tally import Moments, Tally
+
+Array = npt.NDArray[np.float64]
+
+BATCH = 1000
+"""Replicates drawn from one stream: the same numbers whatever the number of workers."""
+ALPHA = 0.01
+"""Probability with which all tests together reject a right covariance."""
+SLOW_BATCH = 100
+"""The same where every replicate is a search of its own."""
+SHOWN = 200
+"""Estimates kept for a scatter plot."""
+STREAM = 5
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Promised against simulated precision; all SI.
+
+    Attributes:
+        estimator: what estimated, and promised.
+        heading: which headings a position regression used.
+        replicates, seed, alpha: of the simulation and its tests.
+        parameters: names, (p,).
+        true: values simulated with, (p,).
+        mean: of the estimates, (p,).
+        promised: covariance by the estimator's formula, (p, p).
+        sampled: covariance of the estimates, (p, p).
+        paired_ratio: sampled over promised variance, (p,), each replicate paired with the linear estimate
+            from the same noise, which removes most of the sampling error.
+        paired_error: standard error of that ratio, (p,).
+        checks: the tests, judged together.
+        estimates: the first estimates, (<= 200, p).
+    """
+
+    estimator: EstimatorName
+    heading: Heading
+    replicates: int
+    seed: int
+    alpha: float
+    parameters: tuple[str, ...]
+    true: Array
+    mean: Array
+    promised: Array
+    sampled: Array
+    paired_ratio: Array
+    paired_error: Array
+    checks: tuple[Check, ...]
+    estimates: Array
+
+    @property
+    def passed(self) -> bool:
+        """Whether the promised covariance is right as far as this simulation can tell."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in words."""
+        if self.passed:
+            return (
+                f"In {self.replicates} simulated experiments the estimates scatter as promised: "
+                f"all {len(self.checks)} tests passed."
+            )
+        failed = ", ".join(check.name for check in self.checks if not check.passed)
+        ratios = np.sqrt(np.diag(self.sampled) / np.diag(self.promised))
+        worst = int(np.argmax(np.abs(np.log(ratios))))
+        offset = (self.mean[worst] - self.true[worst]) / math.sqrt(self.promised[worst, worst])
+        return (
+            f"In {self.replicates} simulated experiments the promise did not hold ({failed}): "
+            f"{self.parameters[worst]} scatters {ratios[worst]:.3g} times as much as promised "
+            f"and is off by {offset:+.2g} promised standard deviations on average."
+        )
+
+
+def validate(
+    problem: Problem,
+    trajectory: Trajectory,
+    *,
+    replicates: int = 10_000,
+    estimator: EstimatorName | None = None,
+    heading: Heading = "known",
+    loss: Loss = "linear",
+    seed: int = 0,
+    alpha: float = ALPHA,
+    workers: Workers = 1,
+    progress: Progress | None = None,
+) -> Validation:
+    """Simulate `replicates` experiments of a drive and test an estimator's covariance against them.
+
+    Args:
+        problem: whose measurement's noise is given.
+        trajectory: the drive.
+        replicates: simulated experiments.
+        estimator: "ols", "sandwich", "gls", "errors_in_variables" for displacements, "nonlinear" for
+            sensors; by default the one whose information the problem's measurement gives.
+        heading: which headings the position regression of displacements uses: the true ones ("known"),
+            those that the first stage predicts, or noisy ones measured at every sample.
+        loss: of the residuals of joint least squares.
+        seed: of all noise.
+        alpha: joint level of the tests.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far it is.
+
+    Raises:
+        ProblemError: no noise given, a singular design, an estimator that does not suit the measurement, or
+            too few replicates for a covariance.
+    """
+    chosen = make_estimator(problem, trajectory, estimator, heading=heading, loss=loss)
+    least = len(chosen.parameters) + 1
+    if replicates < least:
+        text = f"expected at least {least}, one more than there are parameters, got {replicates}"
+        raise ProblemError([Flaw(("validation", "replicates"), text)])
+    listener = progress or Silent()
+    size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
+    batches = [
+        _Batch(chosen, seed, index, min(size, replicates - index * size))
+        for index in range(math.ceil(replicates / size))
+    ]
+    listener.begin("simulate experiments", len(batches))
+    total = _Total()
+
+    def take(index: int, result: _Result) -> None:
+        total.take(index, result)
+        listener.advance()
+
+    run_tasks(_simulate, batches, workers, take)
+    found, true, promised = total.result, chosen.true, chosen.promised
+    root, whitened = np.linalg.cholesky(promised), found.tally.whitened
+    # E[linear^2] is known exactly, so only the difference of squares is left to chance.
+    ratio = np.diag(chosen.linear_covariance) / np.diag(promised) + found.paired.mean
+    return Validation(
+        estimator=chosen.name,
+        heading=heading,
+        replicates=found.tally.count,
+        seed=seed,
+        alpha=alpha,
+        parameters=chosen.parameters,
+        true=true,
+        mean=true + root @ whitened.mean,
+        promised=promised,
+        sampled=root @ whitened.covariance @ root.T,
+        paired_ratio=ratio,
+        paired_error=np.sqrt(np.diag(found.paired.covariance) / found.paired.count),
+        checks=check_tally(found.tally, alpha),
+        estimates=found.estimates,
+    )
+
+
+@dataclass(frozen=True)
+class _Batch:
+    estimator: Estimator
+    seed: int
+    index: int
+    size: int
+
+
+@dataclass
+class _Result:
+    # Of a batch, or of all so far.
+    tally: Tally
+    paired: Moments
+    estimates: Array
+
+    def add(self, other: _Result) -> None:
+        self.tally.add(other.tally)
+        self.paired.add(other.paired)
+        missing = SHOWN - len(self.estimates)
+        if missing > 0:
+            self.estimates = np.concatenate([self.estimates, other.estimates[:missing]])
+
+
+class _Total:
+    """The sum of all batches, added in their order whatever the order in which workers end them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, _Result] = {}
+        self._batches = 0
+        self.result: _Result
+
+    def take(self, index: int, result: _Result) -> None:
+        self._waiting[index] = result
+        while self._batches in self._waiting:
+            following = self._waiting.pop(self._batches)
+            if self._batches:
+                self.result.add(following)
+            else:
+                self.result = following
+            self._batches += 1
+
+
+def _simulate(batch: _Batch) -> _Result:
+    rng = np.random.default_rng([batch.seed, STREAM, batch.index])
+    estimates, linear = batch.estimator.replicate(rng, batch.size)
+    true, promised = batch.estimator.true, batch.estimator.promised
+    differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(promised)
+    return _Result(Tally.of(estimates - true, promised), Moments.of(differences), estimates[:SHOWN].copy())

@@ -1,0 +1,119 @@
+"""The models on trial: what a drive is designed for, and what is calibrated from every drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from oed.estimation.setup.alternatives import Alternative
+from oed.estimation.setup.options import CalibrationOptions, Method
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.problem import Problem
+from oed.robots.sensors import LeverArm, Poses
+from oed.simulation.trial.options import Trial
+from oed.simulation.trial.paths import drive_flaw
+
+if TYPE_CHECKING:
+    from oed.estimation.methods.fitting import Fitting
+
+INPUTS = ("wheel_speed_right", "wheel_speed_left")
+"""What a simulated robot is commanded by."""
+Key = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model with the problem of designing a drive for it."""
+
+    name: str
+    problem: Problem
+
+    def fitting(self, options: CalibrationOptions, method: Method) -> Fitting:
+        """How it is calibrated; in windows of usual length where the method needs windows."""
+        # Loaded late: to check a study is not to calibrate.
+        from oed.estimation.methods.fitting import Fitting
+
+        robot = self.problem.robot
+        names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
+        segment = options.segment if method == "joint" else "auto"
+        chosen = options.model_copy(update={"method": method, "segment": segment})
+        return Fitting(robot, names, self.problem.design.integration, self.problem.measurement, chosen)
+
+
+def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
+    """The study's own robot and the other models.
+
+    Raises:
+        ProblemError: a model that the study's measurement or criterion does not suit.
+    """
+    others = [Candidate(one.label, _redesigned(problem, trial, one)) for one in trial.models]
+    return (Candidate(readable(problem.model.kind), problem), *others)
+
+
+def readable(identifier: str) -> str:
+    """An identifier as words."""
+    return identifier.replace("_", " ")
+
+
+def trial_flaws(problem: Problem, trial: Trial | None) -> list[Flaw]:
+    """Why a study cannot be tried on a simulated robot."""
+    if trial is None:
+        return []
+    flaws = [Flaw(("physics",), text) for text in _misfits(problem)]
+    if flaws:
+        return flaws
+    return [*_model_flaws(problem, trial), *_drive_flaws(problem, trial), *_method_flaws(problem, trial)]
+
+
+def _misfits(problem: Problem) -> Iterator[str]:
+    inputs, sensor = problem.model.input_names, problem.measurement
+    if inputs != INPUTS:
+        yield f"simulated robots are driven by {', '.join(INPUTS)}, not by {', '.join(inputs)}"
+    if not isinstance(sensor, Poses) or sensor.quantities != ("x", "y", "heading"):
+        yield "expected a measurement of poses (x, y and heading), as the simulation reads them"
+    elif sensor.lever_arm != LeverArm():
+        yield "simulated poses are those of the robot's origin: leave out the lever arm"
+    elif sensor.noise.covariance is not None:
+        yield "expected the noise of simulated poses as standard deviations, not as a covariance"
+    if problem.design.runs > 1:
+        yield f"expected a single run, got {problem.design.runs}"
+
+
+def _model_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+    known = {readable(problem.model.kind)}
+    for index, one in enumerate(trial.models):
+        place: Key = ("physics", "models", index)
+        if one.label in known:
+            yield Flaw(place, f"a second model named {one.label}; give each a `name` of its own")
+        known.add(one.label)
+        found = one.flaws(problem.model.input_names)
+        yield from (Flaw(place, text) for text in found or _design_flaws(problem, trial, one))
+
+
+def _design_flaws(problem: Problem, trial: Trial, one: Alternative) -> list[str]:
+    try:
+        _redesigned(problem, trial, one)
+    except ProblemError as error:
+        return [f"{one.label}: {flaw}" for flaw in error.flaws]
+    return []
+
+
+def _drive_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+    for index, name in enumerate(trial.drives):
+        text = drive_flaw(problem, name)
+        if text:
+            yield Flaw(("physics", "drives", index), text)
+
+
+def _method_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+    if "two_stage" in trial.methods and not problem.robot.coefficient_names:
+        text = f"{problem.robot.kind} has no coefficients, which two_stage estimates"
+        yield Flaw(("physics", "methods", trial.methods.index("two_stage")), text)
+
+
+def _redesigned(problem: Problem, trial: Trial, one: Alternative) -> Problem:
+    # Nothing is known of another model's parameters beforehand.
+    known = replace(problem, prior=None, uncertainty=None, robust=None)
+    criterion = trial.criterion or problem.criterion
+    return replace(known, model=one.robot, estimate=one.estimate, criterion=criterion)

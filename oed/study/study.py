@@ -1,0 +1,391 @@
+"""The study file: a Problem and what to do with it, read from YAML with every mistake named by its line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, Optional
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
+
+from oed.bounds import LATTICE
+from oed.estimation import CalibrationOptions, alternative_flaws
+from oed.estimation.methods import EstimatorName, Heading, Loss, estimator_flaws
+from oed.foundation.component import Component, OneOf
+from oed.foundation.errors import Flaw, NotFinite, PathFileError, ProblemError, RecordError, StudyError
+from oed.foundation.names import file_stem, name_flaw
+from oed.kernel.criteria import CRITERIA, Criterion, E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.identifiability import require_identifiable
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.logs import AnyLogForm, CsvForm, LogForm
+from oed.optimize import SOLVERS, Ipopt, Solver
+from oed.records.path_file import read_trajectory
+from oed.records.record import NOMINAL, load_record
+from oed.robots.baselines import BaselineName, baseline_flaws
+from oed.robots.limits import LIMITS, Limit
+from oed.robots.models import MODELS, Model
+from oed.robots.presets import preset_names, with_preset
+from oed.robots.sensors import MEASUREMENTS, Measurement
+from oed.simulation.monte_carlo import ALPHA
+from oed.simulation.trial import Trial, trial_flaws
+from oed.study.study_errors import explain
+from oed.study.yaml_source import YamlSource, parse_yaml, read_yaml
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
+
+FORMAT = 1
+
+
+def _limit_table() -> Any:
+    fields: dict[str, Any] = {
+        name: (Optional[kind], None)  # noqa: UP045
+        for name, kind in LIMITS.items()
+    }
+    return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
+
+
+_Limits = _limit_table()
+
+
+class PathFile(Component):
+    """A path of the user's own to compare with: a trajectory CSV, found from the study's folder."""
+
+    file: str
+    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+
+    @property
+    def label(self) -> str:
+        """The result's name."""
+        return self.name or Path(self.file).stem
+
+
+class PriorRecord(Component):
+    """A prior from an earlier study: the covariance that its record predicts for a drive.
+
+    Attributes:
+        record: the earlier study's folder (or record file), found from this study's folder.
+        result: name of the drive that was driven; the record's best by default.
+    """
+
+    record: str
+    result: str | None = None
+
+
+def _prior_form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    from_record = "record" in value if isinstance(value, dict) else isinstance(value, PriorRecord)
+    return "from a record" if from_record else "as numbers"
+
+
+AnyPrior = Annotated[
+    Annotated[Prior, Tag("as numbers")] | Annotated[PriorRecord, Tag("from a record")],
+    Discriminator(_prior_form),
+]
+
+
+class ValidationOptions(Component):
+    """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
+
+    replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
+    estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
+    heading: Heading = "known"
+    loss: Loss = "linear"
+    alpha: Annotated[float, Field(gt=0, lt=1)] = ALPHA
+
+
+def _sensor_list(value: Any) -> Any:
+    # Several sensors are given as a list of them.
+    return {"kind": "several", "sensors": value} if isinstance(value, list) else value
+
+
+class StudyFile(Component):
+    """The keys of a study file."""
+
+    format: Literal[1]
+    name: Annotated[str, Field(min_length=1)]
+    robot: Annotated[Model, OneOf(MODELS)]
+    trajectory: DesignSpace
+    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
+    estimate: tuple[str, ...] | None = None
+    prior: AnyPrior | None = None
+    uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
+    limits: _Limits  # type: ignore[valid-type]
+    criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
+    solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
+    baselines: tuple[BaselineName | PathFile, ...] = ()
+    bound: bool = False
+    validation: ValidationOptions | None = None
+    log: AnyLogForm | None = None
+    calibration: CalibrationOptions | None = None
+    physics: Trial | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study: the problem, and what to do with it.
+
+    Attributes:
+        problem: what to design for.
+        file: the checked study file.
+        text: the YAML it was read from.
+        source: the file's name.
+    """
+
+    problem: Problem
+    file: StudyFile
+    text: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.file.name
+
+    @property
+    def solvers(self) -> tuple[Solver, ...]:
+        """The searches asked for."""
+        return self.file.solvers
+
+    @property
+    def folder(self) -> Path:
+        """Where the study's own files are looked for."""
+        return Path(self.source).parent
+
+    @property
+    def log(self) -> LogForm:
+        """How the robot's logs are read."""
+        return CsvForm() if self.file.log is None else self.file.log
+
+    @property
+    def calibration(self) -> CalibrationOptions:
+        """How parameters are estimated from logs."""
+        return self.file.calibration or CalibrationOptions()
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random draw."""
+        return self.file.seed
+
+    def require_identifiable(self) -> None:
+        """Refuse a study whose parameters no drive tells apart, or whose drives are not finite.
+
+        Raises:
+            StudyError: names what is not finite, or every combination that cannot be told, and what to do.
+        """
+        try:
+            require_identifiable(self.problem)
+        except ProblemError as error:
+            raise self._error(error.flaws) from None
+        except NotFinite as error:
+            raise self._error([error.flaw]) from None
+
+    def own_paths(self) -> dict[str, Trajectory]:
+        """The user's own paths that the study compares with, by name.
+
+        Raises:
+            StudyError: some that cannot be read, each with the line that names it and its own.
+        """
+        paths: dict[str, Trajectory] = {}
+        flaws: list[Flaw] = []
+        for index, path in enumerate(self.file.baselines):
+            if isinstance(path, PathFile):
+                try:
+                    paths[path.label] = read_trajectory(self.folder / path.file, self.problem)
+                except PathFileError as error:
+                    flaws += [Flaw(("baselines", index, "file"), str(flaw)) for flaw in error.flaws]
+        if flaws:
+            raise self._error(flaws)
+        return paths
+
+    def _error(self, flaws: Sequence[Flaw]) -> StudyError:
+        source = parse_yaml(self.text, self.source)
+        return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
+
+    def echo(self) -> dict[str, Any]:
+        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
+        plain: dict[str, Any] = self.file.model_dump(mode="json", exclude_none=True)
+        return plain
+
+
+def load_study(file: str | Path) -> Study:
+    """Read and cross-check a study file.
+
+    Raises:
+        StudyError: every mistake in the file, each with its line and key.
+    """
+    return _study(read_yaml(file))
+
+
+def parse_study(text: str, source: str = "study") -> Study:
+    """The study that YAML text describes; `source` stands for the file's name in errors.
+
+    Raises:
+        StudyError: every mistake in the text, each with its line and key.
+    """
+    return _study(parse_yaml(text, source))
+
+
+def _study(source: YamlSource) -> Study:
+    if not isinstance(source.data, dict):
+        raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
+    try:
+        file = StudyFile.model_validate(_with_folder(with_preset(source.data), source))
+    except ProblemError as error:
+        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+    except ValidationError as error:
+        raise StudyError(explain(error, StudyFile, source)) from None
+    flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    flaws += file.log.flaws(file.robot) if file.log is not None else []
+    if file.uncertainty is not None and file.robust is None:
+        text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
+        flaws.append(Flaw(("uncertainty",), text))
+    if file.calibration is not None:
+        flaws += alternative_flaws(file.robot, file.calibration.models)
+    try:
+        file = _with_prior(file, Path(source.file).parent)
+        problem = _problem(file)
+        flaws += baseline_flaws(problem, file.baselines)
+        flaws += trial_flaws(problem, file.physics)
+    except ProblemError as error:
+        flaws = [*error.flaws, *flaws]
+    if flaws:
+        found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
+        raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
+    return Study(problem, file, source.text, source.file)
+
+
+def _with_folder(data: dict[str, Any], source: YamlSource) -> dict[str, Any]:
+    # A robot of the user's own stands beside the study, or in a folder named relative to it.
+    def found(robot: Any) -> Any:
+        if not isinstance(robot, dict) or robot.get("kind") != "python":
+            return robot
+        folder = Path(source.file).parent / str(robot.get("folder") or "")
+        return {**robot, "folder": str(folder.resolve())}
+
+    placed = {**data, "robot": found(data["robot"])} if "robot" in data else data
+    for key in ("calibration", "physics"):
+        part = placed.get(key)
+        if isinstance(part, dict) and isinstance(part.get("models"), list):
+            placed = {**placed, key: {**part, "models": [found(robot) for robot in part["models"]]}}
+    return placed
+
+
+def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
+    # A prior taken from a record becomes its numbers, so that the study stands on its own from here on.
+    if not isinstance(file.prior, PriorRecord):
+        return file
+    try:
+        saved = load_record(folder / file.prior.record)
+    except RecordError as error:
+        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
+    entry = saved.result(file.prior.result)
+    if entry is None:
+        names = ", ".join(str(one["name"]) for one in saved.results) or "none"
+        wanted = file.prior.result or "a feasible result"
+        raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {wanted}")])
+    found = [one for one in entry.get("covariances", []) if _all_known(one["covariance"])]
+    if len(found) != 1:
+        text = f"the record's {entry['name']} predicts no covariance of all parameters together"
+        raise ProblemError([Flaw(("prior", "record"), text)])
+    prior = Prior(parameters=found[0]["parameters"], covariance=found[0]["covariance"])
+    return file.model_copy(update={"prior": prior})
+
+
+def _all_known(covariance: list[list[float | None]]) -> bool:
+    return all(value is not None for row in covariance for value in row)
+
+
+def _problem(file: StudyFile) -> Problem:
+    assert not isinstance(file.prior, PriorRecord)
+    return Problem(
+        model=file.robot,
+        design=file.trajectory,
+        measurement=file.measurement,
+        limits=_limits(file),
+        criterion=file.criterion,
+        name=file.name,
+        estimate=file.estimate,
+        prior=file.prior,
+        uncertainty=file.uncertainty,
+        robust=file.robust,
+    )
+
+
+def _name_flaws(file: StudyFile) -> list[Flaw]:
+    # Results are told apart by their names, and saved in files named after them.
+    entries: list[tuple[tuple[str | int, ...], str]] = [
+        (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
+    ]
+    if file.robust is not None and file.robust.compare:
+        entries.append((("robust",), NOMINAL))
+    if file.bound:
+        entries.append((("bound",), LATTICE))
+    for index, path in enumerate(file.baselines):
+        if isinstance(path, PathFile):
+            entries.append((("baselines", index), path.label))
+        else:
+            entries += [(("baselines", index), path), (("baselines", index), f"{path}_same_length")]
+    flaws: list[Flaw] = []
+    known = set[str]()
+    for key, name in entries:
+        flaw = name_flaw(name)
+        if flaw:
+            flaws.append(Flaw(key, flaw))
+            continue
+        stem = file_stem(name)
+        if stem in known and (not flaws or flaws[-1].key != key):
+            flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
+        known.add(stem)
+    return flaws
+
+
+def _start_flaws(file: StudyFile) -> list[Flaw]:
+    # A search can start only from one before it.
+    flaws, known = [], list[str]()
+    for index, solver in enumerate(file.solvers):
+        wanted = getattr(solver, "start_from", None)
+        if wanted is not None and wanted not in known:
+            text = (
+                f"expected the name of a search listed before ({', '.join(known) or 'none'}), got {wanted!r}"
+            )
+            flaws.append(Flaw(("solvers", index, "start_from"), text))
+        known.append(solver.label)
+    return flaws
+
+
+def _validation_flaws(file: StudyFile) -> list[Flaw]:
+    if file.validation is None:
+        return []
+    options = file.validation
+    flaws: list[Flaw] = []
+    for name in options.estimators or (None,):
+        found = estimator_flaws(file.measurement, name, options.heading, options.loss)
+        flaws += [flaw for flaw in found if flaw not in flaws]
+    return flaws
+
+
+def _limits(file: StudyFile) -> tuple[Limit, ...]:
+    given = (getattr(file.limits, name) for name in LIMITS)
+    return tuple(limit for limit in given if limit is not None)
+
+
+@cache
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a study file, for editors."""
+    schema = StudyFile.model_json_schema()
+    from_preset = {
+        "type": "object",
+        "properties": {"preset": {"enum": list(preset_names())}},
+        "required": ["preset"],
+        "description": "A robot that can be bought; every further key overrides its own.",
+    }
+    schema["properties"]["robot"] = {"anyOf": [schema["properties"]["robot"], from_preset]}
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "oed study"
+    return schema

@@ -1,0 +1,146 @@
+"""Validation errors of a study file in words: what was expected, what came, what exists, and where."""
+
+from __future__ import annotations
+
+import difflib
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from oed.foundation.component import Component, OneOf
+from oed.foundation.errors import FileFlaw
+from oed.foundation.quantities import counts_as_zero
+from oed.foundation.shown import written
+from oed.study.yaml_source import YamlSource
+
+MOST = 200
+"""Mistakes that are explained; where there are more, the file is hardly a study."""
+
+
+def explain(error: ValidationError, root: type[Component], source: YamlSource) -> list[FileFlaw]:
+    """One flaw per place in the file, in the order of the lines.
+
+    Where a value fits none of several forms, the reasons are joined.
+    """
+    reasons: dict[tuple[int, int, str], list[str]] = {}
+    details = error.errors(include_url=False)
+    for detail in details[:MOST]:
+        place = _place(detail, source)
+        texts = reasons.setdefault((place.line, place.column, place.key), [])
+        text = sentence(detail, root)
+        if text not in texts:
+            texts.append(text)
+    # A flaw deeper down says more than "none of the forms fits" about the whole.
+    left = [
+        _place(detail, source, f"and {len(details) - MOST} more mistakes")
+        for detail in details[MOST : MOST + 1]
+    ]
+    above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
+    return [
+        FileFlaw(source.file, line, column, key, "; or ".join(texts))
+        for (line, column, key), texts in sorted(reasons.items())
+        if key not in above
+    ] + left
+
+
+def _place(detail: ErrorDetails, source: YamlSource, message: str = "") -> FileFlaw:
+    path, missing = detail["loc"], detail["type"] == "missing"
+    return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+
+
+def _parts(place: tuple[int, int, str]) -> list[str]:
+    return place[2].split(".")
+
+
+def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
+    """What is wrong with one value; `root` knows the keys that there are."""
+    context = detail.get("ctx", {})
+    got = f"got {written(detail['input'])}"
+    bounds = {
+        "greater_than": ("gt", "more than"),
+        "greater_than_equal": ("ge", "at least"),
+        "less_than": ("lt", "less than"),
+        "less_than_equal": ("le", "at most"),
+    }
+    kind = detail["type"]
+    if kind == "missing":
+        return "missing"
+    if kind == "extra_forbidden":
+        return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
+    if kind == "value_error":
+        return str(context["error"])
+    if kind in bounds:
+        key, words = bounds[kind]
+        why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
+        return f"expected {words} {context[key]}, {got}{why}"
+    if kind in ("literal_error", "union_tag_invalid"):
+        expected = context.get("expected") or context.get("expected_tags")
+        came = f"got {context['tag']!r}" if "tag" in context else got
+        return f"expected {expected}, {came}"
+    if kind == "union_tag_not_found":
+        return "the key kind is missing, which says what this is"
+    if kind == "too_short":
+        return f"expected at least {context['min_length']} of them, {got}"
+    plain = {
+        "model_type": "keys and values",
+        "model_attributes_type": "keys and values",
+        "int_parsing": "a whole number",
+        "int_type": "a whole number",
+        "int_from_float": "a whole number",
+        "float_parsing": "a number",
+        "float_type": "a number",
+        "bool_parsing": "true or false",
+        "bool_type": "true or false",
+        "string_type": "text",
+        "tuple_type": "a list",
+        "list_type": "a list",
+        "dict_type": "keys and values",
+        "finite_number": "a finite number",
+    }
+    return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
+
+
+def _unknown_key(key: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
+
+
+def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
+    candidates = [root]
+    for part in path:
+        tagged = [one for one in candidates if _kind(one) == part]
+        if tagged:
+            candidates = tagged
+            continue
+        fields = [one.model_fields[part] for one in candidates if part in one.model_fields]
+        inner = [
+            found for field in fields for found in _components(field.rebuild_annotation(), field.metadata)
+        ]
+        # A list's index or a union's label leads nowhere new.
+        candidates = inner or candidates
+    return sorted({name for one in candidates for name in one.model_fields})
+
+
+def _kind(component: type[Component]) -> object:
+    field = component.model_fields.get("kind")
+    return None if field is None else field.default
+
+
+def _components(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[Component]]:
+    listed = [entry for entry in metadata if isinstance(entry, OneOf)]
+    for entry in listed:
+        yield from entry.members
+    if listed:
+        return
+    if typing.get_origin(annotation) is typing.Annotated:
+        inner, *extra = typing.get_args(annotation)
+        yield from _components(inner, extra)
+    elif isinstance(annotation, type) and issubclass(annotation, Component):
+        yield annotation
+    else:
+        for argument in typing.get_args(annotation):
+            yield from _components(argument)

@@ -1,0 +1,253 @@
+"""YAML whose every value remembers where it stands, so that an error can name the line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from oed.foundation.errors import FileFlaw, StudyError
+from oed.foundation.files import read_text
+
+KeyPath = tuple[str | int, ...]
+
+CHARACTERS = 4_000_000
+"""Length beyond which a text is no study."""
+NODES = 100_000
+"""Keys and values beyond which a text is no study, those that stand behind aliases counted each time."""
+DEPTH = 50
+"""Levels of nesting beyond which a text is no study, those behind aliases counted too."""
+NUMBER = 100
+"""Length beyond which a text is no number."""
+_FORBIDDEN = re.compile(r"[^\t\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What no text of a study has: control characters, which a terminal obeys, and halves of characters."""
+_NO_DECIMALS = re.compile(r"[-+]?0[0-9]|.*[_:]|[-+]?0[bx]")
+"""How numbers begin, as YAML has them, that are not what they look like: 010 is 8, 1:30 is 90."""
+_KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false", "timestamp": "a date"}
+_SHOWN = 60
+"""Letters of a wrong value that are shown."""
+
+
+@dataclass(frozen=True)
+class YamlSource:
+    """A parsed YAML file: its plain data, and its nodes for places."""
+
+    file: str
+    text: str
+    data: Any
+    root: yaml.Node | None
+
+    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+        """(key path, line, column) of a path, both from 1: of the key itself, or of the nearest parent.
+
+        Parts of `path` that are no keys of the file (a union's labels) are passed over.
+        """
+        node, found = self.root, []
+        mark = node.start_mark if node is not None else None
+        for part in path:
+            step = _child(node, part)
+            if step is not None:
+                mark, node = step
+                found.append(part)
+        return tuple(found), *((mark.line + 1, mark.column + 1) if mark is not None else (1, 1))
+
+    def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
+        """A flaw at `path`; `missing` is the name of a key that should stand there."""
+        found, line, column = self.place(path)
+        parts = [*found, missing] if missing else list(found)
+        return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
+
+
+def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Mark, yaml.Node] | None:
+    if isinstance(node, yaml.MappingNode):
+        # Last come the mapping's own keys, which override those merged into it.
+        for key, value in reversed(node.value):
+            if key.value == str(part):
+                return key.start_mark, value
+    if isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+        return node.value[part].start_mark, node.value[part]
+    return None
+
+
+class _Refused(yaml.MarkedYAMLError):
+    """Valid YAML that no study is made of."""
+
+    def __init__(self, problem: str, mark: Any) -> None:
+        """What is wrong, and where."""
+        super().__init__(problem=problem, problem_mark=mark)
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain data of bounded depth and size without cycles; whatever is wrong is a `MarkedYAMLError`."""
+
+    def __init__(self, text: str) -> None:
+        """Nothing is composed yet."""
+        super().__init__(text)
+        self._composed: dict[yaml.Node, tuple[int, int]] = {}
+        self._nodes = self._depth = self._deepest = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """The next node; how many nodes and levels it stands for is kept for its aliases."""
+        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+        nodes, deepest = self._nodes, self._deepest
+        self._depth += 1
+        self._deepest = self._depth
+        if isinstance(event, yaml.AliasEvent):
+            node = super().compose_node(parent, index)
+            self._repeat(node, event)
+        else:
+            self._nodes += 1
+            self._require_bounded(event)
+            node = super().compose_node(parent, index)
+            assert node is not None
+            self._composed[node] = self._nodes - nodes, self._deepest - self._depth
+        self._deepest = max(deepest, self._deepest)
+        self._depth -= 1
+        return node
+
+    def _repeat(self, node: yaml.Node | None, event: yaml.AliasEvent) -> None:
+        # An alias counts as all that it stands for.
+        if node not in self._composed:
+            raise _Refused(f"*{event.anchor} contains itself", event.start_mark)
+        nodes, levels = self._composed[node]
+        self._nodes += nodes
+        self._deepest = self._depth + levels
+        self._require_bounded(event)
+
+    def _require_bounded(self, event: yaml.Event) -> None:
+        text = ""
+        if self._deepest > DEPTH:
+            text = f"nested more than {DEPTH} levels deep"
+        elif self._nodes > NODES:
+            text = f"more than {NODES} keys and values, those behind aliases counted each time"
+        if text:
+            raise _Refused(text, event.start_mark)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """What a node stands for; its text checked before."""
+        text = _text_flaw(node) if isinstance(node, yaml.ScalarNode) else ""
+        if text:
+            raise _Refused(text, node.start_mark)
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            kind = _KINDS.get(_kind(node), f"what !!{_kind(node)} is")
+            text = f"expected {kind}, got {_shown(node.value)}; put text in quotes"
+            raise _Refused(text, node.start_mark) from None
+
+
+def _kind(node: yaml.Node) -> str:
+    return str(node.tag).removeprefix("tag:yaml.org,2002:")
+
+
+def _text_flaw(node: yaml.ScalarNode) -> str:
+    found = _FORBIDDEN.search(node.value)
+    if found is not None:
+        return f"the character {found.group()!a} cannot stand in a study"
+    if _kind(node) in ("int", "float") and len(node.value) > NUMBER:
+        return f"expected a number of at most {NUMBER} characters, got {len(node.value)}"
+    return ""
+
+
+def _is_odd_number(node: yaml.ScalarNode) -> bool:
+    kind = _kind(node)
+    if len(node.value) > NUMBER:
+        # Refused for that.
+        return False
+    # "010.5" is what it looks like.
+    whole = kind == "int" and _NO_DECIMALS.match(node.value) is not None
+    return whole or (kind == "float" and any(mark in node.value for mark in "_:"))
+
+
+def _shown(value: object) -> str:
+    text = ascii(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def read_yaml(file: str | Path) -> YamlSource:
+    """Read a YAML file.
+
+    Raises:
+        StudyError: no such file, not text, not YAML, a key given twice, or out of all bounds.
+    """
+    name = str(file)
+    try:
+        # No character has more than four bytes.
+        text = read_text(file, most=4 * CHARACTERS)
+    except FileNotFoundError:
+        raise StudyError([FileFlaw(name, 0, 0, "", "no such file")]) from None
+    except IsADirectoryError:
+        raise StudyError([FileFlaw(name, 0, 0, "", "expected a file, got a folder")]) from None
+    except OSError as error:
+        raise StudyError([FileFlaw(name, 0, 0, "", f"cannot be read: {error.strerror}")]) from None
+    except UnicodeDecodeError:
+        raise StudyError([FileFlaw(name, 0, 0, "", "cannot be read: not UTF-8 text")]) from None
+    return parse_yaml(text, name)
+
+
+def parse_yaml(text: str, name: str) -> YamlSource:
+    """Parse YAML text; `name` stands for the file in errors.
+
+    Raises:
+        StudyError: not YAML, a key given twice, or out of all bounds.
+    """
+    if len(text) > CHARACTERS:
+        raise StudyError([FileFlaw(name, 0, 0, "", f"longer than {CHARACTERS} characters: no study")])
+    try:
+        root, flaws, data = _parsed(text, name)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
+        said = "" if isinstance(error, _Refused) else "not valid YAML: "
+        raise StudyError([FileFlaw(name, line, column, "", f"{said}{error.problem}")]) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        reason = f"not valid YAML: the character {text[error.position]!a} cannot stand in it"
+        raise StudyError([FileFlaw(name, line, 0, "", reason)]) from None
+    if flaws:
+        raise StudyError(flaws)
+    return YamlSource(name, text, data, root)
+
+
+def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any]:
+    # Read once: nodes, which know their lines, and what they stand for.
+    loader = _Loader(text)
+    try:
+        root = loader.get_single_node()
+        flaws = list(_key_flaws(root, name, ()))
+        return root, flaws, None if root is None or flaws else loader.construct_document(root)
+    except (OverflowError, ValueError):
+        # Of the scanner, which says no more.
+        raise _Refused("an escape or a version number out of range", loader.get_mark()) from None
+
+
+def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[FileFlaw]:
+    # Keys that are no plain text, and those given twice; numbers that are not what they look like.
+    if isinstance(node, yaml.ScalarNode) and _is_odd_number(node):
+        text = f"expected a decimal number, got {_shown(node.value)}; write it out, or put text in quotes"
+        yield FileFlaw(
+            name, node.start_mark.line + 1, node.start_mark.column + 1, ".".join(map(str, path)), text
+        )
+    if isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            yield from _key_flaws(item, name, (*path, index))
+    if isinstance(node, yaml.MappingNode):
+        seen: dict[str, int] = {}
+        for key, value in node.value:
+            plain = isinstance(key, yaml.ScalarNode)
+            here = (*path, str(key.value)) if plain else path
+            text, line = "", key.start_mark.line + 1
+            if not plain:
+                text = "expected a name as a key, got a list or keys and values"
+            elif key.value in seen:
+                text = f"given twice (first in line {seen[key.value]})"
+            if text:
+                yield FileFlaw(name, line, key.start_mark.column + 1, ".".join(map(str, here)), text)
+            if plain:
+                seen.setdefault(key.value, line)
+                yield from _key_flaws(key, name, here)
+            yield from _key_flaws(value, name, here)

@@ -1,7 +1,0 @@
-"""A grid of studies: one study with some of its keys at every combination of the values given."""
-
-from oed.sweep.axes import Axis, parse_axis
-from oed.sweep.points import Point, grid
-from oed.sweep.run import FILE, Swept, load_sweep, sweep, swept
-
-__all__ = ["FILE", "Axis", "Point", "Swept", "grid", "load_sweep", "parse_axis", "sweep", "swept"]

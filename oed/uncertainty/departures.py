@@ -1,0 +1,267 @@
+"""How likely a robot with uncertain parameters is to leave the limits of a drive: many robots, simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
+from oed.kernel.dynamics.enclosures import NotEnclosed
+from oed.kernel.dynamics.rollout import FINE, Drive, roll_out
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import TOLERANCE
+from oed.kernel.limit import PathLimit
+from oed.kernel.problem import Problem
+
+Array = npt.NDArray[np.float64]
+
+LEVEL = 0.95
+"""Of the interval of a probability."""
+BATCH = 500
+"""Robots simulated in one call."""
+WORST = 4
+"""Robots that leave farthest, kept."""
+DECIDED = 0.999
+"""Share of the tolerance that nobody needs to know the excess below of."""
+Bools = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """How often robots leave the limits that the nominal robot keeps.
+
+    Attributes:
+        probability: share of the draws that exceed a limit on the path at any time.
+        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
+        draws, seed: of the simulation.
+        by_limit: share of the draws that exceed each limit.
+        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite
+            where a drive is not a number somewhere.
+        worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
+        checked_at_points: limits that draws were checked against at some points only: more may exceed them.
+    """
+
+    probability: float
+    interval: tuple[float, float]
+    draws: int
+    seed: int
+    by_limit: dict[str, float]
+    farthest: float
+    worst: Array
+    checked_at_points: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The probability in words."""
+        share = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+        points = ", ".join(self.checked_at_points)
+        return f"{share} Checked at points only: {points}; between them more may leave." if points else share
+
+    def surely_below(self, probability: float) -> bool:
+        """Whether the whole interval lies below a probability."""
+        return self.interval[1] <= probability
+
+
+@dataclass(frozen=True)
+class _Robots:
+    """Robots with parameters (K, p) on one drive, from starts (K, runs, states)."""
+
+    trajectory: Trajectory
+    parameters: Array
+    starts: Array
+
+    def chosen(self, which: Any) -> _Robots:
+        """Some of them."""
+        return _Robots(self.trajectory, self.parameters[which], self.starts[which])
+
+
+def leaving(
+    problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
+) -> Leaving:
+    """Simulate robots drawn from a problem's uncertainty on one drive.
+
+    Args:
+        problem: with an uncertainty, or a prior.
+        trajectory: the drive, as commanded: all robots get the same inputs.
+        draws: robots.
+        seed: of the draws.
+        stream: of draws that are independent of those of other streams of the same seed.
+
+    Raises:
+        ValueError: the problem says nothing of what is uncertain.
+    """
+    spread = problem.spread
+    if spread is None:
+        raise ValueError("the problem has neither an uncertainty nor a prior")
+    limits = path_limits(problem)
+    values = spread.draws(draws, seed, stream)
+    if not limits:
+        return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
+    excess, certain = _excess(problem, trajectory, values)
+    beyond = excess > TOLERANCE
+    any_left = beyond.any(axis=1)
+    farthest = excess.max(axis=1)
+    order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_left.sum()))]
+    return Leaving(
+        probability=float(any_left.mean()),
+        interval=_interval(int(any_left.sum()), draws),
+        draws=draws,
+        seed=seed,
+        by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
+        farthest=max(0.0, float(farthest.max())),
+        worst=values[order],
+        checked_at_points=tuple(limit.name for limit, sure in zip(limits, certain, strict=True) if not sure),
+    )
+
+
+def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
+    """Whether robots of uncertain quantities `values` (K, q) leave any limit, (K,)."""
+    if not path_limits(problem):
+        return np.zeros(len(values), dtype=bool)
+    excess, _ = _excess(problem, trajectory, values)
+    return np.asarray((excess > TOLERANCE).any(axis=1))
+
+
+def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
+    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q)."""
+    spread = problem.spread
+    assert spread is not None
+    function = _poses(problem, trajectory.samples, trajectory.runs)
+    starts = trajectory.starts + spread.shifts(values)
+    return np.array(
+        [
+            np.array(function(trajectory.inputs, trajectory.period, parameters, start))
+            for parameters, start in zip(spread.robots(values), starts, strict=True)
+        ]
+    )
+
+
+def path_limits(problem: Problem) -> list[PathLimit]:
+    """The limits that a robot with other parameters may leave."""
+    return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
+
+
+def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> tuple[Array, Bools]:
+    # By how much each draw exceeds each limit, as a share of its size, (K, limits), and of which limits that
+    # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
+    # and of the worst ones.
+    spread, limits = problem.spread, path_limits(problem)
+    assert spread is not None
+    robots = _Robots(trajectory, spread.robots(values), trajectory.starts + spread.shifts(values))
+    excess, further = _at_points(problem, tuple(limits), robots)
+    undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
+    worst = np.argsort(-excess.max(axis=1), kind="stable")[:WORST]
+    certain = np.ones(len(limits), dtype=bool)
+    for place, limit in enumerate(limits):
+        wanted = np.union1d(np.flatnonzero(undecided[:, place]), worst)
+        for some in np.array_split(wanted, -(-len(wanted) // BATCH)):
+            own, found = robots.chosen(some), excess[some, place]
+            excess[some, place], sure = _between(problem, limit, own, found, np.isin(some, worst))
+            certain[place] &= sure
+    return excess, certain
+
+
+def _between(
+    problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
+) -> tuple[Array, bool]:
+    # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
+    assert problem.spread is not None
+    model, rule = problem.spread.robot, problem.design.integration
+    try:
+        if limit.looks_at != "state":
+            raise NotEnclosed
+        excess = excess_of(limit, model, rule)
+    except NotEnclosed:
+        closer, _ = _at_points(problem, (limit,), robots, FINE)
+        return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
+    periods = periods_of(model, rule, robots.trajectory, robots.parameters, robots.starts)
+    floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
+    enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
+    most, sure = largest(excess, periods, floor, enough=enough)
+    return np.where(most > floor, most / excess.size, found), bool(sure.all())
+
+
+def _at_points(
+    problem: Problem, limits: tuple[PathLimit, ...], robots: _Robots, refine: int = 1
+) -> tuple[Array, Array]:
+    # Each draw's excess of each limit at so many points per sample, and what it may be between, (K, limits).
+    trajectory = robots.trajectory
+    function = _exceeded(problem, limits, trajectory.samples, trajectory.runs, refine)
+    found = []
+    for first in range(0, len(robots.parameters), BATCH):
+        own = robots.chosen(slice(first, first + BATCH))
+        mapped = function.map("robots", "serial", len(own.parameters), [0, 1], [])
+        begun = own.starts.transpose(1, 0, 2).reshape(trajectory.runs, -1)
+        found.append(np.array(mapped(trajectory.inputs, trajectory.period, own.parameters.T, begun)).T)
+    simulated = np.concatenate(found)
+    return simulated[:, 0::2].copy(), simulated[:, 1::2]
+
+
+def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
+    assert problem.spread is not None
+    model = problem.spread.robot
+    return [
+        ca.MX.sym("inputs", samples, len(model.inputs)),
+        ca.MX.sym("period"),
+        ca.MX.sym("parameters", len(model.parameters)),
+        ca.MX.sym("start", runs, len(model.states)),
+    ]
+
+
+def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int = 1) -> Drive:
+    inputs, period, parameters, start = symbols
+    assert problem.spread is not None
+    return roll_out(
+        problem.spread.robot,
+        problem.design.integration,
+        inputs=inputs,
+        start=start,
+        parameters=parameters,
+        period=period,
+        refine=refine,
+        runs=runs,
+    )
+
+
+@lru_cache(maxsize=8)
+def _exceeded(
+    problem: Problem, limits: tuple[PathLimit, ...], samples: int, runs: int, refine: int
+) -> ca.Function:
+    # Of every limit the excess at the points, and what it may be between: half a step further on.
+    symbols = _symbols(problem, samples, runs)
+    drive = _drive(problem, symbols, runs, refine)
+    speed = ca.sqrt(drive.twist[:, 0] ** 2 + drive.twist[:, 1] ** 2)
+    step = ca.mmax(speed) * drive.period / refine
+    worst = []
+    for limit in limits:
+        rows = limit.rows(drive)
+        excess = _greatest(exceeded(rows), drive.path)
+        change = change_per_metre(limit, drive.model, drive.integration)
+        further = excess + change * step / 2 if np.isfinite(change) else np.inf
+        worst += [excess / rows.size, further / rows.size]
+    return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
+
+
+def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
+    # Of all values. `mmax` leaves out what is no number: one anywhere keeps no limit.
+    numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
+    return ca.if_else(numbers, ca.mmax(values), np.inf)
+
+
+@lru_cache(maxsize=8)
+def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
+    symbols = _symbols(problem, samples, runs)
+    return ca.Function("poses", symbols, [_drive(problem, symbols, runs).poses])
+
+
+def _interval(count: int, draws: int) -> tuple[float, float]:
+    tail = (1 - LEVEL) / 2
+    low = float(scipy.stats.beta.ppf(tail, count, draws - count + 1)) if count else 0.0
+    high = float(scipy.stats.beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
+    return low, high

@@ -1,0 +1,331 @@
+"""What is not known of the robot before the drive: parameters and start poses, within which ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import parse_quantity
+from oed.kernel.measurement.prior import Prior
+from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+START: dict[str, str] = {"x": "m", "y": "m", "heading": "rad"}
+"""Where the robot is put down: uncertain as well where it is named."""
+STREAM = 11
+LIKELY = 3.0
+"""Standard deviations within which every robot has to be possible."""
+CORNERS = 4
+"""Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
+
+Amount = float | str
+
+
+class Uncertainty(Component):
+    """How far the robot may be from its nominal parameters, and from its start pose.
+
+    It says what a drive has to survive; unlike a prior it adds no information.
+
+    Attributes:
+        within: by parameter (or x, y, heading of the start): half-widths ("5 %" of the nominal value,
+            "1 cm") or ranges [low, high]. In YAML these stand alone: `uncertainty: {track: 5 %}`.
+        distribution: "uniform" over the range, or "normal" with these as standard deviations.
+    """
+
+    within: Annotated[dict[str, Amount | tuple[Amount, Amount]], Field(min_length=1)]
+    distribution: Literal["uniform", "normal"] = "uniform"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_amounts(cls, value: Any) -> Any:
+        if not isinstance(value, dict) or "within" in value:
+            return value
+        own = {key: amount for key, amount in value.items() if key != "distribution"}
+        return {"within": own, **{key: value[key] for key in ("distribution",) if key in value}}
+
+    def flaws(self, model: Model, robot: Model) -> list[Flaw]:
+        """Names that the robot does not have; amounts that are no ranges around the nominal value."""
+        base = _base(tuple(self.within), model, robot)
+        units = _units(base)
+        flaws = []
+        for given in self.within:
+            key = ("uncertainty", given)
+            names = _long_names(given, base)
+            if names[0] not in units:
+                text = f"expected one of {', '.join(units)} (of the start pose the last three), got {given!r}"
+                flaws.append(Flaw(key, text))
+                continue
+            if len(names) > 1 and set(names) & set(self.within):
+                flaws.append(Flaw(key, f"says twice what is uncertain of {' and '.join(names)}"))
+                continue
+            try:
+                for name in names:
+                    self._range(given, _nominal(base)[name], units[name])
+            except ValueError as error:
+                flaws.append(Flaw(key, str(error)))
+        return flaws
+
+    def ranges(self, base: Model) -> dict[str, tuple[float, float]]:
+        """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""
+        nominal, units = _nominal(base), _units(base)
+        return {
+            name: self._range(given, nominal[name], units[name])
+            for given in self.within
+            for name in _long_names(given, base)
+        }
+
+    def without(self, names: Iterable[str], model: Model) -> Uncertainty | None:
+        """What it says of other parameters than these; None where that is nothing."""
+        known = set(names)
+        within = {
+            name: self.within[given]
+            for given in self.within
+            for name in _long_names(given, model)
+            if name not in known
+        }
+        return self.model_copy(update={"within": within}) if within else None
+
+    def _range(self, key: str, nominal: float, unit: str) -> tuple[float, float]:
+        given = self.within[key]
+        if isinstance(given, tuple):
+            if self.distribution == "normal":
+                raise ValueError(f"expected a standard deviation, got the range {list(given)}")
+            low, high = (parse_quantity(end, unit) for end in given)
+            if not low <= nominal <= high or low == high:
+                raise ValueError(f"expected a range around the nominal {nominal:g} {unit}, got {list(given)}")
+            return low, high
+        if isinstance(given, str) and given.strip().endswith("%"):
+            if not nominal:
+                raise ValueError(f"a share of a nominal value of 0 is nothing; give an amount in {unit}")
+            size = parse_quantity(given, "") * abs(nominal)
+        else:
+            size = parse_quantity(given, unit)
+        if not size > 0:
+            raise ValueError(f"expected a positive amount, got {given!r}")
+        return nominal - size, nominal + size
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Uncertain quantities as numbers: parameters first, then every run's start pose; all SI.
+
+    Attributes:
+        names: of the q quantities.
+        units: theirs.
+        nominal: (q,).
+        low, high: ends of their ranges, (q,); of normal ones a standard deviation away.
+        covariance: second moments about the nominal values, (q, q).
+        uniform: whether each lies within its range for certain, (q,).
+        robot: that has the uncertain parameters.
+        runs: of a drive.
+        parameters: how many of the quantities are parameters.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: Array
+    low: Array
+    high: Array
+    covariance: Array
+    uniform: npt.NDArray[np.bool_]
+    robot: Model
+    runs: int
+    parameters: int
+
+    def half_widths(self, reach: float) -> Array:
+        """How far each is from its nominal value at most, normal ones `reach` standard deviations, (q,)."""
+        farther = np.maximum(self.high - self.nominal, self.nominal - self.low)
+        return np.asarray(np.where(self.uniform, farther, reach * farther))
+
+    def draws(self, count: int, seed: int, stream: int = 0) -> Array:
+        """Random values (count, q); the first of more, and independent of those of another stream."""
+        flat, bell = (np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1))
+        values = flat.uniform(self.low, self.high, (count, len(self.names)))
+        factor, normal = np.linalg.cholesky(self.covariance), ~self.uniform
+        errors = bell.standard_normal((count, len(self.names))) @ factor.T
+        values[:, normal] = (self.nominal + errors)[:, normal]
+        return np.asarray(values)
+
+    def extremes(self, reach: float) -> Array:
+        """The corners of the ranges (of many quantities their ends one by one), (K, q).
+
+        Normal quantities are taken `reach` standard deviations away, by the covariance's square root.
+        """
+        size = len(self.names)
+        if size > CORNERS:
+            return self.ends(reach)
+        return self._along(np.array(list(product((-1.0, 1.0), repeat=size))), reach)
+
+    def ends(self, reach: float) -> Array:
+        """Each quantity at either end of its range with the others nominal, (2 q, q)."""
+        return self._along(_both_ways(len(self.names)), reach)
+
+    def _along(self, signs: Array, reach: float) -> Array:
+        uniform = np.select([signs > 0, signs < 0], [self.high, self.low], self.nominal)
+        normal = self.nominal + reach * signs @ _axes(self.covariance).T
+        return np.asarray(np.where(self.uniform, uniform, normal))
+
+    def moments(self) -> Array:
+        """Equally likely values (2 q, q) with the quantities' nominal mean and covariance.
+
+        [Julier and Uhlmann, Unscented filtering and nonlinear estimation, 2004]
+        """
+        size = len(self.names)
+        return np.asarray(self.nominal + np.sqrt(size) * _both_ways(size) @ _axes(self.covariance).T)
+
+    def robots(self, values: Array) -> Array:
+        """Parameters of the robot (K, p) for values (K, q)."""
+        known = [parameter.name for parameter in self.robot.parameters]
+        table = np.tile(np.array(self.robot.nominal), (len(values), 1))
+        table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
+        return table
+
+    def impossible(self) -> str:
+        """Which robot within three standard deviations, or the ranges, cannot be; "" where all can."""
+        if isinstance(self.robot, CoefficientRobot):
+            return ""
+        names = self.names[: self.parameters]
+        for row in np.vstack([self.ends(LIKELY), self.extremes(LIKELY), self.moments()]):
+            values = {name: float(value) for name, value in zip(names, row, strict=False)}
+            try:
+                self.robot.with_values(values)
+            except ValueError:
+                text = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+                return f"a robot of {text} cannot be: narrow the ranges"
+        return ""
+
+    def shifts(self, values: Array) -> Array:
+        """What start states are off by (K, runs, states) for values (K, q)."""
+        states = len(self.robot.states)
+        offsets = (values - self.nominal)[:, self.parameters :]
+        table = np.zeros((len(values), self.runs, states))
+        wanted = self._start_columns
+        table[:, :, wanted] = offsets.reshape(len(values), self.runs, len(wanted))
+        return table
+
+    @property
+    def _start_columns(self) -> list[int]:
+        count = (len(self.names) - self.parameters) // self.runs
+        first = self.names[self.parameters : self.parameters + count]
+        return [list(START).index(name.split(",")[0]) for name in first]
+
+    @property
+    def parameter_slopes(self) -> Array:
+        """Derivatives (p, q) of the robot's parameters by the quantities."""
+        known = [parameter.name for parameter in self.robot.parameters]
+        chosen = np.zeros((len(known), len(self.names)))
+        for column, name in enumerate(self.names[: self.parameters]):
+            chosen[known.index(name), column] = 1.0
+        return chosen
+
+    def start_slopes(self, run: int) -> Array:
+        """Derivatives (states, q) of a run's start state by the quantities."""
+        slopes = np.zeros((len(self.robot.states), len(self.names)))
+        columns = self._start_columns
+        for place, state in enumerate(columns):
+            slopes[state, self.parameters + run * len(columns) + place] = 1.0
+        return slopes
+
+
+def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model, runs: int) -> Spread | None:
+    """The quantities that an uncertainty names, and those that only a prior says something about.
+
+    `robot` is the problem's, which may be seen through its coefficients. None where nothing is said of it.
+    """
+    model = robot.base if isinstance(robot, CoefficientRobot) else robot
+    given = tuple(uncertainty.within) if uncertainty is not None else ()
+    base = _base((*given, *(prior.names if prior is not None else ())), model, robot)
+    units, nominal = _units(base), _nominal(base)
+    ranges = uncertainty.ranges(base) if uncertainty is not None else {}
+    named = tuple(ranges)
+    low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
+    known, covariance = _of_prior(prior, base, named)
+    for name, square in zip(known, np.diag(covariance), strict=True):
+        low[name], high[name] = nominal[name] - square**0.5, nominal[name] + square**0.5
+    own = [parameter.name for parameter in base.parameters if parameter.name in low]
+    poses = [name for name in START if name in low]
+    every = [*own, *poses * runs]
+    if not every:
+        return None
+    ends, middle = np.array([[low[name], high[name]] for name in every]), [nominal[name] for name in every]
+    flat = uncertainty is not None and uncertainty.distribution == "uniform"
+    uniform = np.array([flat and name in named for name in every])
+    square = np.ptp(ends, axis=1) ** 2 / 12 + (ends.mean(axis=1) - middle) ** 2
+    moments = np.diag(np.where(uniform, square, (ends[:, 1] - middle) ** 2))
+    places = [every.index(name) for name in known]
+    moments[np.ix_(places, places)] = covariance
+    return Spread(
+        names=(*own, *(_start_name(name, run) for run in range(runs) for name in poses)),
+        units=tuple(units[name] for name in every),
+        nominal=np.array(middle),
+        low=ends[:, 0],
+        high=ends[:, 1],
+        covariance=moments,
+        uniform=uniform,
+        robot=base,
+        runs=runs,
+        parameters=len(own),
+    )
+
+
+def _start_name(name: str, run: int) -> str:
+    return name if run == 0 else f"{name}, run {run + 1}"
+
+
+def _of_prior(prior: Prior | None, base: Model, besides: Sequence[str]) -> tuple[list[str], Array]:
+    # Names and covariance of what a prior says of the base's other parameters.
+    names = [parameter.name for parameter in base.parameters if prior and parameter.name in prior.names]
+    if prior is None or not names:
+        return [], np.zeros((0, 0))
+    nominal, units = _nominal(base), _units(base)
+    values = np.array([nominal[name] for name in names])
+    whole = np.linalg.inv(prior.precision(names, values, [units[name] for name in names]))
+    kept = [index for index, name in enumerate(names) if name not in besides]
+    return [names[index] for index in kept], np.asarray(whole[np.ix_(kept, kept)])
+
+
+def _base(names: Sequence[str], model: Model, robot: Model) -> Model:
+    # The robot's own parameters, unless only its coefficients have these names.
+    own = {parameter.name for parameter in model.parameters} | set(START)
+    coefficients = {parameter.name for parameter in robot.parameters} | set(START)
+    return robot if not set(names) <= own and set(names) <= coefficients else model
+
+
+def _units(base: Model) -> Mapping[str, str]:
+    return {**{parameter.name: parameter.unit for parameter in base.parameters}, **START}
+
+
+def _nominal(base: Model) -> Mapping[str, float]:
+    return {
+        **{parameter.name: parameter.nominal for parameter in base.parameters},
+        **dict.fromkeys(START, 0.0),
+    }
+
+
+def _long_names(name: str, base: Model) -> tuple[str, ...]:
+    # What a key that stands for both sides stands for.
+    sides = (f"{name}_right", f"{name}_left")
+    both = name in base.short_forms and set(sides) <= {parameter.name for parameter in base.parameters}
+    return sides if both else (name,)
+
+
+def _both_ways(size: int) -> Array:
+    return np.vstack([np.eye(size), -np.eye(size)])
+
+
+def _axes(covariance: Array) -> Array:
+    # Its symmetric square root, columns: what is independent stays so. Scaled, so that units do not matter.
+    sizes = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return np.asarray(sizes[:, None] * root)

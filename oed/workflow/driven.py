@@ -1,0 +1,279 @@
+"""How good was the path that was driven? Logs scored like designs, against the best one and the bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.bounds import bound, bound_on
+from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.work.folders import in_order
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation
+from oed.kernel.solution import Solution, scored
+from oed.logs import Finding, Log, read_logs
+from oed.logs.form import is_bag
+from oed.optimize import Silent
+from oed.records.path_file import read_trajectory
+from oed.records.record import FILE, Record, load_record, result_data
+from oed.robots.models import Model
+from oed.study.study import Study
+from oed.workflow.robustness import robustness, tried
+
+Array = npt.NDArray[np.float64]
+
+MOVING = 0.02
+"""Share of a log's fastest motion above which the robot is taken to move."""
+HEADER = 100_000
+"""Characters of a file's first line that are looked at."""
+SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
+"""Keys of two studies that have to agree for their designs to be compared."""
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """A part of a log, as long as the study's drives, scored by the study's problem.
+
+    Attributes:
+        name: of the log and the part.
+        seconds: how much of it is motion; the rest of the study's duration the robot is taken to stand [s].
+        entry: the result, as records hold it.
+        share_of_best: its efficiency against the best design known, None where none is.
+        share_of_bound: the same against what is proved that no drive exceeds.
+    """
+
+    name: str
+    seconds: float
+    entry: Mapping[str, Any]
+    share_of_best: float | None
+    share_of_bound: float | None
+
+
+@dataclass(frozen=True)
+class DrivenPaths:
+    """What driven paths are worth.
+
+    Attributes:
+        paths: part by part, in order.
+        best: name and objective of the best design known, or None.
+        bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
+        robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
+            nothing in reserve.
+        findings: by the name of the log, what was found in it.
+    """
+
+    paths: tuple[DrivenPath, ...]
+    best: tuple[str, float] | None
+    bound: float | None
+    robustness: Mapping[str, Any] | None = None
+    findings: tuple[tuple[str, Finding], ...] = ()
+
+    @property
+    def first(self) -> DrivenPath:
+        """The most informative part."""
+        return max(
+            self.paths, key=lambda one: -np.inf if (found := one.entry["objective"]) is None else found
+        )
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain data: the most informative part's result, with what it and the others are worth."""
+        worth = [
+            {
+                "name": one.name,
+                "objective": one.entry["objective"],
+                "seconds": one.seconds,
+                "share_of_best": one.share_of_best,
+                "share_of_bound": one.share_of_bound,
+            }
+            for one in self.paths
+        ]
+        best = None if self.best is None else {"name": self.best[0], "objective": self.best[1]}
+        known = {"best_design": best, "upper_bound": self.bound, "robustness": self.robustness}
+        findings = [{"log": name, **vars(one)} for name, one in self.findings]
+        return {**self.first.entry, "worth": worth, **known, "findings": findings}
+
+
+def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
+    """Score a path (trajectory CSV), or what logs say was driven; see `score_logs`.
+
+    A CSV with the columns `t` and the robot's inputs is a path; another file is a log where the study says
+    how logs are read, or it is a bag.
+
+    Raises:
+        PathFileError: a path that cannot be read.
+        LogError: a log that cannot be read, or in which the robot never moves.
+    """
+    if is_log(study, file):
+        return score_logs(study, [file], designs)
+    trajectory, record = read_trajectory(file, study.problem), _record_of(study, designs)
+    # A path with other samples is measured otherwise, and compares with no design of the study.
+    alike = trajectory.samples == study.problem.design.all_samples
+    best, proved = _known(record) if alike else (None, None)
+    (solution,) = tried(study, [scored(study.problem, trajectory, Path(file).stem)], study.seed, Silent())
+    worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
+    return DrivenPaths((worth,), best, _exact(proved), robustness(study, [solution], study.seed))
+
+
+def is_log(study: Study, file: str | Path) -> bool:
+    """Whether a file is to be read as a log rather than as a trajectory CSV."""
+    path = Path(file)
+    if is_bag(path):
+        return True
+    if study.file.log is None or not path.is_file():
+        return False
+    with open(path, encoding="utf-8-sig", errors="replace") as handle:
+        header = [cell.strip() for cell in handle.readline(HEADER).split(",")]
+    return not {"t", *study.problem.model.input_names} <= set(header)
+
+
+def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | None = None) -> DrivenPaths:
+    """Score the paths that logs say were driven.
+
+    Logs are cut to the study's duration and sampled as its drives are, so that they compare with designs
+    and with the bound; they are taken to start where the study does.
+
+    Args:
+        study: the problem, and how logs are read.
+        files: the logs.
+        designs: folder of a record of the same problem, whose best design they are compared with.
+
+    Raises:
+        LogError: logs that cannot be read, or in which the robot never moves.
+    """
+    logs = read_logs(files, study.log, study.problem.model)
+    record = _record_of(study, designs)
+    robust = study.problem.robust
+    # What was driven needs nothing in reserve; and its objective is that of one robot.
+    record = record if robust is None or robust.objective == "nominal" else None
+    study = replace(study, problem=replace(study.problem, robust=None))
+    known, proved = _known(record)
+    proved = _bounds(study) if proved is None else proved
+    parts = [part for log in logs for part in driven_parts(study, log)]
+    worth = tuple(
+        _worth(study, scored(study.problem, trajectory, name), seconds, known, proved)
+        for name, trajectory, seconds in parts
+    )
+    findings = tuple((log.name, one) for log in logs for one in log.findings)
+    return DrivenPaths(worth, known, _exact(proved), findings=findings)
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    # What is proved of drives that satisfy the limits exactly, and within the tolerance.
+    exact: float
+    widened: float | None
+
+    def on(self, evaluation: Evaluation | None) -> float | None:
+        return None if evaluation is None else bound_on(evaluation, self.exact, self.widened)
+
+
+def _exact(proved: _Bounds | None) -> float | None:
+    return None if proved is None else proved.exact
+
+
+def _known(record: Record | None) -> tuple[tuple[str, float] | None, _Bounds | None]:
+    # The best design of a record, and the bounds it certifies.
+    if record is None:
+        return None, None
+    best, certificate = record.best, record.data["certificate"]
+    proved = None
+    if certificate:
+        widened = certificate.get("widened")
+        exact = float(certificate["upper_bound"])
+        proved = _Bounds(exact, float(widened["upper_bound"]) if widened else None)
+    return None if best is None else (str(best["name"]), float(best["objective"])), proved
+
+
+def _bounds(study: Study) -> _Bounds | None:
+    found = bound(study.problem)
+    if not np.isfinite(found.upper_bound):
+        return None
+    return _Bounds(found.upper_bound, None if found.widened is None else found.widened.upper_bound)
+
+
+def _record_of(study: Study, designs: str | Path | None) -> Record | None:
+    # A record of another problem says nothing of this one.
+    if designs is None or not (in_order(designs) / FILE).is_file():
+        return None
+    record, own = load_record(designs), study.echo()
+    theirs = record.data["study"]
+    return record if all(theirs.get(key) == own.get(key) for key in SAME) else None
+
+
+def _worth(
+    study: Study,
+    solution: Solution,
+    seconds: float,
+    best: tuple[str, float] | None,
+    proved: _Bounds | None,
+    file: str | None = None,
+) -> DrivenPath:
+    entry = result_data(solution, file)
+    value = entry["objective"]
+
+    def share(of: float | None) -> float | None:
+        if of is None or value is None:
+            return None
+        return study.problem.criterion.efficiency(value, of, _judged(study))
+
+    of_best = share(None if best is None else best[1])
+    of_bound = share(None if proved is None else proved.on(solution.evaluation))
+    return DrivenPath(solution.name, seconds, entry, of_best, of_bound)
+
+
+def _judged(study: Study) -> int:
+    return sum(len(one.judged) for one in study.problem.any_estimations)
+
+
+def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
+    """Name, drive and seconds of motion of each part of a log that is as long as the study's drives.
+
+    The rest is left out; a log that is shorter is ended by standing still.
+
+    Raises:
+        LogError: nothing ever drives the robot.
+    """
+    space = study.problem.design
+    first, last = _moving(log, study.problem.model)
+    whole = space.duration * space.runs
+    count = max(1, int((last - first) // whole))
+    found = []
+    for index in range(count):
+        begin = first + index * whole
+        edges = begin + space.period * np.arange(space.all_samples + 1, dtype=float)
+        inputs = log.inputs_between(edges)
+        inputs[edges[:-1] >= last] = 0.0
+        name = f"{log.name} part {index + 1}" if count > 1 else log.name
+        found.append((name, _trajectory(study, inputs), min(last - begin, whole)))
+    return found
+
+
+def _trajectory(study: Study, inputs: Array) -> Trajectory:
+    problem = study.problem
+    starts = problem.fixed_starts
+    if starts is None:
+        starts = problem.start_states(np.zeros((problem.design.runs, 3)))
+    return Trajectory.from_samples(
+        inputs,
+        problem.design.whole_duration,
+        starts,
+        rest_to_rest=problem.design.rest_to_rest,
+        runs=problem.design.runs,
+    )
+
+
+def _moving(log: Log, model: Model) -> tuple[float, float]:
+    # From when to when anything drives the robot, on the inputs' own clock.
+    driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
+    steps = np.diff(log.input_times)
+    speeds = np.abs(np.diff(log.integrals[:, driving], axis=0) / steps[:, None]).max(axis=1)
+    rows = np.flatnonzero(speeds > MOVING * speeds.max())
+    if not len(rows):
+        raise LogError([FileFlaw(log.file, 0, 0, "", "the robot never moves")])
+    return float(log.input_times[rows[0]]), float(log.input_times[rows[-1] + 1])

@@ -1,0 +1,114 @@
+"""`oed estimate`: a study and logs of its robot in, an estimate with everything that speaks for it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from oed.estimation import calibrate
+from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
+from oed.foundation.work.folders import require_usable
+from oed.logs import Log, UnknownColumn, read_logs
+from oed.optimize import Progress, Silent
+from oed.records.calibration_record import FORMAT, EstimateRecord, calibration_data
+from oed.study.study import Study
+from oed.study.yaml_source import parse_yaml
+from oed.workflow.runner import package_version, provenance
+from oed.workflow.saving import save_estimate
+
+
+class _Stages:
+    """Stages of the work, each told as begun when the one before is done."""
+
+    def __init__(self, listener: Progress) -> None:
+        self._listener, self._begun = listener, False
+
+    def __call__(self, stage: str) -> None:
+        self.done()
+        self._listener.begin(stage, 1)
+        self._begun = True
+
+    def done(self) -> None:
+        if self._begun:
+            self._listener.advance()
+
+
+def estimate(
+    study: Study,
+    logs: Sequence[str | Path],
+    *,
+    apart: Sequence[str | Path] = (),
+    out: str | Path | None = None,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> EstimateRecord:
+    """Estimate the parameters of a study's robot from logs of its drives.
+
+    Args:
+        study: names the robot, what to estimate, and how logs are read (keys `log`, `calibration`).
+        logs: files to estimate from.
+        apart: files that only dead reckoning is tried on.
+        out: folder for estimate.json; nothing is written without it.
+        seed: of the bootstrap, instead of the study's.
+        progress: told how far the work is.
+
+    Raises:
+        LogError: logs that cannot be read, do not fit the robot, or are given twice.
+        StudyError: options that do not suit the robot or the logs, models that cannot be compared.
+    """
+    if out is not None:
+        require_usable(out)
+    _require_different([*logs, *apart])
+    chosen = study.seed if seed is None else seed
+    told = _Stages(progress or Silent())
+    told("reading logs")
+    kept, other = _read(study, logs), _read(study, apart) if apart else ()
+    try:
+        found = calibrate(study.problem, kept, study.calibration, apart=other, seed=chosen, told=told)
+    except ProblemError as error:
+        raise _in_the_study(study, error.flaws) from None
+    told.done()
+    record = EstimateRecord(
+        {
+            "format": FORMAT,
+            "oed_version": package_version("oed"),
+            "study": study.echo(),
+            "study_text": study.text,
+            "provenance": provenance(),
+            "seed": chosen,
+            "method": study.calibration.method,
+            **calibration_data(found),
+        }
+    )
+    if out is not None:
+        save_estimate(record, out)
+    return record
+
+
+def _in_the_study(study: Study, flaws: Sequence[Flaw]) -> StudyError:
+    # With the file and the lines that they stand in.
+    source = parse_yaml(study.text, study.source)
+    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
+
+
+def _require_different(files: Sequence[str | Path]) -> None:
+    # Twice the same log would count as twice the evidence.
+    known, flaws = set[Path](), []
+    for file in files:
+        path = Path(file).resolve()
+        if path in known:
+            flaws.append(FileFlaw(str(file), 0, 0, "", "given twice; a log counts once"))
+        known.add(path)
+    if flaws:
+        raise LogError(flaws)
+
+
+def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
+    try:
+        return read_logs(files, study.log, study.problem.model)
+    except LogError as error:
+        # What is wrong with the log itself, the key would not mend.
+        if study.file.log is not None or not any(isinstance(one, UnknownColumn) for one in error.flaws):
+            raise
+        hint = "the study has no key `log`, which says what stands in which column of a log"
+        raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None

@@ -1,0 +1,124 @@
+"""Simulated experiments with a study's drives: do estimates scatter as promised, and what does slip do?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from oed.foundation.errors import ProblemError, UserMistake
+from oed.kernel.solution import Solution, scored
+from oed.optimize import Ipopt, Progress, Silent, Workers, default_workers
+from oed.records.record import Record, drive_of, validation_data
+from oed.records.recorded_study import recorded_study
+from oed.simulation import validate
+from oed.simulation.trial import run_trial
+from oed.study.study import Study, ValidationOptions
+
+
+def simulated(
+    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
+) -> dict[str, Any] | None:
+    """A record's `validation`; None for a study that does not ask for one."""
+    options = study.file.validation
+    return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
+
+
+def validation_options(
+    saved: Record,
+    *,
+    replicates: int | None = None,
+    estimators: Sequence[str] | None = None,
+    heading: str | None = None,
+) -> ValidationOptions:
+    """The simulation that a record's study asks for (or the default one), with what is given instead.
+
+    Raises:
+        UserMistake: fewer than 100 replicates.
+    """
+    given = {"replicates": replicates, "estimators": estimators, "heading": heading}
+    asked = saved.data["study"].get("validation") or {}
+    changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
+    try:
+        return ValidationOptions.model_validate(changed)
+    except ValidationError as error:
+        detail = error.errors()[0]
+        raise UserMistake(f"{detail['loc'][0]}: {detail['msg'].lower()}, got {detail['input']!r}") from None
+
+
+def validated(
+    saved: Record,
+    options: ValidationOptions,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    trust: bool = False,
+) -> Record:
+    """A saved record with its drives simulated anew.
+
+    Args:
+        saved: the record.
+        options: of the simulation.
+        seed: of the noise; None for the record's.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far the work is.
+        trust: whether Python code that the record names may be run.
+
+    Raises:
+        ProblemError: the measurement gives no noise to simulate with.
+        RecordError: the robot is code that is not trusted.
+    """
+    study = recorded_study(saved, trust=trust)
+    drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
+    solutions = [scored(study.problem, drive, name) for name, drive in drives if drive is not None]
+    chosen = saved.data["seed"] if seed is None else seed
+    outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
+    return replace(saved, data={**saved.data, "validation": outcome})
+
+
+def _simulated(
+    study: Study,
+    solutions: Sequence[Solution],
+    options: ValidationOptions,
+    seed: int,
+    progress: Progress,
+    workers: Workers | None,
+) -> dict[str, Any]:
+    entries = []
+    for solution in solutions:
+        evaluation, trajectory = solution.evaluation, solution.trajectory
+        if trajectory is None or evaluation is None or not evaluation.feasible or evaluation.singular:
+            continue
+        for estimator in options.estimators or (None,):
+            try:
+                result = validate(
+                    study.problem,
+                    trajectory,
+                    replicates=options.replicates,
+                    estimator=estimator,
+                    heading=options.heading,
+                    loss=options.loss,
+                    alpha=options.alpha,
+                    seed=seed,
+                    workers=workers or default_workers(),
+                    progress=progress,
+                )
+            except ProblemError:
+                # A drive that tells too little without the prior, or without what the criterion leaves out.
+                continue
+            entries.append(validation_data(solution.name, result))
+    return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
+
+
+def driven_in_physics(
+    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
+) -> dict[str, Any] | None:
+    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
+    trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
+    if trial is None:
+        return None
+    known = solutions[0] if study.solvers else None
+    return run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)

@@ -1,0 +1,294 @@
+"""The next drive: what is known so far becomes prior and nominal values, and the study is designed anew."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from oed.foundation.errors import UserMistake
+from oed.foundation.quantities import parse_quantity
+from oed.optimize import Progress, Workers
+from oed.records.calibration_record import EstimateRecord, estimate_files
+from oed.records.record import ESTIMATE, FILE, Record, pages
+from oed.records.recorded_study import recorded_study, refuse_outside
+from oed.study.study import Study, parse_study
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.runner import run
+from oed.workflow.saving import RunFolder, outdated, run_folder
+
+Array = npt.NDArray[np.float64]
+
+LEAST_GAIN = 0.05
+"""Share of the standard error that another drive has to take away to be worth driving."""
+STUDY, SUMMARY = "next.yaml", "next.json"
+
+
+@dataclass(frozen=True)
+class NextDrive:
+    """What to do after the drives so far.
+
+    Attributes:
+        estimate: from the logs.
+        study: the study of the next drive, None where none is needed.
+        record: of its design.
+        precision: by parameter: name, unit, value, standard error now, the one wanted, the one predicted
+            after the next drive; SI, None where there is none.
+        gain: share by which the worst standard error falls, in units of what is wanted or of the value.
+        stop: whether to stop driving.
+        reason: why, or why not.
+        folder: where it is saved, None where it is not.
+    """
+
+    estimate: EstimateRecord
+    study: Study | None
+    record: Record | None
+    precision: tuple[Mapping[str, Any], ...]
+    gain: float | None
+    stop: bool
+    reason: str
+    folder: Path | None = None
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Plain data."""
+        best = None if self.record is None or self.record.best is None else self.record.best["name"]
+        return {
+            "stop": self.stop,
+            "reason": self.reason,
+            "gain": self.gain,
+            "precision": [dict(entry) for entry in self.precision],
+            "design": best,
+        }
+
+
+def next_drive(
+    saved: Record,
+    logs: Sequence[str | Path],
+    *,
+    targets: Mapping[str, str] | None = None,
+    least_gain: float = LEAST_GAIN,
+    duration: float | None = None,
+    out: str | Path | None = None,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    trust: bool = False,
+) -> NextDrive:
+    """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
+
+    Args:
+        saved: record of the design that was driven. Where its study has a prior, that counts: logs that made
+            it must not be given again.
+        logs: of all drives since.
+        targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
+        least_gain: share of the worst standard error that another drive has to take away.
+        duration: of each run of the next drive [s]; that of the last one if None. The sample period and the
+            splines' knots per second stay the same.
+        out: folder for the next study, its record and designs, and the estimate; nothing is written without.
+        seed: of every random draw, instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far the work is.
+        trust: whether Python code that the record names may be run, and other files that it names be read.
+
+    Raises:
+        RecordError: the robot is code that is not trusted, or the study has files read from elsewhere.
+        UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
+        StudyError: a duration that no drive of the study can have.
+        LogError: logs that cannot be read, or do not fit the robot.
+        NotSaved: `out` could not be written to in the end; the error has what was found.
+    """
+    study = recorded_study(saved, trust=trust)
+    if not trust:
+        refuse_outside(saved, logs)
+    _require_own_parameters(study)
+    with run_folder(out) as folder:
+        aims = _aims(study, targets or {})
+        found = estimate(study, logs, seed=seed, progress=progress)
+        wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
+        enough = bool(wanted) and all(_error(found, name) <= size for name, size in wanted.items())
+        # Before anything is written: no such drive may be possible.
+        following = None if enough else _following(study, found, duration)
+        folder.keep(lambda: estimate_files(found))
+        if following is None:
+            precision = _precision(found, wanted, {})
+            reason = "every parameter is as precise as wanted: no further drive is needed"
+            return _saved(NextDrive(found, None, None, precision, None, True, reason), folder)
+        record = run(following, folder.draft, seed=seed, workers=workers, progress=progress)
+        return _saved(_decided(found, following, record, wanted, least_gain), folder)
+
+
+def _decided(
+    found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
+) -> NextDrive:
+    predicted = _predicted(record, found)
+    precision = _precision(found, wanted, predicted)
+    if record.data["interrupted"]:
+        reason = "the search was interrupted; run it again"
+        return NextDrive(found, study, record, precision, None, False, reason)
+    if not predicted:
+        reason = "no feasible drive was found; the record says which limit is in the way"
+        return NextDrive(found, study, record, precision, None, False, reason)
+    now, then = _worst(precision, "now"), _worst(precision, "next")
+    gain = 1 - then / now
+    stop = gain < least_gain
+    reason = f"another drive takes {gain:.1%} off the worst standard error"
+    reason += f", less than {least_gain:.1%}: stop" if stop else ": drive it"
+    return NextDrive(found, study, record, precision, float(gain), bool(stop), reason)
+
+
+def _require_own_parameters(study: Study) -> None:
+    known = {parameter.name for parameter in study.problem.model.parameters}
+    strangers = [
+        name for one in study.problem.any_estimations for name in one.parameters if name not in known
+    ]
+    if strangers:
+        text = (
+            f"the study estimates {', '.join(strangers)}, and no nominal values can stand for those: measure "
+            "poses and estimate the robot's own parameters"
+        )
+        raise UserMistake(text)
+
+
+@dataclass(frozen=True)
+class _Aim:
+    # A standard error that is wanted: SI, or relative to the estimate.
+    number: float
+    relative: bool
+
+    def size(self, value: float) -> float:
+        return self.number * abs(value) if self.relative else self.number
+
+
+def _aims(study: Study, targets: Mapping[str, str]) -> dict[str, _Aim]:
+    units = {
+        name: unit
+        for one in study.problem.any_estimations
+        for name, unit in zip(one.parameters, one.units, strict=True)
+    }
+    aims = {}
+    for name, text in targets.items():
+        if name not in units:
+            raise UserMistake(f"--target {name}: expected one of {', '.join(units)}")
+        relative = text.strip().endswith("%")
+        try:
+            aims[name] = _Aim(parse_quantity(text, "" if relative else units[name]), relative)
+        except ValueError as error:
+            raise UserMistake(f"--target {name}: {error}") from None
+        if not aims[name].number > 0:
+            raise UserMistake(f"--target {name}: expected more than 0, got {text!r}")
+    return aims
+
+
+def _error(found: EstimateRecord, name: str) -> float:
+    return next(float(entry["standard_error"]) for entry in found.parameters if entry["name"] == name)
+
+
+def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
+    # The same study of the robot as it is known now; simulations are for its own report.
+    data, values = study.echo(), found.values
+    robot = study.problem.model.with_values(values)
+    data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
+    data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
+    data["name"] = f"{study.name}: next drive"
+    _narrow(data, study, values)
+    _stretch(data["trajectory"], duration)
+    data.pop("validation", None)
+    data.pop("physics", None)
+    return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
+
+
+def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:
+    # What the logs told is uncertain no longer as the study said, but as the prior now says.
+    said = study.problem.uncertainty
+    data.pop("uncertainty", None)
+    left = None if said is None else said.without(values, study.problem.model)
+    if left is not None:
+        data["uncertainty"] = left.model_dump(mode="json")
+    if data.get("robust"):
+        data["robust"].pop("kept", None)
+        # The corners of wide ranges are for drives before anything is known.
+        data["robust"]["kind"] = "chance" if data["robust"]["kind"] == "scenarios" else data["robust"]["kind"]
+
+
+def _stretch(trajectory: dict[str, Any], duration: float | None) -> None:
+    if duration is None:
+        return
+    longer = duration / trajectory["duration"]
+    spline = trajectory["spline"]
+    trajectory["duration"] = duration
+    trajectory["samples"] = max(1, round(longer * trajectory["samples"]))
+    # As many spans between knots per second as before.
+    spans = spline["coefficients"] - spline["degree"]
+    spline["coefficients"] = spline["degree"] + max(1, round(longer * spans))
+
+
+def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
+    """Standard errors after the best drive, what is known now included.
+
+    The design takes noise for white. Where error bars are wider than F^-1 makes them, the next drive will
+    tell as much less as these logs did.
+    """
+    best = record.best
+    if best is None or not best["covariances"]:
+        return {}
+    names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
+    told = np.zeros_like(known)
+    for one in best["covariances"]:
+        places = [names.index(name) for name in one["parameters"]]
+        own, then = np.ix_(places, places), np.array(one["covariance"], dtype=float)
+        told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
+    after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
+    return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
+
+
+def _excess(found: EstimateRecord) -> float:
+    # How many times the variances are what F^-1 says.
+    entries = [(one["standard_error"], one["standard_errors"]["information"]) for one in found.parameters]
+    return max(1.0, float(np.mean([(error / promised) ** 2 for error, promised in entries if promised])))
+
+
+def _precision(
+    found: EstimateRecord, wanted: Mapping[str, float], predicted: Mapping[str, float]
+) -> tuple[Mapping[str, Any], ...]:
+    return tuple(
+        {
+            "name": entry["name"],
+            "unit": entry["unit"],
+            "value": entry["value"],
+            "now": entry["standard_error"],
+            "size": entry["size"],
+            "wanted": wanted.get(entry["name"]),
+            "next": predicted.get(entry["name"]),
+        }
+        for entry in found.parameters
+    )
+
+
+def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
+    # In units of what is wanted; of the parameters' sizes where nothing is.
+    aimed = [entry for entry in precision if entry["wanted"] is not None] or precision
+    sizes = [entry["wanted"] or entry["size"] for entry in aimed]
+    return max(float(entry[when]) / float(size) for entry, size in zip(aimed, sizes, strict=True))
+
+
+def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:
+    if folder.draft is None:
+        return found
+    files = {
+        **estimate_files(found.estimate),
+        SUMMARY: json.dumps(found.data, indent=1, allow_nan=False) + "\n",
+    }
+    if found.study is not None:
+        files[STUDY] = found.study.text
+    # A design from before must not pass for the next drive.
+    target = folder.draft.target
+    drop = {STUDY, FILE} | outdated(target, found.record) | pages(target, ESTIMATE)
+    interrupted = found.record is not None and bool(found.record.data["interrupted"])
+    return replace(found, folder=folder.put(files, found, drop, interrupted=interrupted))

@@ -1,0 +1,149 @@
+"""What a robust study's record says: how many robots leave the limits on each drive, and at what cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.optimize import Progress, Workers, solve
+from oed.records.record import NOMINAL, finite, rounded
+from oed.study.study import Study
+from oed.uncertainty.departures import leaving, left, path_limits, paths
+
+UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
+BUNDLE = 40
+"""Robots whose paths a report draws."""
+DRAWN = 100
+"""Points of each such path."""
+BUNDLE_STREAM = 1000
+"""Of draws: the robots drawn are not those that a search was made careful with."""
+
+
+def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress: Progress) -> list[Solution]:
+    """What the study's first search finds with nothing in reserve, scored by the study's problem.
+
+    Nothing for a study that is not robust, or does not ask.
+    """
+    problem, robust = study.problem, study.problem.robust
+    if robust is None or not robust.compare or not study.solvers:
+        return []
+    options = study.solvers[0].model_copy(update={"name": NOMINAL})
+    plain = replace(problem, robust=None)
+    found = solve(plain, options, seed=seed, workers=workers, progress=progress)
+    detail = f"{found.detail} {UNRESERVED}".strip()
+    return [replace(found, evaluation=_scored(problem, found), detail=detail)]
+
+
+def _scored(problem: Problem, solution: Solution) -> Any:
+    return None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+
+
+def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    problem, robust = study.problem, study.problem.robust
+    if robust is None:
+        return list(solutions)
+    progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
+    told = []
+    for solution in solutions:
+        if solution.trajectory is not None and solution.leaving is None:
+            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            solution = replace(solution, leaving=found)
+        told.append(solution)
+        progress.advance()
+    return told
+
+
+def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
+    """Those that few enough robots leave, as far as that was tried; all if the study is not robust.
+
+    The search with nothing in reserve is for comparison only, whatever it has found.
+    """
+    robust = study.problem.robust
+    if robust is None:
+        return list(solutions)
+    allowed = 1 - robust.confidence
+    return [
+        one
+        for one in solutions
+        if one.name != NOMINAL and (one.leaving is None or one.leaving.surely_below(allowed))
+    ]
+
+
+def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[str, Any] | None:
+    """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
+    problem, robust = study.problem, study.problem.robust
+    spread = problem.spread
+    if robust is None or spread is None:
+        return None
+    drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
+    return {
+        "kind": robust.kind,
+        "confidence": robust.confidence,
+        "objective": robust.objective,
+        "limits": [limit.name for limit in path_limits(problem)],
+        "uncertain": [
+            {
+                "name": name,
+                "unit": unit,
+                "nominal": float(nominal),
+                "low": float(low),
+                "high": float(high),
+                "uniform": bool(uniform),
+            }
+            for name, unit, nominal, low, high, uniform in zip(
+                spread.names,
+                spread.units,
+                spread.nominal,
+                spread.low,
+                spread.high,
+                spread.uniform,
+                strict=True,
+            )
+        ],
+        "results": [_entry(solution) for solution in drives],
+        "bundles": _bundles(problem, drives, seed),
+    }
+
+
+def _entry(solution: Solution) -> dict[str, Any]:
+    evaluation, found = solution.evaluation, solution.leaving
+    assert evaluation is not None
+    assert found is not None
+    return {
+        "name": solution.name,
+        "probability": found.probability,
+        "interval": list(found.interval),
+        "draws": found.draws,
+        "seed": found.seed,
+        "by_limit": found.by_limit,
+        "farthest": finite(found.farthest),
+        "checked_at_points": list(found.checked_at_points),
+        "objective": finite(evaluation.objective),
+        "reserve": None if solution.robust is None else solution.robust.reach,
+        "kept": None if solution.robust is None else len(solution.robust.kept),
+    }
+
+
+def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[dict[str, Any]]:
+    # Of the searches' own drives only: where robots with other parameters go.
+    assert problem.spread is not None
+    values = problem.spread.draws(BUNDLE, seed, BUNDLE_STREAM)
+    bundles = []
+    for solution in drives:
+        if solution.robust is None and solution.name != NOMINAL:
+            continue
+        assert solution.trajectory is not None
+        poses = paths(problem, solution.trajectory, values)
+        each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
+        chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
+        leave = left(problem, solution.trajectory, values)
+        bundle = {"leaves": leave.tolist(), "paths": rounded(each[:, :, chosen], 4)}
+        bundles.append({"name": solution.name, **bundle})
+    return bundles

@@ -1,0 +1,391 @@
+"""Run a study: every search, baseline and simulation it asks for, into a record."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from oed.bounds import LATTICE, Certificate, bound
+from oed.foundation.errors import NotFinite
+from oed.foundation.names import file_stem
+from oed.foundation.work.folders import Draft
+from oed.foundation.work.signals import interrupts_named
+from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.solution import Solution, Status, scored, unscored
+from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
+from oed.records.path_file import trajectory_csv
+from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
+from oed.records.record import FILE, FORMAT, Record, certificate_data, finite, finite_data, result_data
+from oed.robots.baselines import baselines
+from oed.simulation.trial import require_ready
+from oed.study.study import PathFile, Study
+from oed.workflow.experiments import driven_in_physics, simulated
+from oed.workflow.robustness import nominal_search, robustness, safe, tried
+from oed.workflow.saving import RunFolder, run_folder
+
+PRACTICALLY_EQUAL = 2e-3
+"""Share of the objective by which two designs may differ and still count as equally good."""
+ON_THE_SPOT = 0.01
+"""Path length [m] of a design below which paths of the same length mean nothing."""
+CUT_SHORT = "The run was interrupted; this is what had been done by then."
+"""Note in the record of such a run."""
+PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
+
+
+def run(
+    study: Study,
+    out: str | Path | Draft | None = None,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    search_only: bool = False,
+) -> Record:
+    """Do everything the study asks for.
+
+    Args:
+        study: what to do.
+        out: folder for record.json and the trajectories' CSV files, which take the place of those of an
+            earlier run when all of them are there; nothing is written without it. An interrupted run does not
+            take the place of any: it is kept beside. The record says where it is.
+        seed: instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far the work is.
+        search_only: leave out all but the searches.
+
+    Raises:
+        UserMistake: `out` cannot be written to, or another process is writing there.
+        NotSaved: it could not be written to in the end; the error has the record.
+    """
+    chosen, listener = study.seed if seed is None else seed, progress or Silent()
+    # What would fail at the end is better known before the work is done.
+    paths = study.own_paths()
+    with run_folder(out) as folder:
+        work = _Run(study, paths, chosen, workers, listener, folder)
+        if search_only:
+            work.search()
+        else:
+            work.everything()
+        return work.finish()
+
+
+@dataclass
+class _Run:
+    study: Study
+    paths: dict[str, Trajectory]
+    seed: int
+    workers: Workers | None
+    progress: Progress
+    folder: RunFolder
+    solutions: list[Solution] = field(default_factory=list)
+    certificate: Certificate | None = None
+    validation: dict[str, Any] | None = None
+    physics: dict[str, Any] | None = None
+    interrupted: bool = False
+
+    def everything(self) -> None:
+        """All that the study asks for; an interrupt leaves what is done."""
+        if self.study.file.physics is not None:
+            require_ready(self.study.problem, self.study.file.physics)
+        self.search()
+        try:
+            with interrupts_named():
+                if not self.interrupted:
+                    self._compare()
+                    self._simulate()
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def search(self) -> None:
+        """The searches."""
+        self.solutions, self.interrupted = search(
+            self.study, seed=self.seed, workers=self.workers, progress=self.progress, found=self._keep
+        )
+
+    def _compare(self) -> None:
+        study, progress = self.study, self.progress
+        self.certificate = _certificate(study, progress)
+        self.solutions += _lattice_drive(study, self.certificate)
+        best = best_of(safe(study, self.solutions), study.problem.criterion)
+        self.solutions += _baselines(study, self.paths, best, self.seed, progress)
+        self.solutions = tried(study, self.solutions, self.seed, progress)
+        self._keep(self.solutions)
+
+    def _simulate(self) -> None:
+        work = (self.study, self.solutions, self.seed, self.progress, self.workers)
+        self.validation = simulated(*work)
+        self.physics = driven_in_physics(*work)
+        self.interrupted = self.physics is not None and self.physics["interrupted"]
+
+    def _keep(self, solutions: Sequence[Solution]) -> None:
+        self.folder.keep(lambda: self._files(solutions, self._record(solutions, interrupted=True)))
+
+    def finish(self) -> Record:
+        """The record, saved."""
+        made = self._record(self.solutions, interrupted=self.interrupted)
+        return self.folder.finish(made, self._files(self.solutions, made))
+
+    def _record(self, solutions: Sequence[Solution], *, interrupted: bool) -> Record:
+        return record(
+            self.study,
+            list(solutions),
+            self.seed,
+            named=self.folder.draft is not None,
+            certificate=self.certificate,
+            validation=self.validation,
+            physics=self.physics,
+            interrupted=interrupted,
+        )
+
+    def _files(self, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
+        return record_files(self.study, solutions, made)
+
+
+def search(
+    study: Study,
+    *,
+    seed: int,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+    found: Callable[[Sequence[Solution]], None] | None = None,
+) -> tuple[list[Solution], bool]:
+    """The study's searches, one after the other, each knowing those before it; and whether an interrupt
+    ended them early, with what had been found by then. `found` is told all solutions after each search.
+
+    Raises:
+        StudyError: parameters that no drive tells apart.
+    """
+    study.require_identifiable()
+    done: dict[str, Solution] = {}
+    for solver in study.solvers:
+        try:
+            with interrupts_named():
+                solution = solve(
+                    study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
+                )
+                done[solution.name] = solution
+                if found is not None and solution.status is not Status.INTERRUPTED:
+                    found(list(done.values()))
+        except KeyboardInterrupt:
+            return list(done.values()), True
+        if solution.status is Status.INTERRUPTED:
+            return list(done.values()), True
+    try:
+        with interrupts_named():
+            unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
+    except KeyboardInterrupt:
+        return list(done.values()), True
+    return [*done.values(), *unreserved], False
+
+
+def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:
+    """The feasible solution of largest objective; among practically equal ones the most informative.
+
+    A search may give up a little of the objective to learn more in all other directions; one that did
+    not is no better for it.
+    """
+    feasible = [(one, one.evaluation) for one in solutions if one.evaluation and one.evaluation.feasible]
+    if not feasible:
+        return None
+    largest = max(evaluation.objective for _, evaluation in feasible)
+    enough = criterion.concede(largest, 1 - PRACTICALLY_EQUAL)
+    equal = [pair for pair in feasible if pair[1].objective >= enough]
+    # A search by another criterion has given up nothing of this one on purpose.
+    equal = [pair for pair in equal if pair[0].criterion is None] or equal
+    return max(equal, key=lambda pair: pair[1].log_determinant)[0]
+
+
+def record(
+    study: Study,
+    solutions: list[Solution],
+    seed: int,
+    out: str | Path | None = None,
+    *,
+    named: bool = False,
+    certificate: Certificate | None = None,
+    validation: dict[str, Any] | None = None,
+    physics: dict[str, Any] | None = None,
+    interrupted: bool = False,
+) -> Record:
+    """The record of solutions, written to `out` where given, with their trajectories.
+
+    Without `out` it names the trajectories' files where `named`: somebody else writes them.
+    """
+    judges, best = criteria_of(study), best_of(safe(study, solutions), study.problem.criterion)
+    results = [
+        {
+            **result_data(solution, _file(solution) if named or out is not None else None),
+            "criteria": _judged(study, judges, solution),
+        }
+        for solution in solutions
+    ]
+    made = Record(
+        finite_data(
+            {
+                "format": FORMAT,
+                "oed_version": package_version("oed"),
+                "study": study.echo(),
+                "study_text": study.text,
+                "seed": seed,
+                "inputs": input_table(study.problem),
+                "states": state_table(study.problem),
+                "parameters": parameter_table(study.problem),
+                "nuisances": nuisance_table(study.problem),
+                "results": results,
+                "best": None if best is None else best.name,
+                "certificate": None if certificate is None else certified(study, certificate, solutions),
+                "robustness": robustness(study, solutions, seed),
+                "validation": validation,
+                "physics": physics,
+                "interrupted": interrupted,
+                "notes": _notes(certificate, interrupted),
+                "provenance": provenance(),
+            }
+        )
+    )
+    with run_folder(out) as folder:
+        return folder.finish(made, record_files(study, solutions, made))
+
+
+def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
+    """The files of a record and of its solutions' trajectories, by name; the most important first."""
+    drives = {
+        _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.poses)
+        for one in solutions
+        if one.trajectory is not None and one.evaluation is not None
+    }
+    return {FILE: made.to_json(), **drives}
+
+
+def criteria_of(study: Study) -> dict[str, Criterion]:
+    """What every result is judged by: E, D and A in the study's scaling, and whatever it searches for."""
+    own = study.problem.criterion
+    common = {"scaling": own.scaling, "subset": own.subset}
+    judges: dict[str, Criterion] = {kind.__name__: kind(**common) for kind in (E, D, A)}
+    judges[own.kind] = own
+    for solver in study.solvers:
+        if solver.criterion is not None:
+            judges.setdefault(solver.criterion.kind, solver.criterion)
+    return judges
+
+
+def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -> dict[str, float | None]:
+    evaluation, trajectory = solution.evaluation, solution.trajectory
+    if evaluation is None or trajectory is None:
+        return {}
+    values: dict[str, float | None] = {}
+    # Of the nominal robot, whichever the objective is of.
+    problem = replace(study.problem, robust=None)
+    for name, criterion in judges.items():
+        own = study.problem.criterion
+        same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
+        # The same information serves every criterion that sees the parameters alike.
+        value = (
+            float(problem.told(criterion).judge(list(evaluation.square_roots.values())))
+            if same
+            else evaluate(replace(problem, criterion=criterion), trajectory).objective
+        )
+        values[name] = finite(value)
+    return values
+
+
+def _file(solution: Solution) -> str:
+    return f"{file_stem(solution.name)}.csv"
+
+
+def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
+    """A certificate with its gap to the best feasible of these solutions."""
+    samples = study.problem.design.all_samples
+    # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
+    found = [
+        (one.evaluation, one.kind)
+        for one in solutions
+        if one.evaluation is not None and one.evaluation.feasible
+        if one.trajectory is not None and one.trajectory.samples == samples
+    ]
+    searched = {solver.model_fields["kind"].default for solver in SOLVERS}
+    splines = [evaluation.objective for evaluation, kind in found if kind in searched]
+    return certificate_data(
+        certificate,
+        max((evaluation for evaluation, _ in found), key=lambda one: one.objective, default=None),
+        LATTICE if any(one.kind == LATTICE for one in solutions) else None,
+        max(splines, default=None),
+    )
+
+
+def _certificate(study: Study, progress: Progress) -> Certificate | None:
+    if not study.file.bound:
+        return None
+    progress.begin("bound what any drive could reach", 1)
+    certificate = bound(study.problem)
+    progress.advance()
+    return certificate
+
+
+def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Solution]:
+    # The speeds that the bound's own search ended with are a candidate like any other.
+    if certificate is None or certificate.drive is None:
+        return []
+    return [replace(scored(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
+
+
+def _baselines(
+    study: Study, paths: dict[str, Trajectory], best: Solution | None, seed: int, progress: Progress
+) -> list[Solution]:
+    # Every everyday path as large as it can be, and again with the best design's length, as in the paper.
+    asked = study.file.baselines
+    if not asked:
+        return []
+    progress.begin("score everyday paths", len(asked))
+    length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
+    if length is not None and length < ON_THE_SPOT:
+        length = None
+    found: list[Solution] = []
+    for path in asked:
+        if isinstance(path, PathFile):
+            found.append(_scored_path(study, paths[path.label], path.label))
+        else:
+            found += baselines(study.problem, path, length=length, seed=seed)
+        progress.advance()
+    return found
+
+
+def _scored_path(study: Study, path: Trajectory, name: str) -> Solution:
+    # What cannot be scored must not take with it what has been found.
+    try:
+        return scored(study.problem, path, name)
+    except NotFinite as error:
+        return unscored(name, "path", error)
+
+
+def provenance() -> dict[str, Any]:
+    """What made a record: versions of the packages that compute, of Python and the platform, and when."""
+    return {
+        "packages": {name: package_version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
+    # What the study asks for and was not done is said, never passed over.
+    unbounded = certificate is not None and not math.isfinite(certificate.upper_bound)
+    notes = [f"`bound: true`: {certificate.method}."] if certificate is not None and unbounded else []
+    return notes + ([CUT_SHORT] if interrupted else [])
+
+
+def package_version(package: str) -> str:
+    """The version of an installed package, for records."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

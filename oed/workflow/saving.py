@@ -1,0 +1,207 @@
+"""Saving a run: what is done is kept as it comes, put in place when all of it is there, and never given up
+while anything can still be written somewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from oed.foundation.errors import Failure, OedError, RecordError
+from oed.foundation.files import write_files
+from oed.foundation.work.folders import Draft, drafted, updated
+from oed.records.calibration_record import FILE as ESTIMATE_FILE
+from oed.records.calibration_record import EstimateRecord, estimate_files, known_estimate
+from oed.records.record import ESTIMATE, FILE, Record, known_record, load_record, pages
+
+Files = Mapping[str, str]
+"""Texts by file name."""
+
+
+class NotSaved(Failure):
+    """Results that could not be written where they should be; they are in `found` all the same."""
+
+    def __init__(self, message: str, found: Any) -> None:
+        """Keep what was found."""
+        self.found = found
+        super().__init__(message)
+
+
+class RunFolder:
+    """Where the results of a run go.
+
+    Attributes:
+        draft: what its folder is to hold; None for a run that writes nothing.
+    """
+
+    def __init__(self, draft: Draft | None, *, whole: bool = True) -> None:
+        """Fill a draft; and publish it at the end, unless it is only part of something larger."""
+        self.draft, self._whole = draft, whole
+
+    def keep(self, files: Callable[[], Files]) -> None:
+        """Keep what is done by now, lest the process be killed."""
+        if self.draft is not None:
+            # What does not fit now will be told at the end.
+            with suppress(OedError):
+                self.draft.write(files())
+
+    def finish(self, record: Record, files: Files) -> Record:
+        """The record with where it is saved, None where nothing is.
+
+        Raises:
+            NotSaved: as `put`.
+        """
+        if self.draft is None:
+            return record
+        interrupted = bool(record.data["interrupted"])
+        if interrupted and self._whole and not _drives(record) and (self.draft.target / FILE).exists():
+            self.draft.discard()
+            return record
+        drop = outdated(self.draft.target, record)
+        return replace(record, folder=self.put(files, record, drop, interrupted=interrupted))
+
+    def put(
+        self, files: Files, found: Any, drop: Collection[str] = (), *, interrupted: bool = False
+    ) -> Path | None:
+        """Put files in the folder; beside it where a run that was cut short would take the place of another.
+        Returns where they are.
+
+        Args:
+            files: the last ones; those kept before are part of the whole.
+            found: what they hold.
+            drop: names of files in the folder that mean nothing beside these.
+            interrupted: whether the run was cut short.
+
+        Raises:
+            NotSaved: they could not be written there, or not be read again; says where they are instead.
+        """
+        draft = self.draft
+        if draft is None:
+            return None
+        try:
+            require_readable(files, draft.target)
+            draft.write(files)
+            if not self._whole:
+                return draft.target
+            if interrupted and (draft.target / FILE).exists():
+                return draft.put_aside()
+            return draft.publish(drop)
+        except OedError as error:
+            raise NotSaved(_rescued(draft.target, error, files, draft), found) from None
+
+
+def save_into(draft: Draft, record: Record) -> Record:
+    """Put a record in the place of the one in a folder, whose drives it has; with where it is saved.
+
+    Raises:
+        NotSaved: it could not be written there; says where it is instead.
+    """
+    return RunFolder(draft).finish(record, {FILE: record.to_json()})
+
+
+@contextmanager
+def run_folder(out: str | Path | Draft | None) -> Iterator[RunFolder]:
+    """The folder of a run: refused at once where it cannot be written to.
+
+    Raises:
+        UserMistake: it cannot be written to, or another process is writing there.
+    """
+    if out is None or isinstance(out, Draft):
+        yield RunFolder(out, whole=False)
+        return
+    with drafted(out) as draft:
+        yield RunFolder(draft)
+
+
+def _drives(record: Record) -> bool:
+    return any(entry["drive"] is not None for entry in record.results)
+
+
+def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
+    """Write estimate.json into `folder`, where the page of an earlier one goes, and whose other files have
+    nothing to do with it; returns the file.
+
+    Raises:
+        NotSaved: it could not be written there; says where it is instead.
+    """
+    target, files = Path(folder), estimate_files(record)
+    try:
+        with updated(target) as draft:
+            require_readable(files, target)
+            draft.write(files)
+            draft.publish(pages(target, ESTIMATE))
+    except OedError as error:
+        raise NotSaved(_rescued(target, error, files), record) from None
+    return target / ESTIMATE_FILE
+
+
+def require_readable(files: Files, folder: Path) -> None:
+    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved.
+
+    Raises:
+        Failure: says which keys are in the way.
+    """
+    for name, read in ((FILE, known_record), (ESTIMATE_FILE, known_estimate)):
+        if name not in files:
+            continue
+        try:
+            read(json.loads(files[name]), folder / name)
+        except RecordError as error:
+            reasons = "; ".join(map(str, error.flaws))
+            raise Failure(f"not saved, for it could not be read again: {reasons}") from None
+
+
+def outdated(folder: Path, record: Record | None) -> set[str]:
+    """Names of files of a folder that mean nothing beside a new record, or without the old one: the old
+    one's drives and report.
+    """
+    drives: set[str] = set()
+    # What a damaged record may name is left.
+    with suppress(RecordError):
+        drives = {str(entry["trajectory"]) for entry in load_record(folder).results}
+    drives = {name for name in drives if name.endswith(".csv") and Path(name).name == name}
+    kept = set() if record is None else {entry["trajectory"] for entry in record.results}
+    return pages(folder) | (drives - kept)
+
+
+def _rescued(folder: Path, error: Exception, files: Files, draft: Draft | None = None) -> str:
+    """What is said of results that cannot be saved, having written them wherever they can be."""
+    text = str(error)
+    if folder.exists():
+        text += f"; what was in {folder} is as it was"
+    elsewhere = _written_elsewhere(folder.name or "results", files)
+    if elsewhere is not None:
+        if draft is not None:
+            draft.discard()
+        return f"{text}. The results are in {elsewhere} instead"
+    kept = None if draft is None else _what_fits(draft, files)
+    text += ". They could be written nowhere else either: make room, and have them printed with --json"
+    return text if kept is None else f"{text}. What there was room for is in {kept}"
+
+
+def _written_elsewhere(name: str, files: Files) -> Path | None:
+    for place in (tempfile.gettempdir, Path.home, Path.cwd):
+        with suppress(OSError, RuntimeError):
+            folder = Path(tempfile.mkdtemp(dir=place(), prefix=f"oed-{name}-"))
+            try:
+                write_files(folder, files)
+            except OedError:
+                shutil.rmtree(folder, ignore_errors=True)
+            else:
+                return folder
+    return None
+
+
+def _what_fits(draft: Draft, files: Files) -> Path | None:
+    for name, text in files.items():
+        with suppress(OedError):
+            draft.write({name: text})
+    with suppress(OSError):
+        return draft.put_aside()
+    return None

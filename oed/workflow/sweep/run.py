@@ -1,0 +1,325 @@
+"""Running a sweep: the points over the workers, each into a folder of its own, and one table of them all."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from oed.foundation.errors import FileFlaw, OedError, RecordError
+from oed.foundation.files import inside
+from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
+from oed.foundation.work.parallel import run_tasks
+from oed.foundation.work.signals import interrupts_named
+from oed.optimize import Progress, Silent, Workers, default_workers
+from oed.records.record import FILE as RECORD
+from oed.records.record import Record, load_record, pages, saved_file
+from oed.records.stored.door import checked, read_object
+from oed.records.stored.sweep import StoredSweep
+from oed.study.study import Study
+from oed.workflow.runner import package_version, run
+from oed.workflow.saving import NotSaved, require_readable
+from oed.workflow.sweep.axes import Axis
+from oed.workflow.sweep.points import Point, grid, short_names
+
+FORMAT = 1
+FILE = "sweep.json"
+ROUNDING = 1e-6
+"""Share of the objective by which points may differ and still count as equal."""
+INCOMPARABLE = ("criterion", "estimate", "measurement")
+"""Parts of a study with which the meaning of its objective changes."""
+
+
+def sweep(
+    file: str | Path,
+    axes: Sequence[Axis],
+    out: str | Path,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run a study at every combination of values; returns what sweep.json holds.
+
+    As `swept`, which says where it is saved.
+    """
+    return swept(file, axes, out, seed=seed, workers=workers, progress=progress).data
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep: what sweep.json holds, and the folder where it is; None where it is nowhere."""
+
+    data: dict[str, Any]
+    folder: Path | None = None
+
+
+def swept(
+    file: str | Path,
+    axes: Sequence[Axis],
+    out: str | Path,
+    *,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> Swept:
+    """Run a study at every combination of values.
+
+    Points that `out`, or a sweep into it that was cut short, has a finished record of, of the same study and
+    seed, are kept. Several points are shared out among the workers, each searched by one of them; the results
+    are the same.
+
+    Args:
+        file: the study.
+        axes: what to vary.
+        out: folder for sweep.json and a folder for each point, with record.json and the trajectories. Those
+            of an earlier sweep stay as they are until all of the new ones are there.
+        seed: instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: told how far it is.
+
+    Raises:
+        UserMistake, StudyError: anything wrong with any of the combinations; then nothing is run.
+        NotSaved: `out` could not be written to in the end; the error has what was found.
+    """
+    points, listener = grid(str(file), axes), progress or Silent()
+    with drafted(out) as draft:
+        done = _Sweep(points, draft, seed, lambda sweep: sweep.data(Path(file), axes))
+        done.run(default_workers() if workers is None else workers, listener)
+        return done.finish()
+
+
+def load_sweep(folder: str | Path) -> dict[str, Any]:
+    """The table of the sweep in `folder`.
+
+    Raises:
+        RecordError: none there, or not one of this format.
+    """
+    path = saved_file(folder, FILE)
+    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
+    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
+    if data.get("format") != FORMAT:
+        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    return checked(StoredSweep, data, path).plain()
+
+
+@dataclass(frozen=True)
+class _Task:
+    study: Study
+    seed: int
+    workers: Workers
+
+
+@dataclass(frozen=True)
+class _Result:
+    # The files of a run by name, for a worker may not see the folder they belong in; or why there are none.
+    files: Mapping[str, str]
+    failure: str = ""
+
+
+def _run_point(task: _Task) -> _Result:
+    with tempfile.TemporaryDirectory(prefix="oed-") as folder:
+        try:
+            run(task.study, folder, seed=task.seed, workers=task.workers)
+        except (OedError, OSError) as error:
+            return _Result({}, str(error))
+        return _Result({path.name: path.read_text(encoding="utf-8") for path in Path(folder).iterdir()})
+
+
+class _Sweep:
+    def __init__(
+        self,
+        points: Sequence[Point],
+        draft: Draft,
+        seed: int | None,
+        data: Callable[[_Sweep], dict[str, Any]],
+    ) -> None:
+        self.points, self.draft, self._data = points, draft, data
+        self.seeds = [point.study.seed if seed is None else seed for point in points]
+        self.records: dict[int, Record] = {}
+        self.failures: dict[int, str] = {}
+        self.interrupted = False
+        self.unsaved: OedError | None = None
+        for place in (draft.target, *reversed(interrupted_runs(draft.target))):
+            self._keep(place)
+        self.kept = sorted(self.records)
+
+    def run(self, workers: Workers, progress: Progress) -> None:
+        """Run what is not there yet; an interrupt leaves what is done."""
+        left = [index for index in range(len(self.points)) if index not in self.records]
+        if not left:
+            return
+        own = workers if len(left) == 1 else 1
+        tasks = [_Task(self.points[index].study, self.seeds[index], own) for index in left]
+
+        def take(position: int, result: _Result) -> None:
+            self._take(left[position], result)
+            progress.advance(self.points[left[position]].label)
+
+        progress.begin("points", len(left))
+        try:
+            with interrupts_named():
+                run_tasks(_run_point, tasks, workers, take)
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def _take(self, index: int, result: _Result) -> None:
+        if result.failure:
+            self.failures[index] = result.failure
+            return
+        folder = self.points[index].folder
+        try:
+            require_readable(result.files, self.draft.target / folder)
+        except OedError as error:
+            self.failures[index] = str(error)
+            return
+        record = Record(json.loads(result.files[RECORD]))
+        self.records[index] = record
+        try:
+            # The record last: where it is, everything is.
+            names = sorted(result.files, key=lambda name: name == RECORD)
+            self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
+            # Lest the process be killed: what is there by now is a sweep that was cut short.
+            self.draft.write(_file({**self._data(self), "interrupted": True}))
+        except OedError as error:
+            # Without room for this one there is none for the others.
+            self.unsaved = error
+            raise KeyboardInterrupt from None
+        if record.data["interrupted"]:
+            raise KeyboardInterrupt
+
+    def _keep(self, place: Path) -> None:
+        for index, point in enumerate(self.points):
+            folder = inside(place, point.folder)
+            record = None if index in self.records else self._finished(index, folder)
+            if record is not None:
+                self.records[index] = record
+                self.draft.adopt(folder)
+
+    def _finished(self, index: int, folder: Path) -> Record | None:
+        if not folder.is_dir():
+            return None
+        try:
+            record = load_record(folder)
+        except RecordError:
+            return None
+        data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
+        same = data["study"] == study and data["seed"] == self.seeds[index]
+        return record if same and not data["interrupted"] and data["oed_version"] == _version() else None
+
+    def finish(self) -> Swept:
+        """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
+        finished one.
+        """
+        data, draft = self._data(self), self.draft
+        if self.unsaved is not None:
+            raise self._not_saved(self.unsaved, data)
+        if self.interrupted and self._in_the_way():
+            if len(self.records) == len(self.kept):
+                draft.discard()
+                return Swept(data)
+            draft.write(_file(data))
+            return Swept(data, draft.put_aside())
+        try:
+            draft.write(_file(data))
+            return Swept(data, draft.publish(pages(draft.target)))
+        except OedError as error:
+            raise self._not_saved(error, data) from None
+
+    def _in_the_way(self) -> bool:
+        # Whether there is a finished sweep, or a finished point that is another one now.
+        with suppress(RecordError, KeyError):
+            if not load_sweep(self.draft.target)["interrupted"]:
+                return True
+        fresh = [self.points[index].folder for index in self.records if index not in self.kept]
+        return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
+
+    def _not_saved(self, error: OedError, data: dict[str, Any]) -> NotSaved:
+        kept = self.draft.put_aside()
+        text = f"{error}: make room"
+        return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(data))
+
+    def data(self, file: Path, axes: Sequence[Axis]) -> dict[str, Any]:
+        """What sweep.json holds."""
+        rows = [self._row(index) for index in range(len(self.points))]
+        comparable = all(_comparable(axis) for axis in axes)
+        found = [row for row in rows if comparable and row["objective"] is not None]
+        largest = max((float(row["objective"]) for row in found), default=0.0)
+        # The first of those that only rounding tells apart.
+        close = largest - ROUNDING * abs(largest)
+        best = next((row for row in found if row["objective"] >= close), None)
+        return {
+            "format": FORMAT,
+            "oed_version": _version(),
+            "study": file.name,
+            "name": self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
+            "keys": [
+                {
+                    "key": axis.key,
+                    "name": name,
+                    "unit": axis.unit,
+                    "values": list(axis.texts),
+                    "numeric": axis.numbers is not None,
+                }
+                for axis, name in zip(axes, short_names([axis.key for axis in axes]), strict=True)
+            ],
+            "points": rows,
+            "best": None if best is None else best["folder"],
+            "comparable": comparable,
+            "kept": len(self.kept),
+            "interrupted": self.interrupted,
+        }
+
+    def _row(self, index: int) -> dict[str, Any]:
+        point, record = self.points[index], self.records.get(index)
+        best = None if record is None else record.best
+        certificate = None if record is None else record.data["certificate"]
+        seconds = None if record is None else sum(entry["wall_seconds"] for entry in record.results)
+        return {
+            "values": dict(point.texts),
+            "numbers": dict(point.numbers),
+            "label": point.label,
+            "folder": point.folder,
+            "record": None if record is None else f"{point.folder}/{RECORD}",
+            **self._outcome(index, record),
+            "seed": self.seeds[index],
+            "design": None if best is None else best["name"],
+            "objective": None if best is None else best["objective"],
+            "lambda_min": None if best is None else best["lambda_min"],
+            "standard_deviations": {} if best is None else dict(best["standard_deviations"]),
+            "upper_bound": None if certificate is None else certificate["upper_bound"],
+            "gap": None if certificate is None else certificate["gap"],
+            "seconds": None if seconds is None else round(seconds, 6),
+        }
+
+    def _outcome(self, index: int, record: Record | None) -> dict[str, Any]:
+        if index in self.failures:
+            return {"status": "failed", "message": self.failures[index]}
+        if record is None:
+            return {"status": "not run", "message": "The sweep was interrupted before this point was done."}
+        if record.best is None:
+            messages = (f"{entry['name']}: {entry['message']}" for entry in record.results)
+            return {"status": "no feasible drive", "message": next(messages, "")}
+        return {"status": str(record.best["status"]), "message": str(record.best["message"])}
+
+
+def _is_finished(folder: Path) -> bool:
+    with suppress(RecordError, KeyError):
+        return folder.is_dir() and not load_record(folder).data["interrupted"]
+    return False
+
+
+def _file(data: Mapping[str, Any]) -> dict[str, str]:
+    return {FILE: json.dumps(data, indent=1, allow_nan=False) + "\n"}
+
+
+def _comparable(axis: Axis) -> bool:
+    return axis.path[0] not in INCOMPARABLE and axis.key not in ("robot.kind", "robot.preset")
+
+
+def _version() -> str:
+    return package_version("oed")
