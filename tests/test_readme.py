@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from places import PROBLEMS, REPORTS, ROOT
 
 from oed.cli import main
 from oed.report.estimate.console import estimate_rows
@@ -19,10 +20,9 @@ from oed.robots.presets import preset_names
 from oed.study.study import load_study, parse_study
 from oed.workflow.estimate_logs import estimate
 
-ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
-RECORD = json.loads((ROOT / "reports" / "choi_skid_steer" / "record.json").read_text(encoding="utf-8"))
+RECORD = json.loads((REPORTS / "choi_skid_steer" / "record.json").read_text(encoding="utf-8"))
 
 
 def blocks(language: str) -> list[str]:
@@ -71,7 +71,7 @@ def test_commands_run(
 
 def test_the_study_explained_is_the_shipped_one():
     text = blocks("yaml")[0]
-    shipped = load_study(ROOT / "problems" / "choi_skid_steer.yaml")
+    shipped = load_study(PROBLEMS / "choi_skid_steer.yaml")
     assert parse_study(text).echo() == shipped.echo()
 
 
@@ -113,8 +113,8 @@ def test_the_keys_for_logs_are_accepted():
 
 def test_the_estimate_shown_is_that_of_the_shipped_log():
     (text,) = [block for block in blocks("text") if block.startswith("parameter")]
-    study = load_study(ROOT / "problems" / "room_robot.yaml")
-    found = estimate(study, [ROOT / "problems" / "logs" / "room_robot.csv"])
+    study = load_study(PROBLEMS / "room_robot.yaml")
+    found = estimate(study, [PROBLEMS / "logs" / "room_robot.csv"])
     for row in estimate_rows(found.data):
         assert any(line.split() == " ".join(row).split() for line in text.splitlines())
 

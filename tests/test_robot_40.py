@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import PROBLEMS
 
 from benchmarks.peers import scorer, task
 from oed.kernel.criteria import A, D, E
@@ -14,7 +14,7 @@ from oed.kernel.evaluation import evaluate
 from oed.optimize import Ipopt, solve
 from oed.study.study import Study, load_study
 
-FILE = Path(__file__).parent.parent / "problems" / "robot_40.yaml"
+FILE = PROBLEMS / "robot_40.yaml"
 
 
 @pytest.fixture(scope="module")

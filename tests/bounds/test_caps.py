@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem, random_drive
 from hypothesis import given
 from hypothesis import strategies as st
+from places import PROBLEMS
 
 from oed.bounds import NOTHING, Certificate, bound
 from oed.bounds.caps import largest_squares
@@ -30,7 +30,6 @@ LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
 SIGMA = 0.01
 NOISE = AbsoluteNoise(position=SIGMA, heading=0.02)
 SHORT = DesignSpace(duration=4, samples=40)
-PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
 def methods(certificate: Certificate, words: str) -> list[float]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sample_records
 from PIL import Image
+from places import REPORTS
 from sample_rooms import crab, omni, steered, towing
 
 import oed
@@ -23,7 +24,6 @@ from oed.report.parts.motion import motion, motions_of
 from oed.report.parts.section import Section
 
 QUICK = {"speed": 8.0, "fps": 5.0}
-ROOT = Path(__file__).parent.parent.parent
 
 
 def empty_figures(sections: list[Section]) -> dict[str, str]:
@@ -186,7 +186,7 @@ class TestAnimate:
 
     @pytest.mark.slow
     def test_the_demos_film_is_small(self, tmp_path: Path):
-        made = oed.animate(ROOT / "reports" / "choi_skid_steer", tmp_path / "film.gif")
+        made = oed.animate(REPORTS / "choi_skid_steer", tmp_path / "film.gif")
         assert (made.fps, made.speed) == (20.0, 1.0)
         assert made.seconds == pytest.approx(21.5, abs=0.1)
         assert made.file.stat().st_size < 1.5e6

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from places import REPORTS
 from scipy import stats
 
 from oed.records.record import Record, load_record
@@ -23,13 +24,12 @@ from oed.report.sections.convergence import convergence, time_to
 from oed.report.sections.summary import summary
 from oed.report.sections.validation import validation
 
-ROOT = Path(__file__).parent.parent.parent
 CAP = 2 * 10 * (0.18 / 0.049) ** 2
 
 
 @pytest.fixture(scope="module")
 def flagship() -> Record:
-    return load_record(ROOT / "reports" / "choi_skid_steer")
+    return load_record(REPORTS / "choi_skid_steer")
 
 
 def entry(record: Record, name: str) -> dict[str, Any]:
@@ -157,5 +157,5 @@ class TestSeveralRecords:
 @pytest.mark.slow
 def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_path: Path):
     write_report(flagship, tmp_path)
-    committed = ROOT / "reports" / "choi_skid_steer" / "report.md"
+    committed = REPORTS / "choi_skid_steer" / "report.md"
     assert (tmp_path / "report.md").read_text("utf-8") == committed.read_text("utf-8")

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import sample_estimates
 from damage import DAMAGES, EVIL, damaged, keys_of, some
+from places import REPORTS
 from studies import SMALL
 
 from oed.cli import main
@@ -31,8 +32,7 @@ from oed.workflow.experiments import validated, validation_options
 from oed.workflow.next_drive import next_drive
 from oed.workflow.sweep import load_sweep
 
-ROOT = Path(__file__).parent.parent.parent
-FLAGSHIP = ROOT / "reports" / "choi_skid_steer"
+FLAGSHIP = REPORTS / "choi_skid_steer"
 SHIPPED = ("choi_skid_steer", "obstacle_course", "physics_skid_steer", "robust_laser_tracker")
 KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 """Results that damaged records have."""
@@ -41,7 +41,7 @@ KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 @cache
 def shipped(name: str) -> dict[str, Any]:
     """A shipped record with some of its results."""
-    data = json.loads((ROOT / "reports" / name / "record.json").read_text(encoding="utf-8"))
+    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
     data["results"] = [one for one in data["results"] if one["name"] in KEPT]
     for part in ("validation", "robustness"):
         if data.get(part):
@@ -271,8 +271,8 @@ class TestWhatIsSaid:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_records_are_read_as_they_are(name: str):
-    data = json.loads((ROOT / "reports" / name / "record.json").read_text(encoding="utf-8"))
-    read = load_record(ROOT / "reports" / name).data
+    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
+    read = load_record(REPORTS / name).data
     assert {key: read[key] for key in data if key != "study"} == {
         key: value if key != "results" else [{**one, **_added(one)} for one in value]
         for key, value in data.items()

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sample_records
+from places import REPORTS
 
 from oed.records.record import Record, load_record
 from oed.report import write_comparison, write_report
@@ -23,7 +24,7 @@ from oed.report.sections.candidates import candidates, repetitions_of
 from oed.report.sections.criteria import criteria
 from oed.report.sections.paper import paper
 
-FLAGSHIP = Path(__file__).parent.parent.parent / "reports" / "choi_skid_steer"
+FLAGSHIP = REPORTS / "choi_skid_steer"
 
 
 @cache

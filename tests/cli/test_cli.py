@@ -1,0 +1,602 @@
+"""The command line: every command, its exit code, and JSON alone on standard output."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from places import REPORTS
+from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
+
+from oed.cli import main
+from oed.cli.terminal.console import percent
+from oed.foundation.errors import Flaw, ProblemError
+from oed.records.record import load_record
+
+TEXT = small(baselines="[circle]", validation="{replicates: 200}")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a valid study and a path."""
+    monkeypatch.chdir(tmp_path)
+    write_study(tmp_path, TEXT)
+    write_study(tmp_path, small(solvers=GENETIC), "quick.yaml")
+    rows = "".join(f"{0.25 * k},{0.05 * (k % 9)},{0.02 * (k % 13)}\n" for k in range(40))
+    (tmp_path / "path.csv").write_text(f"t,wheel_speed_right,wheel_speed_left\n{rows}")
+    return tmp_path
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    """Exit code, standard output, standard error."""
+    capsys.readouterr()
+    try:
+        code = main(arguments)
+    except SystemExit as leaving:
+        code = leaving.code
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.out + captured.err
+    return code, captured.out, captured.err
+
+
+def refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} is not JSON")
+
+
+def call_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any], str]:
+    """Exit code, the one JSON object on standard output, standard error."""
+    code, out, err = call(capsys, *arguments, "--json")
+    data = json.loads(out, parse_constant=refuse)
+    assert isinstance(data, dict)
+    return code, data, err
+
+
+class TestHelp:
+    def test_version(self, capsys):
+        assert call(capsys, "--version") == (0, f"oed {version('oed')}\n", "")
+
+    def test_no_arguments(self, capsys):
+        code, out, _ = call(capsys)
+        assert code == 2
+        assert "usage: oed" in out
+        for command in ("run", "check", "solve", "evaluate", "report", "schema"):
+            assert f"\n    {command} " in out
+
+    @pytest.mark.parametrize("command", ["run", "check", "solve", "evaluate", "report", "schema"])
+    def test_every_command_explains_itself(self, capsys, command: str):
+        code, out, _ = call(capsys, command, "--help")
+        assert code == 0
+        assert "--json" in out
+
+    @pytest.mark.parametrize(
+        "arguments",
+        [
+            ["fly"],
+            ["run"],
+            ["evaluate", "study.yaml"],
+            ["run", "study.yaml", "--workers", "0"],
+            ["solve", "study.yaml", "--seed", "-1"],
+            ["solve", "study.yaml", "--seed", "one"],
+            ["check", "study.yaml", "--seed", "1"],
+        ],
+        ids=" ".join,
+    )
+    def test_wrong_arguments(self, capsys, arguments: list[str]):
+        code, out, err = call(capsys, *arguments)
+        assert (code, out) == (2, "")
+        assert "usage: oed" in err
+
+    def test_help_imports_nothing_heavy(self):
+        program = (
+            "import sys\n"
+            "from oed.cli import main\n"
+            "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+            "print(sorted({'casadi', 'numpy', 'pydantic', 'pymoo', 'matplotlib', 'scipy', 'rich', 'yaml'}"
+            " & set(sys.modules)), file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        assert "usage: oed" in done.stdout
+        assert done.stderr == "[]\n"
+
+    def test_as_a_module(self):
+        done = subprocess.run(
+            [sys.executable, "-m", "oed", "--version"], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stdout) == (0, f"oed {version('oed')}\n")
+
+
+class TestCheck:
+    def test_a_valid_study(self, capsys, folder: Path):
+        assert call(capsys, "check", "study.yaml") == (0, "study.yaml: ok (Small study)\n", "")
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, err = call_json(capsys, "check", "study.yaml", "quick.yaml")
+        assert (code, err) == (0, "")
+        assert [(entry["file"], entry["ok"]) for entry in data["studies"]] == [
+            ("study.yaml", True),
+            ("quick.yaml", True),
+        ]
+
+    def test_wrong_studies_among_right_ones(self, capsys, folder: Path):
+        write_study(folder, TEXT.replace("18 cm", "18 kg"), "wrong.yaml")
+        code, out, err = call(capsys, "check", "wrong.yaml", "study.yaml", "nowhere.yaml")
+        assert code == 2
+        assert out == "study.yaml: ok (Small study)\n"
+        first, second = err.splitlines()
+        assert first.startswith("wrong.yaml:3: robot.track: expected a length [m], got '18 kg'")
+        assert second == "nowhere.yaml: no such file"
+
+    def test_their_flaws_as_json(self, capsys, folder: Path):
+        write_study(folder, TEXT.replace("18 cm", "18 kg").replace("samples: 40", "samples: 0"), "wrong.yaml")
+        code, data, _ = call_json(capsys, "check", "study.yaml", "wrong.yaml")
+        assert code == 2
+        right, wrong = data["studies"]
+        assert (right["ok"], right["flaws"], wrong["ok"]) == (True, [], False)
+        assert [(flaw["line"], flaw["key"]) for flaw in wrong["flaws"]] == [
+            (3, "robot.track"),
+            (4, "trajectory.samples"),
+        ]
+        assert set(wrong["flaws"][0]) == {"file", "line", "column", "key", "message"}
+
+
+class TestSolve:
+    @pytest.mark.slow
+    def test_a_table_and_nothing_written(self, capsys, folder: Path):
+        before = sorted(folder.rglob("*"))
+        code, out, _ = call(capsys, "solve", "study.yaml", "--quiet", "--workers", "1")
+        assert code == 0
+        assert "objective" in out
+        assert "ipopt: Converged" in out
+        assert sorted(folder.rglob("*")) == before
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, err = call_json(capsys, "solve", "quick.yaml", "--workers", "1")
+        assert code == 0
+        assert [result["name"] for result in data["results"]] == ["genetic"]
+        assert data["results"][0]["feasible"]
+        assert data["results"][0]["trajectory"] is None
+        # Progress is told, but not on standard output.
+        assert "genetic" in err
+
+    def test_quiet(self, capsys, folder: Path):
+        _, _, err = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1")
+        assert err == ""
+
+    @pytest.mark.slow
+    def test_seed(self, capsys, folder: Path):
+        results = []
+        for seed in ("0", "1", "1"):
+            _, data, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--seed", seed)
+            assert data["seed"] == data["results"][0]["seed"] == int(seed)
+            results.append(data["results"][0]["drive"])
+        assert results[0] != results[1] == results[2]
+
+    def test_out(self, capsys, folder: Path):
+        arguments = ("solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        code, data, _ = call_json(capsys, *arguments)
+        assert code == 0
+        assert {path.name for path in (folder / "there").iterdir()} == {"record.json", "genetic.csv"}
+        assert load_record(folder / "there").results == data["results"]
+
+    @pytest.mark.slow
+    def test_a_study_without_a_solution_names_its_limits(self, capsys, folder: Path):
+        write_study(folder, INFEASIBLE, "infeasible.yaml")
+        code, data, _ = call_json(capsys, "solve", "infeasible.yaml", "--quiet", "--workers", "1")
+        assert code == 1
+        (result,) = data["results"]
+        assert (result["status"], result["feasible"], result["objective"]) == ("infeasible", False, None)
+        assert "wheel_speed" in result["message"]
+        assert "workspace" in result["message"]
+
+    def test_interrupted(self, capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        def strike(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.workflow.runner.search", strike)
+        code, data, err = call_json(capsys, "solve", "study.yaml", "--quiet")
+        assert code == 1
+        assert "interrupted" in data["error"]
+        assert "interrupted" in err
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, str, str, Path]:
+    """Exit code and output of `oed run` in a fresh folder, and the folder."""
+    folder = tmp_path_factory.mktemp("cli")
+    write_study(folder, TEXT, "my study.yaml")
+    program = "from oed.cli import main; import sys; sys.exit(main(sys.argv[1:]))"
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        program,
+        "run",
+        "my study.yaml",
+        "--workers",
+        "1",
+        "--json",
+    ]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr, folder
+
+
+@pytest.mark.slow
+class TestRun:
+    def test_one_json_object(self, ran):
+        code, out, err, _ = ran
+        data = json.loads(out, parse_constant=refuse)
+        assert code == 0
+        assert [result["name"] for result in data["results"]] == ["ipopt", "circle", "circle_same_length"]
+        assert data["directory"] == str(Path("reports") / "my study")
+        assert "Traceback" not in err
+        assert "Warning" not in err
+
+    def test_record_and_report_are_in_the_default_folder(self, ran):
+        *_, folder = ran
+        out = folder / "reports" / "my study"
+        assert {"record.json", "report.html", "report.md", "ipopt.csv", "circle.csv"} <= {
+            path.name for path in out.iterdir()
+        }
+        assert sorted(path.name for path in folder.iterdir()) == ["my study.yaml", "reports"]
+
+    def test_the_report_is_made_again(self, ran, capsys):
+        *_, folder = ran
+        out = folder / "reports" / "my study"
+        (out / "report.html").unlink()
+        code, data, _ = call_json(capsys, "report", str(out))
+        assert code == 0
+        assert Path(data["report"]).exists()
+        assert (out / "report.html").exists()
+
+    def test_several_are_compared(self, ran, capsys, folder: Path):
+        *_, other = ran
+        first = str(other / "reports" / "my study")
+        code, data, _ = call_json(capsys, "report", first, first, "--out", "both")
+        assert code == 0
+        assert Path(data["report"]).parent == Path("both")
+        assert (folder / "both" / "report.html").exists()
+
+    def test_in_words_into_another_folder(self, capsys, folder: Path):
+        code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        assert code == 0
+        assert "genetic: Searched" in out
+        assert "report: there" in out
+        assert not (folder / "reports").exists()
+        assert load_record(folder / "there").best["name"] == "genetic"
+
+    def test_an_interrupt_while_the_report_is_written(self, capsys, folder: Path, monkeypatch):
+        def strike(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.report.write_report", strike)
+        code, out, err = call(capsys, "run", "quick.yaml", "--out", "there", "--workers", "1", "--quiet")
+        assert (code, out) == (1, "")
+        assert err == "interrupted; the record is saved: `oed report there` makes the report\n"
+        assert (folder / "there" / "record.json").is_file()
+
+    def test_without_a_solution(self, capsys, folder: Path):
+        write_study(folder, INFEASIBLE, "infeasible.yaml")
+        code, out, _ = call(capsys, "run", "infeasible.yaml", "--quiet", "--workers", "1")
+        assert code == 1
+        assert "wheel_speed" in out
+        assert "workspace" in out
+        assert load_record(folder / "reports" / "infeasible").best is None
+
+
+class TestRefusedAtTheStart:
+    """What would be lost at the end is refused before any work is done."""
+
+    @pytest.fixture(autouse=True)
+    def idle(self, monkeypatch: pytest.MonkeyPatch):
+        def work(*_: object, **__: object) -> None:
+            pytest.fail("work has begun")
+
+        monkeypatch.setattr("oed.workflow.runner.solve", work)
+        monkeypatch.setattr("oed.workflow.experiments.validate", work)
+        monkeypatch.setattr("oed.workflow.estimate_logs.calibrate", work)
+
+    @pytest.mark.parametrize("out", ["path.csv", "path.csv/deeper", "x" * 250], ids=lambda out: out[:15])
+    @pytest.mark.parametrize(
+        "command",
+        [
+            ["run", "quick.yaml"],
+            ["solve", "quick.yaml"],
+            ["sweep", "quick.yaml", "--over", "seed=1"],
+            ["estimate", "quick.yaml", "path.csv"],
+        ],
+        ids=lambda command: command[0],
+    )
+    def test_a_place_that_cannot_be_written_to(self, capsys, folder: Path, command: list[str], out: str):
+        before = sorted(folder.rglob("*"))
+        code, _, err = call(capsys, *command, "--out", out)
+        assert code == 2
+        assert err.startswith(f"{out}: cannot write there: ")
+        assert len(err.splitlines()) == 1
+        assert sorted(folder.rglob("*")) == before
+
+    def test_a_name_that_is_too_long(self, capsys, folder: Path):
+        write_study(folder, small(solvers=f"{GENETIC[:-1]}, name: {'x' * 260}}}"), "long.yaml")
+        for command in ("check", "run"):
+            code, _, err = call(capsys, command, "long.yaml")
+            assert code == 2
+            assert "solvers.0.name: expected a name of at most 180 bytes, got 260" in err
+
+
+class TestEvaluate:
+    def test_a_path(self, capsys, folder: Path):
+        code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv")
+        assert (code, err) == (0, "")
+        assert "path: Scored as given" in out
+
+    def test_as_json(self, capsys, folder: Path):
+        code, data, _ = call_json(capsys, "evaluate", "study.yaml", "path.csv")
+        assert code == 0
+        assert (data["name"], data["kind"], data["status"]) == ("path", "path", "scored")
+        assert data["trajectory"] == "path.csv"
+        assert data["objective"] > 0
+        assert data["feasible"]
+
+    def test_limits_exceeded_are_named(self, capsys, folder: Path):
+        text = (folder / "path.csv").read_text()
+        (folder / "path.csv").write_text(text.replace("\n1.25,0.25,", "\n1.25,12,"))
+        code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv")
+        assert code == 0
+        assert "exceeds wheel_speed by 2 (SI)" in out
+
+    def test_a_reserve_for_other_robots_is_told(self, capsys, folder: Path):
+        text = (folder / "study.yaml").read_text()
+        robust = "uncertainty: {x: 2 cm}\nrobust: {kind: chance, draws: 400}\n"
+        (folder / "robust.yaml").write_text(text.replace("[-1 m, 1 m]", "[-3 cm, 3 cm]") + robust)
+        _, out, _ = call(capsys, "evaluate", "robust.yaml", "path.csv")
+        assert "of 400 simulated robots leave the limits" in out
+        assert re.search(r"exceeds workspace by [\d.]+ \(SI\), reserve for other robots included", out)
+        assert "wheel_speed by" not in out
+
+    def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):
+        _, solved, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        _, scored, _ = call_json(capsys, "evaluate", "quick.yaml", "there/genetic.csv")
+        assert scored["objective"] == pytest.approx(solved["results"][0]["objective"], rel=1e-9)
+        assert scored["feasible"]
+
+
+class TestSchema:
+    @pytest.mark.parametrize("arguments", [[], ["--json"]])
+    def test_one_object(self, capsys, arguments: list[str]):
+        code, out, err = call(capsys, "schema", *arguments)
+        assert (code, err) == (0, "")
+        assert json.loads(out)["title"] == "oed study"
+
+
+MISTAKES = {
+    "unknown key": (
+        ["solve", "wrong.yaml"],
+        TEXT.replace("criterion:", "criterium:"),
+        "wrong.yaml:10: criterium: unknown key; did you mean criterion?",
+    ),
+    "wrong unit": (["run", "wrong.yaml"], TEXT.replace("18 cm", "18 kg"), "wrong.yaml:3: robot.track: "),
+    "syntax": (["check", "wrong.yaml"], TEXT.replace("limits:", "limits: ["), "wrong.yaml:8: not valid YAML"),
+    "bad path": (
+        ["evaluate", "study.yaml", "wrong.yaml"],
+        "t,wheel_speed_right,wheel_speed_left\n0,1,1\n1,fast,1\n",
+        "wrong.yaml:3: wheel_speed_right: expected a finite number, got 'fast'",
+    ),
+    "bad record": (["report", "wrong.yaml"], '{\n"format": one}', "wrong.yaml:2: cannot be read: not JSON"),
+}
+
+
+class TestMistakes:
+    """One clear message on standard error with file and line, exit code 2, no traceback."""
+
+    @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
+    def test_in_words(self, capsys, folder: Path, command: list[str], text: str, message: str):
+        write_study(folder, text, "wrong.yaml")
+        code, out, err = call(capsys, *command)
+        assert (code, out) == (2, "")
+        assert err.startswith(message)
+        assert len(err.splitlines()) == 1
+
+    @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
+    def test_as_json(self, capsys, folder: Path, command: list[str], text: str, message: str):
+        write_study(folder, text, "wrong.yaml")
+        code, data, err = call_json(capsys, *command)
+        assert code == 2
+        assert err.startswith(message)
+        (flaw,) = data["flaws"] if "flaws" in data else data["studies"][0]["flaws"]
+        assert flaw["file"] == "wrong.yaml"
+        assert flaw["line"] == int(message.split(":")[1])
+        if "error" in data:
+            assert data["error"].startswith(message)
+
+    def test_three_at_once(self, capsys, folder: Path):
+        text = (
+            SMALL.replace("18 cm", "18 kg").replace("samples: 40", "samples: x").replace("kind: E", "kind: Q")
+        )
+        write_study(folder, text, "wrong.yaml")
+        code, _, err = call(capsys, "solve", "wrong.yaml")
+        assert code == 2
+        assert [line.split(":")[1] for line in err.splitlines()] == ["3", "4", "10"]
+
+    @pytest.mark.parametrize(
+        "command",
+        [["run", "nowhere.yaml"], ["report", "nowhere"], ["evaluate", "study.yaml", "nowhere.csv"]],
+        ids=lambda command: command[0],
+    )
+    def test_no_such_file(self, capsys, folder: Path, command: list[str]):
+        code, data, err = call_json(capsys, *command)
+        assert code == 2
+        assert command[-1] in err
+        assert command[-1] in data["error"]
+
+    def test_a_folder_that_cannot_be_written_to(self, capsys, folder: Path):
+        arguments = ("solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "path.csv")
+        code, data, _ = call_json(capsys, *arguments)
+        assert code == 2
+        assert "cannot write there" in data["error"]
+
+
+class TestValidate:
+    """`oed validate DIR` simulates the drives of a saved record."""
+
+    @pytest.fixture
+    def folder(self, tmp_path: Path) -> Path:
+        saved = REPORTS / "choi_skid_steer" / "record.json"
+        data = json.loads(saved.read_text())
+        # Two searches, a path like any other and one that tells nothing.
+        names = ("ipopt", "genetic", "straight", "square")
+        data["results"] = [entry for entry in data["results"] if entry["name"] in names]
+        simulated = data["validation"]
+        simulated["results"] = [entry for entry in simulated["results"] if entry["name"] in names]
+        (tmp_path / "record.json").write_text(json.dumps(data))
+        return tmp_path
+
+    @pytest.mark.slow
+    def test_the_record_and_report_are_updated(self, folder: Path, capsys: pytest.CaptureFixture[str]):
+        assert (
+            main(["validate", str(folder), "--heading", "predicted", "--replicates", "500", "--quiet"]) == 0
+        )
+        outcome = json.loads((folder / "record.json").read_text())["validation"]
+        assert (outcome["heading"], outcome["replicates"]) == ("predicted", 500)
+        names = [entry["name"] for entry in outcome["results"]]
+        assert names == ["ipopt", "genetic", "square"]
+        printed = capsys.readouterr().out
+        assert f"ipopt, ols: {outcome['results'][0]['verdict']}" in printed
+        assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()
+
+    @pytest.mark.slow
+    def test_the_same_as_the_run_found(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("oed.report.write_report", lambda *_: folder / "report.html")
+        before = json.loads((folder / "record.json").read_text())["validation"]
+        assert main(["validate", str(folder), "--quiet"]) == 0
+        after = json.loads((folder / "record.json").read_text())["validation"]
+        # To rounding, which may differ between machines.
+        for found, kept in zip(after["results"], before["results"], strict=True):
+            for key in ("mean", "sampled_covariance", "promised_covariance"):
+                np.testing.assert_allclose(found[key], kept[key], rtol=1e-9)
+
+    def test_an_interrupt_leaves_everything_as_it_was(self, folder: Path, monkeypatch, capsys):
+        def strike(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("oed.workflow.experiments.validate", strike)
+        (folder / "report.html").write_text("old")
+        before = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert main(["validate", str(folder), "--quiet"]) == 1
+        assert capsys.readouterr().err == "interrupted\n"
+        after = {path: path.read_bytes() for path in folder.parent.rglob("*") if path.is_file()}
+        assert after == before
+
+    def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
+        assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2
+        assert "replicates" in capsys.readouterr().err
+
+
+class TestExport:
+    def test_writes_the_drive(self, folder, capsys):
+        call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
+        code, data, _ = call_json(capsys, "export", "made", "--to", "csv")
+        assert code == 0
+        assert Path(data["export"]).read_text().startswith("t,wheel_speed_right,wheel_speed_left,v,omega")
+
+    def test_names_the_formats_there_are(self, folder, capsys):
+        call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
+        code, _, err = call(capsys, "export", "made", "--to", "dxf")
+        assert code == 2
+        assert "csv, json, rosbag2, ros2_yaml" in err
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0531, "5.3 %"), (0.996, "100 %"), (1.2, "120 %"), (2e-5, "0.002 %"), (0.31, "31 %")],
+)
+def test_shares_in_percent(share, text):
+    assert percent(share) == text
+
+
+def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
+    def interrupted():
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr("oed.study.study.json_schema", interrupted)
+    assert call(capsys, "schema") == (1, "", "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            ZeroDivisionError("two\nlines"),
+            "a defect of oed, not of your files (ZeroDivisionError: two lines);",
+        ),
+        (
+            SystemError("of no interrupt"),
+            "a defect of oed, not of your files (SystemError: of no interrupt);",
+        ),
+        (SystemExit(0), "something ended the program halfway (SystemExit: 0), which a robot's own module"),
+        (RecursionError(), "a defect of oed, not of your files (RecursionError:);"),
+    ],
+)
+def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error: BaseException, words: str):
+    def fail():
+        raise error
+
+    monkeypatch.delenv("OED_DEBUG", raising=False)
+    monkeypatch.setattr("oed.study.study.json_schema", fail)
+    code, out, err = call(capsys, "schema")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert err.startswith(words)
+    assert "OED_DEBUG=1" in err
+    code, data, _ = call_json(capsys, "schema")
+    assert code == 1
+    assert data == {"error": err.strip(), "flaws": []}
+    monkeypatch.setenv("OED_DEBUG", "1")
+    with pytest.raises(type(error)):
+        main(["schema"])
+
+
+def test_a_working_directory_that_has_been_deleted(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    (folder / "gone").mkdir()
+    monkeypatch.chdir(folder / "gone")
+    (folder / "gone").rmdir()
+    code, out, err = call(capsys, "run", str(folder / "study.yaml"), "--quiet")
+    assert (code, out) == (1, "")
+    assert err.startswith("the working directory has been deleted: change to another folder (")
+
+
+def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: Any, **__: Any) -> None:
+        raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])
+
+    monkeypatch.setattr("oed.study.study.Study.require_identifiable", refuse)
+    code, data, err = call_json(capsys, "run", "study.yaml", "--quiet")
+    assert code == 2
+    assert err.splitlines() == [
+        "study.yaml:7: limits.wheel_speed: is too late",
+        "study.yaml:3: robot: as well",
+    ]
+    assert [flaw["line"] for flaw in data["flaws"]] == [7, 3]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", "a\0b"],
+        ["estimate", "study.yaml", "a\0b"],
+        ["evaluate", "study.yaml", "a\0b"],
+        ["next", "a\0b", "log.csv"],
+        ["report", "a\0b"],
+        ["run", "study.yaml", "--out", "a\0b"],
+        ["init", "a\0b", "--robot", "jackal"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_null_characters_are_in_no_name(capsys, arguments: list[str]):
+    assert main(arguments) == 2
+    assert capsys.readouterr().err == "no name of a file has the character '\\x00', got 'a\\x00b'\n"

@@ -1,0 +1,205 @@
+"""Clocks apart, and columns that are not what they are taken for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sample_robots import PLANAR, ROBOTS, Example, cases
+from simulated import (
+    ROBOT,
+    course,
+    exchanged,
+    heading_times,
+    log_of,
+    negated,
+    options,
+    problem_of,
+    rich_inputs,
+    truth_of,
+)
+
+from oed.estimation import calibrate
+from oed.estimation.preprocessing.clocks import clock_offsets
+from oed.estimation.preprocessing.motion import Moves, unexplained
+from oed.estimation.preprocessing.suspicion import poorly_explained, suspicion
+from oed.foundation.errors import LogError
+from oed.logs.log import Log
+from oed.robots.models import SkidSteer
+
+NOISE = (0.003, 0.005)
+DRIVE = course(seconds=20.0, period=0.05)
+LOG = log_of(DRIVE, noise=NOISE)
+SWAPPED = "wheel_speed_right and wheel_speed_left are exchanged"
+
+
+def moves_of(*logs: Log, model=ROBOT) -> Moves:
+    return Moves.of(model, "arc", logs)
+
+
+def suspected(log: Log, model=ROBOT) -> str | None:
+    return suspicion(moves_of(log, model=model), np.zeros(1))
+
+
+def doubted(log: Log, model=ROBOT) -> float | None:
+    return poorly_explained(moves_of(log, model=model), np.zeros(1))
+
+
+class TestClocks:
+    @pytest.mark.parametrize("offset", [-0.97, -0.31, 0.0, 0.12, 0.84])
+    def test_are_found_to_a_hundredth(self, offset: float):
+        log = log_of(course(ROBOT, np.array(ROBOT.nominal), period=0.05), noise=NOISE, offset=offset)
+        assert clock_offsets(moves_of(log)) == pytest.approx([offset], abs=0.0101)
+
+    @pytest.mark.parametrize("offset", [-0.31, 0.84])
+    def test_are_nearly_found_where_wheels_are_of_another_size(self, offset: float):
+        log = log_of(DRIVE, noise=NOISE, offset=offset)
+        assert clock_offsets(moves_of(log)) == pytest.approx([offset], abs=0.08)
+
+    @pytest.mark.parametrize("quantities", [("heading",), ("x", "y")])
+    def test_of_some_quantities_alone(self, quantities):
+        log = log_of(DRIVE, noise=NOISE, offset=0.4, quantities=quantities)
+        assert clock_offsets(moves_of(log)) == pytest.approx([0.4], abs=0.08)
+
+    def test_of_each_file(self):
+        logs = [
+            log_of(course(seconds=20.0, seed=seed), noise=NOISE, offset=offset, name=str(seed))
+            for seed, offset in enumerate((0.5, -0.25))
+        ]
+        assert clock_offsets(moves_of(*logs)) == pytest.approx([0.5, -0.25], abs=0.08)
+
+    @pytest.mark.parametrize("speeds", [(4.0, 4.0), (4.0, 2.0), (0.0, 0.0)])
+    @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
+    def test_are_left_alone_where_motion_is_steady(self, speeds, noise):
+        log = log_of(course(inputs=np.tile(speeds, (200, 1))), noise=noise)
+        assert clock_offsets(moves_of(log)) == pytest.approx([0.0])
+
+    def test_are_not_guessed_from_a_few_moves(self):
+        log = log_of(DRIVE, rows=np.array([0, 200, 400]))
+        assert clock_offsets(moves_of(log)) == pytest.approx([0.0])
+
+    def test_the_fit_refines_them_and_says_so(self):
+        log = log_of(course(), noise=NOISE, offset=0.534)
+        found = calibrate(problem_of(), [log], options(segment="log"))
+        assert found.fit.clock_offsets == pytest.approx([0.534], abs=0.004)
+        assert [one.name for one in found.logs[0].findings] == ["clock_offset"]
+        kept = calibrate(problem_of(), [log], options(segment="log", clock_offset=False))
+        assert kept.fit.clock_offsets == pytest.approx([0.0])
+        assert "clock_offset" not in kept.fit.unknowns.names
+
+
+class TestUnexplained:
+    MEASURED = moves_of(LOG).measured()
+
+    def predicted(self, factor: complex = 1.0) -> dict[str, np.ndarray]:
+        moved = factor * (self.MEASURED["forward"] + 1j * self.MEASURED["left"])
+        turn = abs(factor) * self.MEASURED["turn"]
+        return {"forward": moved.real, "left": moved.imag, "turn": turn}
+
+    @pytest.mark.parametrize("factor", [0.5, 1.0, 2.5, np.exp(0.8j)])
+    def test_nothing_but_for_a_factor_and_how_the_sensor_is_turned(self, factor):
+        left = unexplained(self.MEASURED, self.predicted(factor))
+        assert left["turn"] == pytest.approx(0, abs=1e-12)
+        assert left["distance"] == pytest.approx(0, abs=1e-12)
+
+    def test_everything_where_wheels_stand_still(self):
+        still = {name: 0 * values for name, values in self.MEASURED.items()}
+        left = unexplained(self.MEASURED, still)
+        assert left["turn"] == 1
+        assert left["distance"] <= 1
+
+    @pytest.mark.parametrize("factor", [-1.0, 10.0, 0.05])
+    def test_more_than_bad_where_the_factor_is_not_to_be_believed(self, factor):
+        assert max(unexplained(self.MEASURED, self.predicted(factor)).values()) > 0.3
+
+    def test_a_robot_at_rest_has_nothing_to_explain(self):
+        still = {name: 0 * values for name, values in self.MEASURED.items()}
+        assert unexplained(still, self.MEASURED) == {}
+
+
+class TestNamed:
+    @pytest.mark.parametrize(
+        ("log", "text"),
+        [
+            (exchanged(LOG), SWAPPED),
+            (negated(LOG, 0), "wheel_speed_right has the wrong sign"),
+            (negated(LOG, 1), "wheel_speed_left has the wrong sign"),
+            (negated(LOG, 0, 1), "all inputs have the wrong sign"),
+            (heading_times(LOG, -1.0), "the heading has the wrong sign"),
+            (heading_times(LOG, 180 / math.pi), "the heading is in degrees"),
+            (heading_times(LOG, math.pi / 180), "the heading is in radians"),
+        ],
+    )
+    @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.15, -0.1, 0.4)])
+    def test_each_mistake(self, log: Log, text: str, place):
+        own = log_of(DRIVE, noise=NOISE, place=place)
+        moved = replace(log, poses=own.poses * (log.poses / LOG.poses))
+        assert text in (suspected(moved) or "")
+
+    def test_wheels_exchanged_where_only_headings_are_read(self):
+        log = log_of(DRIVE, noise=NOISE, quantities=("heading",))
+        assert SWAPPED in (suspected(exchanged(log)) or "")
+
+    @pytest.mark.parametrize("robot", cases(PLANAR))
+    def test_inputs_of_any_robot_of_the_wrong_sign(self, robot: Example):
+        log = log_of(course(robot.model, np.array(robot.model.nominal)), noise=NOISE)
+        driving = [place for place, entry in enumerate(robot.model.inputs) if entry.drives]
+        text = suspected(negated(log, *driving), robot.model)
+        assert "wrong sign" in (text or "")
+
+    def test_is_refused_with_the_files_name(self):
+        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+%"):
+            calibrate(problem_of(), [exchanged(LOG)])
+
+
+class TestTrueLogs:
+    @pytest.mark.parametrize("robot", cases(ROBOTS))
+    @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.4, -0.2, 0.0), (0.1, 0.1, 1.2)])
+    def test_of_any_robot_with_a_sensor_anywhere(self, robot: Example, place):
+        for seed in (0, 1):
+            drive = course(robot.model, np.array(robot.model.nominal), seed=seed)
+            log = log_of(drive, noise=NOISE, place=place)
+            assert suspected(log, robot.model) is None
+            assert doubted(log, robot.model) is None
+
+    @pytest.mark.parametrize("factors", [(1.2, 1.2), (0.8, 0.8), (1.2, 1.0), (1.0, 0.8)])
+    def test_of_wheels_of_another_size(self, factors):
+        own = truth_of(ROBOT, wheel_radius_right=0.05 * factors[0], wheel_radius_left=0.05 * factors[1])
+        assert suspected(log_of(course(ROBOT, own), noise=NOISE)) is None
+
+    def test_of_a_skid_steer_that_turns_half_as_much(self):
+        model = SkidSteer(wheel_radius=0.05, track=0.2)
+        log = log_of(course(model, truth_of(model, track=0.4)), noise=NOISE)
+        assert suspected(log, model) is None
+        assert doubted(log, model) is None
+
+    @pytest.mark.parametrize("speeds", [(4.0, 2.0), (2.0, 4.0), (3.0, -3.0)])
+    def test_of_circles_in_one_direction(self, speeds):
+        own = truth_of(ROBOT, wheel_radius_right=0.052)
+        inputs = speeds * (1 + 0.2 * np.sin(0.05 * np.arange(200)))[:, None]
+        log = log_of(course(ROBOT, own, inputs=inputs), noise=NOISE)
+        assert suspected(log) is None
+        assert doubted(log) is None
+
+    @pytest.mark.parametrize("ratio", [1.0, 0.96])
+    def test_of_straight_lines(self, ratio: float):
+        own = truth_of(ROBOT, wheel_radius_right=0.05 / ratio)
+        log = log_of(course(ROBOT, own, inputs=np.tile([4.0 * ratio, 4.0], (200, 1))), noise=NOISE)
+        assert suspected(log) is None
+        assert doubted(log) is None
+
+    @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
+    def test_of_a_robot_that_stands_still(self, noise):
+        log = log_of(course(inputs=np.zeros((200, 2))), noise=noise)
+        assert suspected(log) is None
+        assert doubted(log) is None
+
+    def test_of_encoders_with_few_ticks(self):
+        assert suspected(log_of(DRIVE, noise=NOISE, quantum=0.1)) is None
+
+    def test_wheels_that_have_nothing_to_do_with_the_poses_are_doubted(self):
+        other = course(inputs=rich_inputs(ROBOT, DRIVE.times[:-1], seed=9), period=0.05)
+        log = replace(LOG, integrals=log_of(other).integrals)
+        assert (doubted(log) or 0) > 0.3

@@ -1,0 +1,247 @@
+"""The drive as expressions, against the NumPy roll-out."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs
+
+from oed.kernel.dynamics.rollout import FINE, Drive, drive_shape, roll_out
+from oed.robots.coefficient_robot import CoefficientRobot
+
+SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
+FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")
+
+robots = pytest.mark.parametrize("example", cases(PLANAR))
+rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
+
+
+def held_inputs(example: Example) -> np.ndarray:
+    inputs = draw_inputs(np.random.default_rng(7), SAMPLES, example.model)
+    inputs[4] = 0.0
+    return inputs
+
+
+def symbolic_drive(example: Example, rule: str, kind: type, refine: int) -> tuple[Drive, ca.Function]:
+    inputs = kind.sym("inputs", SAMPLES, len(example.model.inputs))
+    start, period = kind.sym("start", 3), kind.sym("period")
+    drive = roll_out(
+        example.model,
+        rule,
+        inputs=inputs,
+        start=start,
+        parameters=kind(ca.DM(example.model.nominal)),
+        period=period,
+        input_values=inputs,
+        input_rates=inputs,
+        refine=refine,
+    )
+    outputs = [getattr(drive, name) for name in FIELDS] + [drive.path_length()]
+    return drive, ca.Function("drive", [inputs, start, period], outputs)
+
+
+def numeric_drive(example: Example, rule: str, kind: type = ca.MX, refine: int = FINE) -> dict:
+    _, function = symbolic_drive(example, rule, kind, refine)
+    results = [np.array(value) for value in function(held_inputs(example), START, PERIOD)]
+    return dict(zip((*FIELDS, "path_length"), results, strict=True))
+
+
+@robots
+@rules
+def test_poses_and_path_are_the_oracles(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    twists = np.array([example.twist(row) for row in held_inputs(example)])
+    poses = oracle.roll_out(twists, START, PERIOD, rule)
+    path = oracle.fine_path(twists, START, PERIOD, rule, FINE)
+    np.testing.assert_allclose(found["poses"], poses, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found["path"], path, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found["twist"], twists, rtol=0, atol=1e-13)
+
+
+@robots
+@rules
+def test_chords_are_the_displacements(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    for pose, twist, gain, direction in zip(
+        found["poses"], found["twist"], found["gain"].ravel(), found["direction"].ravel(), strict=False
+    ):
+        ahead, _ = oracle.DISPLACEMENTS[rule](pose[2], twist[2], PERIOD)
+        chord = gain * np.array([np.cos(direction), np.sin(direction)])
+        np.testing.assert_allclose(chord, ahead, rtol=0, atol=1e-13)
+
+
+@robots
+def test_effective_inputs(example: Example):
+    expected = [example.effective(row) for row in held_inputs(example)]
+    np.testing.assert_allclose(numeric_drive(example, "arc")["effective_inputs"], expected, rtol=1e-13)
+
+
+@robots
+def test_path_length_is_the_sum_of_speeds(example: Example):
+    twists = np.array([example.twist(row) for row in held_inputs(example)])
+    expected = PERIOD * np.hypot(twists[:, 0], twists[:, 1]).sum()
+    assert numeric_drive(example, "arc")["path_length"].item() == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_limits_on_motion_see_what_a_robot_that_lags_does(given: bool):
+    (example,) = [one for one in ROBOTS if one.mean is not None]
+    inputs = held_inputs(example)
+    drive = roll_out(
+        example.model,
+        "arc",
+        inputs=ca.DM(inputs),
+        start=ca.DM([*START, 0.0]),
+        parameters=ca.DM(example.model.nominal),
+        period=ca.DM(PERIOD),
+        motion_inputs=ca.DM(inputs) if given else None,
+    )
+    asked = np.array([example.twist(row) for row in inputs])
+    states, parameters = np.array(drive.poses), np.array(example.model.nominal)
+    actual = [
+        example.mean(state, twist, 0.0, parameters)
+        for side in (states[:-1], states[1:])
+        for state, twist in zip(side, asked, strict=True)
+    ]
+    np.testing.assert_allclose(np.array(drive.motion), actual, rtol=0, atol=1e-12)
+    made = [example.moved(state, row, PERIOD) for state, row in zip(states, inputs, strict=False)]
+    np.testing.assert_allclose(np.array(drive.twist), made, rtol=0, atol=1e-9)
+    turns = PERIOD * np.array(drive.twist)[:, 2]
+    np.testing.assert_allclose(np.diff(states[:, 2]), turns, rtol=0, atol=1e-13)
+    # It never turns faster than it is asked to.
+    assert np.abs(states[:, 3]).max() <= np.abs(asked[:, 2]).max()
+
+
+@robots
+@rules
+def test_path_meets_the_samples(example: Example, rule: str):
+    found = numeric_drive(example, rule)
+    np.testing.assert_allclose(found["path"][::FINE], found["poses"], rtol=0, atol=1e-13)
+
+
+@robots
+def test_unrefined_path_is_the_poses(example: Example):
+    found = numeric_drive(example, "arc", refine=1)
+    np.testing.assert_array_equal(found["path"], found["poses"])
+
+
+@robots
+@rules
+def test_unrolled_and_compact_expressions_agree(example: Example, rule: str):
+    unrolled, compact = (numeric_drive(example, rule, kind) for kind in (ca.SX, ca.MX))
+    for name in unrolled:
+        np.testing.assert_allclose(unrolled[name], compact[name], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("softening", [1e-9, 1e-3, 0.1])
+def test_softened_length_is_a_lower_bound_within_the_softening(softening: float):
+    example = ROBOTS[0]
+    drive, _ = symbolic_drive(example, "arc", ca.SX, 1)
+    length = ca.Function(
+        "length", [drive.inputs], [ca.substitute(drive.path_length(softening), drive.period, PERIOD)]
+    )
+    inputs = held_inputs(example)
+    exact = PERIOD * sum(abs(example.twist(row)[0]) for row in inputs)
+    found = float(length(inputs))
+    assert exact - softening * PERIOD * SAMPLES - 1e-12 <= found <= exact + 1e-12
+    assert float(length(np.zeros_like(inputs))) == 0
+
+
+def sensitivities(model, rule: str, inputs: np.ndarray, kind: type = ca.MX) -> tuple[ca.Function, np.ndarray]:
+    """The poses (states, N + 1) as a function of (parameters, start), and their derivatives by the package,
+    (N + 1, states, p + states).
+    """
+    parameters, start = kind.sym("p", len(model.parameters)), kind.sym("start", len(model.states))
+    held = kind(ca.DM(inputs))
+    drive = roll_out(
+        model,
+        rule,
+        inputs=held,
+        start=start,
+        parameters=parameters,
+        period=kind(PERIOD),
+        input_values=held,
+        input_rates=held,
+    )
+    function = ca.Function("poses", [parameters, start], [drive.poses, drive.sensitivities])
+    found = np.array(function(model.nominal, START)[1])
+    width = len(model.parameters) + len(model.states)
+    return function, found.reshape(len(model.states), len(inputs) + 1, width).swapaxes(0, 1)
+
+
+@robots
+@rules
+@pytest.mark.parametrize("seen", ["constants", "coefficients"])
+def test_sensitivities_are_the_derivatives_of_the_poses(example: Example, rule: str, seen: str):
+    if seen == "coefficients" and not example.model.coefficient_names:
+        pytest.skip("a robot without coefficients")
+    model = example.model if seen == "constants" else CoefficientRobot(base=example.model)
+    function, found = sensitivities(model, rule, held_inputs(example))
+    size = len(model.parameters)
+
+    def poses(point: np.ndarray) -> np.ndarray:
+        return np.array(function(point[:size], point[size:])[0])
+
+    expected = oracle.central_difference(poses, np.array([*model.nominal, *START]))
+    expected = expected.reshape(found.shape)
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+
+
+@robots
+@rules
+def test_sensitivities_begin_with_the_start_itself(example: Example, rule: str):
+    _, found = sensitivities(example.model, rule, held_inputs(example))
+    size = len(example.model.parameters)
+    np.testing.assert_array_equal(found[0], np.hstack([np.zeros((3, size)), np.eye(3)]))
+
+
+@robots
+@rules
+def test_the_start_shifts_and_turns_all_poses(example: Example, rule: str):
+    # d(x, y)/d(th0) = (-(y - y0), x - x0).
+    function, found = sensitivities(example.model, rule, held_inputs(example))
+    poses = np.array(function(example.model.nominal, START)[0])
+    by_start = found[:, :, len(example.model.parameters) :]
+    expected = np.tile(np.eye(3), (SAMPLES + 1, 1, 1))
+    expected[:, 0, 2], expected[:, 1, 2] = -(poses[:, 1] - START[1]), poses[:, 0] - START[0]
+    np.testing.assert_allclose(by_start, expected, rtol=0, atol=1e-12)
+
+
+@robots
+@rules
+def test_unrolled_and_compact_sensitivities_agree(example: Example, rule: str):
+    unrolled, compact = (
+        sensitivities(example.model, rule, held_inputs(example), kind)[1] for kind in (ca.SX, ca.MX)
+    )
+    np.testing.assert_allclose(unrolled, compact, rtol=0, atol=1e-11)
+
+
+@rules
+def test_sensitivities_at_rest_are_finite(rule: str):
+    example = ROBOTS[0]
+    _, found = sensitivities(example.model, rule, np.zeros((SAMPLES, 2)))
+    assert not found[:, :, : len(example.model.parameters)].any()
+
+
+@pytest.mark.parametrize("example", cases(ROBOTS))
+@pytest.mark.parametrize("runs", [1, 2])
+def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example, runs: int):
+    model, count = example.model, 6 * runs
+    shape = drive_shape(model, "arc", samples=6, runs=runs, period=PERIOD)
+    drive = roll_out(
+        model,
+        "arc",
+        inputs=ca.MX.sym("inputs", count, len(model.inputs)),
+        start=ca.MX.sym("start", runs, len(model.states)),
+        parameters=ca.MX(ca.DM(model.nominal)),
+        period=ca.MX(PERIOD),
+        runs=runs,
+    )
+    names = [entry.name for entry in fields(drive) if isinstance(getattr(drive, entry.name), ca.MX)]
+    assert len(names) == 13
+    for name in (*names, "sensitivities"):
+        assert getattr(shape, name).shape == getattr(drive, name).shape, name

@@ -1,0 +1,51 @@
+"""The shipped problems with sensors, solved from one start: known caps, and better than everyday paths."""
+
+from __future__ import annotations
+
+import pytest
+from places import PROBLEMS
+
+from oed.kernel.evaluation import evaluate
+from oed.optimize import Ipopt, solve
+from oed.robots.baselines import baselines
+from oed.simulation import validate
+from oed.study.study import Study, parse_study
+
+ONE = Ipopt(starts=1, perturbations=0, second_stage="none")
+READINGS, HALF_SIDE, TRACK, SIGMA = 201, 1.0, 0.18, 0.01
+
+pytestmark = pytest.mark.slow
+
+
+def shipped(name: str, samples: int = 200) -> Study:
+    """A shipped study, of 200 samples or with fewer: much the same problem in less time."""
+    text = (PROBLEMS / f"{name}.yaml").read_text()
+    return parse_study(text.replace("samples: 200", f"samples: {samples}"))
+
+
+def test_the_laser_tracker_comes_close_to_the_best_known():
+    problem = shipped("laser_tracker").problem
+    found = solve(problem, ONE, workers=1)
+    cap = READINGS * 2 * HALF_SIDE**2 / (3 * SIGMA**2)
+    assert found.evaluation.feasible
+    assert 0.655 * cap <= found.evaluation.objective <= cap
+    result = validate(problem, found.trajectory, replicates=300, seed=1)
+    assert result.passed
+    assert result.paired_ratio == pytest.approx(1.0, abs=0.01)
+
+
+def test_coefficients_reach_their_cap():
+    found = solve(shipped("laser_tracker_coefficients", 50).problem, ONE, workers=1)
+    cap = 51 * TRACK**2 / (8 * SIGMA**2)
+    assert found.evaluation.feasible
+    assert 0.9999 * cap <= found.evaluation.objective <= cap * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["gyro_and_position", "second_experiment"])
+def test_designs_beat_everyday_paths(name: str):
+    study = shipped(name, 100)
+    found = solve(study.problem, ONE, workers=1)
+    assert found.evaluation.feasible
+    for path in study.file.baselines:
+        (plain,) = baselines(study.problem, path, seed=0)
+        assert found.evaluation.objective > evaluate(study.problem, plain.trajectory).objective

@@ -1,0 +1,396 @@
+"""Everyday paths of every robot: that it makes the moves asked, or says why it cannot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, input_limits, make_problem
+from sample_robots import ROBOTS, Example
+
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.robots.baselines import NAMES, PATTERNS, Move, baseline_flaws, baselines, suited
+from oed.robots.limits import (
+    Polygon,
+    Rectangle,
+    SteeringAngle,
+    SteeringRate,
+    TrailerAngle,
+    TurningRadius,
+    WheelSpeed,
+)
+from oed.robots.models import Ackermann, DifferentialDrive, Mecanum, Model, SkidSteer, Tricycle
+from oed.robots.sensors import Poses
+
+FULL_TURN = 2 * np.pi
+SAMPLING = 0.02
+"""Share of a path's size by which sampling its speeds may bend it."""
+STEERING_RATE = 1.0
+ROOM = Rectangle(x=(-3, 3), y=(-3, 3))
+
+SPINNING = ("square", "straight_and_spin")
+SIDEWAYS = ("sideways_straight", "sideways_square")
+REFUSED = {
+    "tricycle": SPINNING + SIDEWAYS,
+    "ackermann": SPINNING + SIDEWAYS,
+    "mecanum": (),
+    "omni_three": (),
+}
+"""What robots cannot drive, by kind; two-sided ones cannot move sideways."""
+
+ENDS = {
+    "circle": (0.0, FULL_TURN),
+    "square": (0.0, 0.0),
+    "rounded_square": (0.0, 0.0),
+    "figure_eight": (0.0, 0.0),
+    "slalom": (1.0, 0.0),
+    "straight": (1.0, 0.0),
+    "straight_and_spin": (0.0, 0.0),
+    "sideways_straight": (1j, 0.0),
+    "sideways_square": (0.0, 0.0),
+}
+"""Where a path ends, x + j y in sizes, and how far it has turned [rad]."""
+LARGEST_TURN = {
+    "circle": FULL_TURN,
+    "square": FULL_TURN,
+    "rounded_square": FULL_TURN,
+    "figure_eight": FULL_TURN,
+    "slalom": FULL_TURN / 12,
+    "straight_and_spin": FULL_TURN,
+}
+
+ACKERMANN = Ackermann(wheel_radius=0.05, wheelbase=0.33)
+TRICYCLE = Tricycle(wheel_radius=0.1, wheelbase=0.4)
+TWO_SIDED = DifferentialDrive(wheel_radius=0.049, track=0.18)
+MECANUM = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.3)
+
+
+def steers(model: Model) -> bool:
+    return any(entry.quantity == "steering_angle" for entry in model.inputs)
+
+
+def usual_limits(model: Model) -> tuple:
+    limits = (*input_limits(model), ACCELERATION, ROOM)
+    limits += (SteeringRate(bounds=STEERING_RATE),) if steers(model) else ()
+    return limits + ((TrailerAngle(bounds=1.0),) if "trailer_angle" in model.states else ())
+
+
+def problem_of(model: Model, **overrides: Any) -> Problem:
+    parts = {
+        "design": DesignSpace(duration=60, samples=150),
+        "measurement": Poses(noise={"position": 0.01, "heading": 0.02}),
+        "limits": usual_limits(model),
+        "criterion": E(scaling={entry.name: entry.scale or 1.0 for entry in model.parameters}),
+    }
+    return make_problem(model=model, **{**parts, **overrides})
+
+
+def refused(model: Model) -> tuple[str, ...]:
+    return REFUSED.get(model.kind, SIDEWAYS)
+
+
+def driven(model: Model) -> list[str]:
+    return [name for name in NAMES if name not in refused(model)]
+
+
+def steering(trajectory: Trajectory, model: Model) -> np.ndarray:
+    places = [place for place, entry in enumerate(model.inputs) if entry.quantity == "steering_angle"]
+    return trajectory.inputs[:, places]
+
+
+def speeds(trajectory: Trajectory, model: Model) -> np.ndarray:
+    places = [place for place, entry in enumerate(model.inputs) if entry.drives]
+    return trajectory.inputs[:, places]
+
+
+def assert_the_moves_are_made(name: str, solution: Solution, size: float, lags: bool = False):
+    path = solution.evaluation.path
+    # A robot that lags still turns where the drive ends.
+    missing = 2 * SAMPLING if lags else SAMPLING
+    place, turn = ENDS[name]
+    assert abs(complex(*path[-1, :2]) - size * place) < 2 * SAMPLING * size
+    assert path[-1, 2] == pytest.approx(turn, abs=missing)
+    assert path[:, 2].max() == pytest.approx(LARGEST_TURN.get(name, 0.0), abs=missing)
+
+
+def assert_it_steers_at_a_standstill(trajectory: Trajectory, model: Model):
+    changes = np.abs(np.diff(steering(trajectory, model), axis=0)).max(axis=1)
+    still = np.abs(speeds(trajectory, model)).max(axis=1) < 1e-9
+    changed = changes > 1e-9
+    assert changed.any()
+    assert (still[:-1] & still[1:])[changed].all()
+    assert changes.max() / trajectory.period <= STEERING_RATE * (1 + 1e-9)
+    # From the rest at the start, in half a period.
+    assert np.abs(steering(trajectory, model)[0]).max() <= STEERING_RATE * trajectory.period / 2 + 1e-9
+
+
+# One of every kind: what a second one of a kind changes is its numbers.
+KINDS = list({example.model.kind: example for example in ROBOTS}.values())
+FEW = ("straight", "figure_eight", "random")
+PAIRS = [
+    (example, name)
+    for example in KINDS
+    for name in driven(example.model)
+    if name in FEW
+    or example.model.kind in ("skid_steer", "tricycle", "ackermann", "mecanum", "tractor_trailer")
+]
+# A trailer that a spin on the spot folds up beyond its limit.
+FOLDED = [pair for pair in PAIRS if "trailer_angle" in pair[0].model.states and pair[1] in SPINNING]
+
+
+def of_robots(pairs: list[tuple[Example, str]]) -> Any:
+    return pytest.mark.parametrize(
+        ("example", "name"), pairs, ids=[f"{example.name}-{name}" for example, name in pairs]
+    )
+
+
+@pytest.mark.slow
+@of_robots([pair for pair in PAIRS if pair not in FOLDED])
+def test_every_robot_drives_what_suits_it(example: Example, name: str):
+    problem = problem_of(example.model)
+    largest, fitted = baselines(problem, name, length=4.0)
+    assert largest.evaluation.feasible
+    assert largest.trajectory.duration == 60
+    np.testing.assert_allclose(largest.trajectory.inputs_at(np.array([0.0, 60.0])), 0, atol=1e-6)
+    assert fitted.evaluation.path_length == pytest.approx(4.0, rel=0.01)
+    assert fitted.trajectory.duration == 60
+    if name == "random":
+        return
+    size = np.ptp(largest.evaluation.path[:, :2], axis=0).max() / (2 if name == "square" else 1)
+    assert_the_moves_are_made(name, largest, size, lags=example.mean is not None)
+    if steers(example.model) and name != "straight":
+        assert_it_steers_at_a_standstill(largest.trajectory, example.model)
+
+
+@pytest.mark.slow
+@of_robots(FOLDED)
+def test_a_trailer_that_folds_up_is_named(example: Example, name: str):
+    (solution,) = baselines(problem_of(example.model), name)
+    assert "trailer_angle" in solution.evaluation.violations
+    assert "it exceeds" in solution.message
+
+
+@pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
+class TestSuited:
+    def test_names(self, example: Example):
+        assert suited(problem_of(example.model)) == tuple(driven(example.model))
+
+    def test_the_others_are_refused(self, example: Example):
+        problem = problem_of(example.model)
+        flaws = baseline_flaws(problem, NAMES)
+        assert [NAMES[flaw.key[1]] for flaw in flaws] == [
+            name for name in NAMES if name in refused(example.model)
+        ]
+        for flaw in flaws:
+            name = NAMES[flaw.key[1]]
+            reason = "move sideways" if name in SIDEWAYS else "turn on the spot"
+            able = ", ".join(driven(example.model))
+            expected = f"{example.model.kind} cannot drive a {name} (it cannot {reason}); it can drive {able}"
+            assert flaw.message == expected
+            with pytest.raises(ProblemError) as caught:
+                baselines(problem, name)
+            assert str(caught.value) == f"baselines: {expected}"
+
+
+class TestFlaws:
+    def test_slip_is_no_obstacle(self):
+        slips = {"slip_outer": -0.5, "slip_inner": 0.3}
+        model = SkidSteer(wheel_radius=0.049, track=0.18, **slips)
+        assert suited(problem_of(model)) == tuple(driven(model))
+
+    def test_other_entries_pass_and_keep_their_places(self):
+        flaws = baseline_flaws(problem_of(ACKERMANN), [object(), "square", "straight", "nonsense", "square"])
+        assert [flaw.key for flaw in flaws] == [("baselines", 1), ("baselines", 4)]
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize(("bounds", "able"), [(1.55, False), (1.59, True)])
+    def test_a_tricycle_spins_with_its_wheel_across(self, bounds: float, able: bool):
+        # The angle that acts is 0.01 rad more: one way of spinning needs 1.561 rad.
+        model = TRICYCLE.model_copy(update={"steering_offset": 0.01})
+        limits = (WheelSpeed(bounds=10), SteeringAngle(bounds=bounds), ROOM)
+        problem = problem_of(model, limits=limits)
+        assert ("straight_and_spin" in suited(problem)) == able
+
+    @pytest.mark.slow
+    def test_too_few_periods_to_steer_in(self):
+        # 16 moves, 15 changes between them of 2 periods at least, one before and one after.
+        enough, few = (
+            problem_of(ACKERMANN, design=DesignSpace(duration=60, samples=samples)) for samples in (47, 46)
+        )
+        assert "rounded_square" in suited(enough)
+        assert baselines(enough, "rounded_square")[0].trajectory.samples == 47
+        (flaw,) = baseline_flaws(few, ["rounded_square"])
+        assert "it stops to steer, for which it needs 47 samples, not 46" in flaw.message
+
+
+def walked(moves: list[Move]) -> tuple[complex, float]:
+    """Place x + j y [m] and heading [rad] after moves, each along an arc of its own."""
+    place, heading = 0j, 0.0
+    for move in moves:
+        shift = complex(move.forward, move.sideways)
+        if move.turn:
+            shift *= (np.exp(1j * move.turn) - 1) / (1j * move.turn)
+        place += shift * np.exp(1j * heading)
+        heading += move.turn
+    return place, heading
+
+
+class TestPatterns:
+    @pytest.mark.parametrize("name", PATTERNS)
+    def test_where_they_end(self, name: str):
+        place, turn = walked(PATTERNS[name](2.0, 0))
+        assert abs(place - 2.0 * ENDS[name][0]) < 1e-12
+        assert turn == pytest.approx(ENDS[name][1], abs=1e-12)
+
+    @pytest.mark.parametrize("name", ["straight", "slalom", "sideways_straight"])
+    def test_the_next_lap_leads_back(self, name: str):
+        place, turn = walked(PATTERNS[name](2.0, 0) + PATTERNS[name](2.0, 1))
+        assert abs(place) < 1e-12
+        assert abs(turn) < 1e-12
+
+    def test_the_corners_of_a_rounded_square(self):
+        arcs = [move for move in PATTERNS["rounded_square"](2.0, 0) if move.turn]
+        assert {round(move.forward / abs(move.turn), 12) for move in arcs} == {0.5}
+        assert len(arcs) == 8
+
+    def test_a_slaloms_arcs_are_alike(self):
+        arcs = PATTERNS["slalom"](2.0, 0)
+        assert len({round(move.forward / abs(move.turn), 12) for move in arcs}) == 1
+        assert walked(arcs[:3])[0].real == pytest.approx(1.0)
+
+
+class TestSpins:
+    @pytest.mark.parametrize("name", SPINNING)
+    def test_of_a_tricycle(self, name: str):
+        limits = (WheelSpeed(bounds=10), SteeringAngle(bounds=1.7), ACCELERATION, ROOM)
+        (solution,) = baselines(problem_of(TRICYCLE, limits=limits), name)
+        assert solution.evaluation.feasible
+        turns = np.diff(solution.evaluation.poses[:, 2])
+        steps = np.hypot(*np.diff(solution.evaluation.poses[:, :2], axis=0).T)
+        assert np.abs(turns).sum() == pytest.approx(2 * FULL_TURN, rel=1e-6)
+        assert steps[np.abs(turns) > 1e-6].max() < 1e-6
+        assert np.abs(solution.evaluation.poses[-1, :3]).max() < 1e-6
+
+    def test_a_move_on_the_spot_is_no_move_ahead(self):
+        # The check of the moves made can fail.
+        (straight,) = baselines(problem_of(TWO_SIDED), "straight")
+        with pytest.raises(AssertionError):
+            assert_the_moves_are_made("sideways_straight", straight, 3.0)
+        with pytest.raises(AssertionError):
+            assert_the_moves_are_made("straight", straight, 2.0)
+
+
+class TestSideways:
+    def test_a_square_without_turning(self):
+        (solution,) = baselines(problem_of(MECANUM), "sideways_square")
+        path = solution.evaluation.path
+        assert np.abs(path[:, 2]).max() < 1e-9
+        assert path[:, :2].min() == pytest.approx(0, abs=0.02)
+        assert path[:, :2].max() == pytest.approx(3, rel=0.02)
+        to_sides = np.minimum(*(np.abs(path[:, [axis]] - [0, 3]).min(axis=1) for axis in (0, 1)))
+        assert to_sides.max() < 3 * SAMPLING
+        # First ahead and to the left, later to the left and ahead: every corner twice.
+        for corner in ((3, 0), (0, 3)):
+            assert np.hypot(*(path[:, :2] - corner).T).min() < 3 * SAMPLING
+
+
+class TestSteering:
+    def steered(self, *limits: Any, name: str = "circle", **space: Any) -> Solution:
+        design = DesignSpace(**{"duration": 60, "samples": 300, **space})
+        usual = (WheelSpeed(bounds=10), SteeringAngle(bounds=0.6), ACCELERATION, ROOM)
+        return baselines(problem_of(ACKERMANN, limits=usual + limits, design=design), name)[0]
+
+    def standing(self, solution: Solution) -> float:
+        """Seconds at a standstill before the first move."""
+        still = np.abs(solution.trajectory.inputs[:, 0]) < 1e-9
+        return float(np.argmin(still)) * solution.trajectory.period
+
+    @pytest.mark.parametrize("rate", [0.05, 0.2, 1.0])
+    @pytest.mark.slow
+    def test_takes_its_time(self, rate: float):
+        solution = self.steered(SteeringRate(bounds=rate))
+        assert solution.evaluation.feasible
+        angle = solution.trajectory.inputs[:, 1].max()
+        needed = angle / rate
+        assert needed <= self.standing(solution) <= needed + 2 * solution.trajectory.period
+
+    def test_takes_a_quarter_second_without_a_limit(self):
+        solution = self.steered()
+        period = solution.trajectory.period
+        assert 0.25 <= self.standing(solution) <= 0.25 + 2 * period
+
+    def test_a_one_sided_rate(self):
+        solution = self.steered(SteeringRate(bounds=(-0.1, 2.0)), name="figure_eight")
+        assert solution.evaluation.feasible
+        rates = np.diff(solution.trajectory.inputs[:, 1]) / solution.trajectory.period
+        assert rates.min() == pytest.approx(-0.1, rel=0.1)
+        assert rates.max() > 0.2
+
+    def test_keeps_its_angle_at_ends_that_need_no_rest(self):
+        solution = self.steered(rest_to_rest=False)
+        assert solution.evaluation.feasible
+        assert np.ptp(solution.trajectory.inputs[:, 1]) < 1e-12
+        assert solution.trajectory.inputs[0, 1] > 0.1
+
+    @pytest.mark.slow
+    def test_hurried_steering_is_named(self):
+        solution = self.steered(SteeringRate(bounds=0.01), name="figure_eight")
+        assert not solution.evaluation.feasible
+        assert "steering_rate" in solution.evaluation.violations
+
+    @pytest.mark.slow
+    def test_random_paths(self):
+        solution = self.steered(SteeringRate(bounds=0.3), name="random")
+        assert solution.evaluation.feasible
+        assert solution.evaluation.path_length > 0.1
+        assert np.abs(solution.trajectory.inputs[:, 1]).max() > 0.01
+
+    @pytest.mark.slow
+    def test_every_run_drives_the_same_from_its_own_start(self):
+        starts = ({"x": -1}, {"x": 1, "heading": 1.0})
+        solution = self.steered(name="figure_eight", runs=2, start=starts)
+        assert solution.evaluation.feasible
+        first, second = np.split(solution.trajectory.inputs, 2)
+        np.testing.assert_array_equal(first, second)
+        assert np.abs(first).max() > 1
+        assert solution.trajectory.starts.tolist() == [[-1, 0, 0], [1, 0, 1]]
+
+
+class TestSizes:
+    @pytest.mark.parametrize("radius", [0.3, 1.2, 1.49])
+    def test_a_turning_radius_leaves_an_interval_of_sizes(self, radius: float):
+        limits = (*usual_limits(TWO_SIDED), TurningRadius(bounds=radius))
+        (solution,) = baselines(problem_of(TWO_SIDED, limits=limits), "circle")
+        assert solution.evaluation.feasible
+        assert np.ptp(solution.evaluation.path[:, 1]) == pytest.approx(3, rel=1e-3)
+
+    @pytest.mark.slow
+    def test_no_size_at_all(self):
+        limits = (*usual_limits(TWO_SIDED), TurningRadius(bounds=1.6))
+        (solution,) = baselines(problem_of(TWO_SIDED, limits=limits), "circle")
+        assert not solution.evaluation.feasible
+        assert set(solution.evaluation.violations) <= {"turning_radius", "workspace"}
+
+    @pytest.mark.slow
+    def test_the_tightest_room_for_a_car(self):
+        # Steered 0.6 rad, the car's circle is 0.965 m wide: one room has place for it, the other not.
+        for half, fits in ((0.98, True), (0.95, False)):
+            limits = (*usual_limits(ACKERMANN)[:3], Rectangle(x=(-2, 2), y=(-half, half)))
+            (solution,) = baselines(problem_of(ACKERMANN, limits=limits), "circle")
+            assert solution.evaluation.feasible == fits
+
+    def test_a_free_start_is_well_inside_a_room_with_a_corner(self):
+        room = Polygon(points=((0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)))
+        problem = problem_of(
+            TWO_SIDED,
+            design=DesignSpace(duration=30, samples=60, start="free"),
+            limits=(*usual_limits(TWO_SIDED)[:2], room),
+        )
+        (solution,) = baselines(problem, "straight")
+        assert tuple(solution.trajectory.start[:2]) == pytest.approx(room.middle)
+        assert solution.evaluation.feasible
