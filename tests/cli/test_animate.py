@@ -145,7 +145,7 @@ def test_physics(folder: Path):
         (["--result", "ipopt", "circle"], "--physics films one drive"),
         (["--result", "nobody"], "expected a result with a drive"),
         (["--speed", "-1"], "expected more than 0"),
-        (["--speed", "1e-5"], "frames, expected at most 100000; take a higher speed"),
+        (["--speed", "1e-5"], "frames, expected at most 2000; take a higher speed"),
         (["--out", "drive.avi"], r"\.gif or \.mp4"),
     ],
 )

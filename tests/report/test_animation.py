@@ -19,6 +19,7 @@ from oed.report import write_report
 from oed.report.figures.driven import poses_of
 from oed.report.figures.scene import PAUSE, cast_of, scene_of
 from oed.report.figures.stage import FACE, TRACE, Stage
+from oed.report.film import MOST_FRAMES
 from oed.report.film.frame import Frame
 from oed.report.parts.motion import motion, motions_of
 from oed.report.parts.section import Section
@@ -156,8 +157,8 @@ class TestAnimate:
             ({"speed": 0.0}, "speed: expected more than 0"),
             ({"fps": 80.0}, "at most 50"),
             ({"fps": 1e-300}, r"at least 0\.01 frames"),
-            ({"speed": 1e-4}, "speed: a film of .* frames, expected at most 100000; take a higher speed"),
-            ({"speed": 5e-324}, "has inf frames, expected at most 100000"),
+            ({"speed": 1e-4}, "speed: a film of .* frames, expected at most 2000; take a higher speed"),
+            ({"speed": 5e-324}, "has inf frames, expected at most 2000"),
         ],
     )
     def test_mistakes(self, tmp_path: Path, options, message: str):
@@ -180,9 +181,18 @@ class TestAnimate:
         assert oed.animate(record, tmp_path / "film.gif", results=[name], **QUICK).results == (name,)
 
     def test_a_long_film_has_fewer_frames_a_second(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.report.film.animation.FRAMES", 10)
+        monkeypatch.setattr("oed.report.film.FRAMES", 10)
         assert oed.animate(omni(), tmp_path / "film.gif", speed=8.0).fps == 10.0
         assert oed.animate(omni(), tmp_path / "film.gif", speed=16.0).fps == 20.0
+
+    def test_a_gif_has_no_more_frames_than_memory_holds(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ):
+        monkeypatch.setitem(MOST_FRAMES, ".gif", 12)
+        made = oed.animate(omni(), tmp_path / "film.gif", speed=2.0)
+        assert 1.0 < made.fps < 10.0
+        with pytest.raises(UserMistake, match=r"expected at most 12; .* or make an MP4"):
+            oed.animate(omni(), tmp_path / "film.gif", speed=2.0, fps=20.0)
 
     @pytest.mark.slow
     def test_the_demos_film_is_small(self, tmp_path: Path):

@@ -16,8 +16,12 @@ from oed.report.film.mp4 import require_ffmpeg, write_mp4
 Writer = Callable[[Iterable[Frame], Path, float, Frame | None, str], int]
 WRITERS: dict[str, Writer] = {".gif": write_gif, ".mp4": write_mp4}
 """Ending of a file -> what writes it."""
-MOST_FRAMES = 100_000
-"""Of a film: more than two hours of the slowest that is made by itself."""
+MOST_FRAMES = {".gif": 2_000, ".mp4": 100_000}
+"""Of a film: of a GIF, which is held in memory, some hundred seconds; else more than an hour."""
+FPS = 20.0
+"""Frames a second, where not said otherwise."""
+FRAMES, LEAST_FPS = 500, 10.0
+"""Frames beyond which a film has fewer a second, where not said otherwise, and how few as long as can be."""
 SLOWEST = 0.01
 """Frames a second: a GIF cannot show one for much longer."""
 
@@ -65,16 +69,24 @@ def write_frames(
     return count
 
 
-def require_length(seconds: float, fps: float) -> None:
+def usual_rate(seconds: float, file: Path, fastest: float = FPS) -> float:
+    """Frames a second of a film that lasts so long [s], where not said otherwise."""
+    most = MOST_FRAMES[file.suffix.lower()]
+    return min(fastest, max(FRAMES / seconds, LEAST_FPS), max(most / seconds, 1.0))
+
+
+def require_length(seconds: float, fps: float, file: Path) -> None:
     """Refuse a film [s] of too many frames, before any is made.
 
     Raises:
         UserMistake: more than `MOST_FRAMES`.
     """
-    if seconds * fps > MOST_FRAMES:
+    most, frames = MOST_FRAMES[file.suffix.lower()], seconds * fps
+    if frames > most + 0.5:
+        longer = ", or make an MP4" if frames <= MOST_FRAMES[".mp4"] else ""
         raise UserMistake(
-            f"speed: a film of {seconds:.3g} s has {seconds * fps:.3g} frames, expected at most "
-            f"{MOST_FRAMES}; take a higher speed, or fewer frames a second (fps)"
+            f"speed: a film of {seconds:.3g} s has {frames:.3g} frames, expected at most {most}; take a "
+            f"higher speed, or fewer frames a second (fps){longer}"
         )
 
 

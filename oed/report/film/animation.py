@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.records.record import FILE, Record, load_record
 from oed.report.figures.scene import cast_of, scene_of
-from oed.report.film import require_format, require_length, write_frames
+from oed.report.film import FPS, require_format, require_length, usual_rate, write_frames
 from oed.report.film.frame import Frame
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Film, Section
@@ -26,10 +26,6 @@ NAME = "drive.gif"
 """Of the film that a report shows."""
 MOST_DRIVES = 4
 """Drives beside each other."""
-FPS = 20.0
-"""Frames a second, where not said otherwise."""
-FRAMES, LEAST_FPS = 500, 10.0
-"""Frames beyond which a film has fewer a second, where not said otherwise, and how few at least."""
 REST = 1.5
 """Rest at the end, before the film begins again [s of the film]."""
 MARK = "oed "
@@ -103,8 +99,8 @@ def animate(
     entries = _chosen(record, source, results)
     casts = [cast_of(entry) for entry in entries]
     length = max(cast.length(speed) for cast in casts)
-    rate = min(FPS, max(FRAMES / length, LEAST_FPS)) if fps is None else fps
-    require_length(length, rate)
+    rate = usual_rate(length, target) if fps is None else fps
+    require_length(length, rate, target)
     names = tuple(str(entry["name"]) for entry in entries)
     times = [min(number / rate, length) for number in range(math.ceil(length * rate - 1e-6) + 1)]
     times += [length] * round(REST * rate)

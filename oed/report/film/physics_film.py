@@ -12,7 +12,7 @@ from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.optimize import Progress
 from oed.records.record import FILE, drive_of, load_record
 from oed.records.recorded_study import recorded_study
-from oed.report.film import require_format, require_length, write_frames
+from oed.report.film import require_format, require_length, usual_rate, write_frames
 from oed.report.film.animation import MadeFilm
 from oed.report.film.frame import Frame
 from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
@@ -55,8 +55,7 @@ def film_physics(
     if not 0 < speed < math.inf:
         raise UserMistake(f"speed: expected more than 0, got {speed:g}")
     _draw_without_a_screen()
-    rate = FPS if fps is None else fps
-    require_format(Path(file), rate)
+    require_format(Path(file), FPS if fps is None else fps)
     saved = load_record(folder)
     entry = saved.result(result)
     trajectory = None if entry is None else drive_of(entry)
@@ -66,7 +65,8 @@ def film_physics(
         raise RecordError([FileFlaw(str(Path(folder) / FILE), 0, 0, "results", text)])
     if trajectory.runs > 1:
         raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
-    require_length(trajectory.duration / speed, rate)
+    rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
+    require_length(trajectory.duration / speed, rate, Path(file))
     robot = _robot(recorded_study(saved, trust=trust))
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
