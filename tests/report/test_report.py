@@ -268,7 +268,7 @@ def test_reports_only_read() -> None:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             for name in names:
-                assert name.split(".")[0] not in ("casadi", "pymoo", "scipy", "joblib"), file
+                assert name.split(".")[0] not in ("casadi", "pymoo", "scipy", "loky"), file
                 assert "pyplot" not in name, file
                 rooms = {name.rsplit(".", count)[0] for count in range(name.count("."))}
                 assert not name.startswith("oed") or rooms & allowed, file

@@ -55,6 +55,29 @@ class Cluster:
         connection.check()
         return connection
 
+    def executor(self) -> Any:
+        """What takes tasks, as `concurrent.futures` has it; workers that join later are given some.
+
+        Raises:
+            UserMistake, Failure: as `connect` does.
+        """
+        return self.connect().client.get_executor(pure=False)
+
+    def failure(self, error: Exception) -> Failure | None:
+        """What it means that a task ended so; None for an error of the task's own."""
+        from concurrent.futures import CancelledError
+
+        from distributed.scheduler import KilledWorker
+
+        if isinstance(error, KilledWorker):
+            return Failure(
+                f"workers of the cluster at {self.address} died again and again over the same task, perhaps "
+                "for want of memory: give each more of it (--memory-limit of `dask worker`)"
+            )
+        if isinstance(error, CancelledError | OSError):
+            return Failure(f"the cluster at {self.address} is gone: the work is not done")
+        return None
+
     @property
     def size(self) -> int:
         """How many tasks it works on at a time: one in each of its processes."""

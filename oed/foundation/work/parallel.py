@@ -1,4 +1,4 @@
-"""The one seam for parallel work: independent tasks over processes here or on a Dask cluster, by joblib.
+"""The one seam for parallel work: independent tasks over processes here (loky) or on a Dask cluster.
 
 Results are the same whoever does the tasks and however often one is done again, for a task depends on
 nothing but itself.
@@ -9,10 +9,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from oed.foundation.errors import Failure
@@ -25,6 +26,10 @@ Result = TypeVar("Result")
 Workers = int | Cluster
 """Who does parallel work: so many processes of this machine, or a cluster."""
 
+IDLE = 300
+"""Time [s] after which processes that have nothing to do end."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables by which libraries of linear algebra are told how many threads to use."""
 BREAKDOWNS = 3
 """Times in a row that worker processes may die before any task is done."""
 BROKEN = (
@@ -83,31 +88,42 @@ def run_tasks(
 def _outputs(
     function: Callable[[Any], Any], tasks: Mapping[int, Any], workers: Workers
 ) -> Iterator[Iterator[tuple[int, Any]]]:
-    import joblib
-
-    from oed.foundation.work.cluster_backend import ClusterBackend
-
-    jobs = [joblib.delayed(_Job(function, index, task))() for index, task in tasks.items()]
+    jobs = [_Job(function, index, task) for index, task in tasks.items()]
     if isinstance(workers, int):
-        begun = {"initializer": end_with, "initargs": (os.getpid(),)}
-        pool = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered", **begun)
         # Processes are started here, and hear no Ctrl-C from their first moment.
         with interrupts_blocked():
-            outputs = pool(jobs)
+            executor = _processes(workers)
+            futures = [executor.submit(job) for job in jobs]
+        give_up = partial(executor.shutdown, kill_workers=True)
     else:
-        # A cluster is given everything at once, so that workers that join later find some.
-        backend = ClusterBackend(workers.connect())
-        pool = joblib.Parallel(
-            n_jobs=workers.size, backend=backend, pre_dispatch="all", return_as="generator_unordered"
-        )
-        outputs = pool(jobs)
+        executor = workers.executor()
+        futures = [executor.submit(job) for job in jobs]
+        give_up = partial(executor.shutdown, wait=False)
     try:
-        yield outputs
-    finally:
-        with warnings.catch_warnings():
-            # Leaving early is meant: an interrupt keeps what is done and gives up the rest.
-            warnings.filterwarnings("ignore", message=".*tasks.*", category=UserWarning)
-            outputs.close()
+        yield (_result(future, workers) for future in as_completed(futures))
+    except BaseException:
+        # Leaving early is meant: an interrupt keeps what is done and gives up the rest.
+        give_up()
+        raise
+
+
+def _processes(count: int) -> Any:
+    from loky import get_reusable_executor
+
+    # Each has its share of the processors for its linear algebra.
+    threads = str(max(1, default_workers() // count))
+    env = {name: os.environ.get(name, threads) for name in THREADS}
+    return get_reusable_executor(count, timeout=IDLE, initializer=end_with, initargs=(os.getpid(),), env=env)
+
+
+def _result(future: Future[tuple[int, Any]], workers: Workers) -> tuple[int, Any]:
+    try:
+        return future.result()
+    except Exception as error:
+        failure = None if isinstance(workers, int) else workers.failure(error)
+        if failure is None:
+            raise
+        raise failure from None
 
 
 # CasADi's solvers share state in a process, and a Dask worker may have several threads.
