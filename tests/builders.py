@@ -57,6 +57,6 @@ def random_drive(problem: Problem, seed: int, amplitude: float = 8.0) -> Traject
     return space.trajectory(coefficients, start)
 
 
-def cap(segments: int, radius: float = RADIUS, track: float = TRACK) -> float:
+def upper_bound(segments: int, radius: float = RADIUS, track: float = TRACK) -> float:
     """The largest lambda_min(W'W) of the position regressor with P segments: 2 P (B / r)^2."""
     return 2 * segments * (track / radius) ** 2

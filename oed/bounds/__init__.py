@@ -1,4 +1,4 @@
-"""Certificates: how far from the best possible can a design be? A new bound is one more in `_caps`."""
+"""Certificates: how far from the best possible can a design be? A new bound is one more in `_bounds`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds.caps import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_caps
-from oed.bounds.certificate import INFLATION, LOOSE, Cap, Certificate, bound_on, gap
-from oed.bounds.joint import joint_caps
+from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_on, gap
+from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
+from oed.bounds.joint import joint_bounds
 from oed.bounds.motion import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.kernel.criteria import E
@@ -55,30 +55,32 @@ def bound(
     """
     began = time.perf_counter()
     if problem.robust is not None and problem.robust.objective == "mean":
-        # A cap is of the nominal robot, which limits the worst of several, but not their mean.
+        # A bound is of the nominal robot, which limits the worst of several, but not their mean.
         return Certificate(np.inf, MEAN, (), wall_seconds=time.perf_counter() - began)
     looser = problem.widened(TOLERANCE)
-    caps, widened = _caps_of_runs(problem), _caps_of_runs(looser)
+    bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
     found = _lattice(problem, nodes, time_limit, gap)
     if found is not None:
-        caps.append(_lattice_cap(problem, found.upper, found))
+        bounds.append(_lattice_bound(problem, found.upper, found))
         if _program(looser) is not None:
-            widened.append(_lattice_cap(looser, found.of_others(*_speeds(looser)), found))
+            widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
     return replace(
-        _smallest(caps, EXACTLY, found),
+        _smallest(bounds, EXACTLY, found),
         drive=None if found is None else _lattice_drive(problem, found),
         widened=_smallest(widened, TOLERATED, found),
         wall_seconds=time.perf_counter() - began,
     )
 
 
-def _smallest(caps: Sequence[Cap], assumptions: tuple[str, ...], found: LatticeBound | None) -> Certificate:
+def _smallest(
+    bounds: Sequence[Bound], assumptions: tuple[str, ...], found: LatticeBound | None
+) -> Certificate:
     inflated = [
         replace(one, value=one.value * (1 + INFLATION), assumptions=(*one.assumptions, *assumptions))
-        for one in caps
+        for one in bounds
     ]
     inflated.sort(key=lambda one: one.value)
-    best = inflated[0] if inflated else Cap(np.inf, NOTHING, ())
+    best = inflated[0] if inflated else Bound(np.inf, NOTHING, ())
     return Certificate(
         best.value,
         best.method,
@@ -90,22 +92,22 @@ def _smallest(caps: Sequence[Cap], assumptions: tuple[str, ...], found: LatticeB
     )
 
 
-def _caps_of_runs(problem: Problem) -> list[Cap]:
-    # Each cap is of one direction or of the trace, so what runs tell of it adds up: lambda_min of a sum is at
-    # most the sum of the caps.
+def _bounds_of_runs(problem: Problem) -> list[Bound]:
+    # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
+    # at most the sum of the bounds.
     space = problem.design
     if space.runs == 1:
-        return list(_caps(problem))
+        return list(_bounds(problem))
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
         for start in starts
     ]
     unequal = len(set(starts)) > 1
-    found = [list(_caps(single)) for single in (singles if unequal else singles[:1])]
+    found = [list(_bounds(single)) for single in (singles if unequal else singles[:1])]
     return [
-        Cap(
-            sum(cap.value for cap in each) * (1 if unequal else space.runs),
+        Bound(
+            sum(one.value for one in each) * (1 if unequal else space.runs),
             each[0].method,
             (*each[0].assumptions, "every run for itself"),
             each[0].multiplier,
@@ -114,13 +116,13 @@ def _caps_of_runs(problem: Problem) -> list[Cap]:
     ]
 
 
-def _caps(problem: Problem) -> Iterator[Cap]:
+def _bounds(problem: Problem) -> Iterator[Bound]:
     if not isinstance(problem.criterion, E):
         return
     if isinstance(problem.measurement, Displacements):
-        yield from regression_caps(problem, problem.measurement)
+        yield from regression_bounds(problem, problem.measurement)
     else:
-        yield from joint_caps(problem)
+        yield from joint_bounds(problem)
 
 
 def _lattice(
@@ -168,12 +170,12 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
     return limits, space.period * one.scales / noise_of(problem, one), prior_matrix(problem, one)
 
 
-def _lattice_cap(problem: Problem, value: float, found: LatticeBound) -> Cap:
+def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound:
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
     if problem.design.integration == "arc":
         assumptions.append("arcs tell at most as much as chords of full length")
-    return Cap(value, method, tuple(assumptions), found.multiplier)
+    return Bound(value, method, tuple(assumptions), found.multiplier)
 
 
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
@@ -194,4 +196,4 @@ def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]
 
 
-__all__ = ["GAP", "LATTICE", "LOOSE", "Cap", "Certificate", "bound", "bound_on", "gap"]
+__all__ = ["GAP", "LATTICE", "LOOSE", "Bound", "Certificate", "bound", "bound_on", "gap"]

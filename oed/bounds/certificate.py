@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.moved import Renamed
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
 
@@ -21,7 +24,7 @@ EXACT = 1e-9
 
 
 @dataclass(frozen=True)
-class Cap:
+class Bound:
     """One proved upper bound on the objective.
 
     Attributes:
@@ -38,14 +41,14 @@ class Cap:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Renamed):
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:
         upper_bound: no drive that satisfies the limits exactly has a larger objective; infinite if nothing
             is proved.
         method, assumptions, multiplier: of that bound.
-        caps: every bound found, the smallest first.
+        bounds: every bound found, the smallest first.
         drive: a drive that the search for the bound came upon, where it did.
         complete: whether the search for it ended by itself, not by the most nodes allowed.
         nodes: of that search, 0 without one.
@@ -57,12 +60,13 @@ class Certificate:
     method: str
     assumptions: tuple[str, ...]
     multiplier: Array | None = None
-    caps: tuple[Cap, ...] = ()
+    bounds: tuple[Bound, ...] = ()
     drive: Trajectory | None = None
     complete: bool = True
     nodes: int = 0
     widened: Certificate | None = None
     wall_seconds: float = field(default=0.0, compare=False)
+    renamed: ClassVar[Mapping[str, str]] = {"caps": "bounds"}
 
     def bound_on(self, evaluation: Evaluation) -> float:
         """The bound that a drive is to be held against; see `bound_on`."""

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds.caps import SPEEDS, along
-from oed.bounds.certificate import Cap
+from oed.bounds.certificate import Bound
+from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
 from oed.kernel.measurement.sensor import Sensor
@@ -27,7 +27,7 @@ from oed.robots.sensors.yaw_rate import YawRate
 Array = npt.NDArray[np.float64]
 
 
-def joint_caps(problem: Problem) -> Iterator[Cap]:
+def joint_bounds(problem: Problem) -> Iterator[Bound]:
     """Every bound known for the problem's sensors."""
     sensors = sensors_of(problem.measurement)
     precisions = [_position_precision(sensor) for sensor in sensors]
@@ -38,7 +38,7 @@ def joint_caps(problem: Problem) -> Iterator[Cap]:
     if isinstance(problem.robot, CoefficientRobot):
         yield from _circle_cap(problem, one, sensors, weights)
     else:
-        yield from _size_caps(problem, one, sensors, weights)
+        yield from _size_bounds(problem, one, sensors, weights)
 
 
 def _position_precision(sensor: Sensor) -> float | None:
@@ -63,7 +63,7 @@ def _unknown_start(sensors: Sequence[Sensor]) -> bool:
 
 def _circle_cap(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
-) -> Iterator[Cap]:
+) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
     names = problem.model.coefficient_names[1]
     if rows is None or problem.design.integration != "arc" or not set(names) <= set(one.judged):
@@ -85,9 +85,9 @@ def _circle_cap(
     )
 
 
-def _size_caps(
+def _size_bounds(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
-) -> Iterator[Cap]:
+) -> Iterator[Bound]:
     # In m, or in m per something else.
     lengths = [entry.name for entry in problem.robot.parameters if entry.unit.startswith("m")]
     bounds = room(problem)

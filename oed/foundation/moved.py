@@ -1,12 +1,15 @@
-"""Modules that were elsewhere: importing one by its old name fails, and says the new one."""
+"""Modules that were elsewhere, attributes that had other names: asking by an old name fails, and says the
+new one.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 ROOMS = {
     "cli": "commands",
@@ -61,3 +64,21 @@ def watch() -> None:
     """Answer imports by old names from now on."""
     if not any(isinstance(one, Moved) for one in sys.meta_path):
         sys.meta_path.append(Moved())
+
+
+class Renamed:
+    """What has attributes that had other names.
+
+    Attributes:
+        renamed: new names by old ones.
+    """
+
+    renamed: ClassVar[Mapping[str, str]] = {}
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError, with the new name of what has one."""
+            kind, new = type(self).__name__, type(self).renamed.get(name)
+            hint = f": it is now {new!r}" if new else ""
+            raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")

@@ -312,8 +312,8 @@ def certificate_data(
         "drive": drive,
         "spline_objective": spline,
         "caps": [
-            {"upper_bound": cap.value, "method": cap.method, "assumptions": list(cap.assumptions)}
-            for cap in certificate.caps
+            {"upper_bound": one.value, "method": one.method, "assumptions": list(one.assumptions)}
+            for one in certificate.bounds
         ],
         "wall_seconds": round(certificate.wall_seconds, 6),
     }

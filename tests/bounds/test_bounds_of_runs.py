@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import BOX, SPEED, cap, make_problem
+from builders import BOX, SPEED, make_problem, upper_bound
 from drives import KINDS, keep, start_pose, wanted_speeds, within_limits
 from test_soundness import random_joint, random_regression
 
@@ -80,7 +80,7 @@ def test_no_runs_beat_the_bound(make: Any, seed: int):
     certificate = bound(problem, time_limit=0.15)
     best = best_objective(problem, rng, 12, 20)
     assert np.isfinite(best)
-    for one in certificate.caps:
+    for one in certificate.bounds:
         assert best <= one.value, (one.method, best / one.value - 1, problem)
     assert best <= certificate.upper_bound
 
@@ -91,13 +91,13 @@ def test_runs_times_the_bound_of_one(runs: int, segments):
     """Closed forms of a regression; what a lattice finds is of one run alone."""
     one = make_problem(measurement=Displacements(segments=segments))
     single, joint = bound(one, time_limit=0.2), bound(several(one, runs))
-    plain = {cap.method: cap.value for cap in single.caps if LATTICE not in cap.method}
-    found = {cap.method: cap.value for cap in joint.caps}
+    plain = {one.method: one.value for one in single.bounds if LATTICE not in one.method}
+    found = {one.method: one.value for one in joint.bounds}
     assert found == pytest.approx({method: runs * value for method, value in plain.items()}, rel=1e-9)
     assert joint.drive is None
-    assert all("every run for itself" in cap.assumptions for cap in joint.caps)
+    assert all("every run for itself" in one.assumptions for one in joint.bounds)
     if segments == 4:
-        assert joint.upper_bound == pytest.approx(runs * cap(4), rel=1e-6)
+        assert joint.upper_bound == pytest.approx(runs * upper_bound(4), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -118,8 +118,8 @@ def test_starts_of_their_own_give_the_sum_of_the_bounds(measurement: Any):
         estimate=("wheel_radius_right", "wheel_radius_left", "track"),
     )
     problem = several(one, 3, CORNERS)
-    each = [{cap.method: cap.value for cap in bound(single).caps} for single in singles(problem)]
-    found = {cap.method: cap.value for cap in bound(problem).caps}
+    each = [{one.method: one.value for one in bound(single).bounds} for single in singles(problem)]
+    found = {one.method: one.value for one in bound(problem).bounds}
     assert found
     assert len({tuple(values.values()) for values in each}) > 1
     assert found == pytest.approx(

@@ -45,9 +45,9 @@ def problem_of(estimate: tuple[str, ...] | None = None, **effects: Any) -> Probl
 def test_no_drive_beats_the_bound(effects: dict[str, float]):
     problem = problem_of(**effects)
     certificate = bound(problem)
-    assert any(CORNER in cap.method for cap in certificate.caps)
+    assert any(CORNER in one.method for one in certificate.bounds)
     # How fast it may be is known of the differential drive alone.
-    assert len(certificate.caps) == (2 if not effects else 1)
+    assert len(certificate.bounds) == (2 if not effects else 1)
     assert check(problem, np.random.default_rng(1), 25, 15) > 10
 
 
@@ -55,7 +55,7 @@ def test_no_drive_beats_the_bound(effects: dict[str, float]):
 def test_what_was_proved_of_three_lengths_is_not_claimed_of_more(effects: dict[str, float]):
     problem = problem_of(LENGTHS, **effects)
     certificate = bound(problem)
-    assert (certificate.upper_bound, certificate.method, certificate.caps) == (np.inf, NOTHING, ())
+    assert (certificate.upper_bound, certificate.method, certificate.bounds) == (np.inf, NOTHING, ())
     assert top_speeds(problem) is None
 
 

@@ -46,10 +46,10 @@ def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
     assert np.isfinite(certificate.upper_bound)
     assert found.evaluation is not None
     assert found.evaluation.feasible
-    for cap in certificate.caps:
+    for one in certificate.bounds:
         # Positions may exceed the room by what scoring tolerates; wheel speeds never exceed their limits.
-        spare = 2e-3 if "every position within the room" in cap.assumptions else 1e-9
-        assert found.evaluation.objective <= cap.value * (1 + spare), cap.method
+        spare = 2e-3 if "every position within the room" in one.assumptions else 1e-9
+        assert found.evaluation.objective <= one.value * (1 + spare), one.method
 
 
 def test_the_order_of_the_parameters_does_not_matter() -> None:

@@ -132,8 +132,8 @@ def check(problem: Problem, rng: np.random.Generator, drives: int, climbs: int) 
     """Hold the bound of a problem against drives; how many were feasible."""
     certificate = bound(problem, time_limit=0.15)
     best, tried = best_objective(problem, rng, drives, climbs)
-    for cap in certificate.caps:
-        assert best <= cap.value, (cap.method, best / cap.value - 1, problem)
+    for one in certificate.bounds:
+        assert best <= one.value, (one.method, best / one.value - 1, problem)
     assert best <= certificate.upper_bound
     return tried
 

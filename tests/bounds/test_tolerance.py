@@ -209,11 +209,11 @@ def test_positions_and_starts_within_the_tolerance():
     )
     certificate = bound(problem)
     assert certificate.widened.upper_bound / certificate.upper_bound - 1 == pytest.approx(4e-3, abs=2e-3)
-    methods = [cap.method for cap in certificate.caps]
-    assert [cap.method for cap in certificate.widened.caps] == methods
+    methods = [one.method for one in certificate.bounds]
+    assert [one.method for one in certificate.widened.bounds] == methods
     # One corner and the other, as far out as is tolerated.
-    assert certificate.widened.caps[-1].value == pytest.approx(
-        certificate.caps[-1].value * (1 + TOLERANCE) ** 2, rel=1e-6
+    assert certificate.widened.bounds[-1].value == pytest.approx(
+        certificate.bounds[-1].value * (1 + TOLERANCE) ** 2, rel=1e-6
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import pickle
 
 import pytest
 
+from oed.bounds import Certificate
 from oed.foundation.moved import PLACES
 
 
@@ -24,3 +26,12 @@ def test_every_new_place_is_there():
 def test_no_other_name_is_answered():
     with pytest.raises(ModuleNotFoundError, match=r"No module named 'oed\.nonsense'"):
         importlib.import_module("oed.nonsense")
+
+
+def test_an_attribute_by_its_old_name():
+    certificate = Certificate(1.0, "", ())
+    with pytest.raises(AttributeError, match="no attribute 'caps': it is now 'bounds'"):
+        certificate.caps  # noqa: B018
+    with pytest.raises(AttributeError, match=r"no attribute 'nonsense'$"):
+        certificate.nonsense  # noqa: B018
+    assert pickle.loads(pickle.dumps(certificate)) == certificate

@@ -7,7 +7,7 @@ from typing import Any
 from oed.records.record import Record
 from oed.report.sections.certificate import certificate, percent
 
-CAP = {"upper_bound": 93.3, "method": "another way", "assumptions": ["the room is left out"]}
+OTHER = {"upper_bound": 93.3, "method": "another way", "assumptions": ["the room is left out"]}
 FOUND: dict[str, Any] = {
     "upper_bound": 86.7018,
     "gap": 2.1e-5,
@@ -19,7 +19,7 @@ FOUND: dict[str, Any] = {
     "best": 86.7,
     "drive": "lattice",
     "spline_objective": 83.3,
-    "caps": [{"upper_bound": 86.7018, "method": "a way", "assumptions": []}, CAP],
+    "caps": [{"upper_bound": 86.7018, "method": "a way", "assumptions": []}, OTHER],
     "wall_seconds": 1.0,
 }
 

@@ -24,7 +24,7 @@ from oed.report.sections.convergence import convergence, time_to
 from oed.report.sections.summary import summary
 from oed.report.sections.validation import validation
 
-CAP = 2 * 10 * (0.18 / 0.049) ** 2
+UPPER_BOUND = 2 * 10 * (0.18 / 0.049) ** 2
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +72,10 @@ class TestCandidates:
     def test_singular_drives_never_suffice(self, flagship: Record):
         assert repetitions_of(flagship, entry(flagship, "straight")) == math.inf
 
-    def test_no_search_exceeds_the_cap(self, flagship: Record):
+    def test_no_search_exceeds_the_upper_bound(self, flagship: Record):
         objectives = [one["objective"] for one in flagship.results if one["feasible"]]
-        assert max(objectives) <= CAP * (1 + 1e-9)
-        assert flagship.best["objective"] >= 0.999 * CAP
+        assert max(objectives) <= UPPER_BOUND * (1 + 1e-9)
+        assert flagship.best["objective"] >= 0.999 * UPPER_BOUND
 
 
 class TestConvergence:

@@ -7,7 +7,7 @@ from pydantic import Field
 from oed.records.stored.parts import Matrix, Name, Number, Positive, Stored
 
 
-class Cap(Stored):
+class StoredBound(Stored):
     """A bound and how it is proved."""
 
     upper_bound: Number
@@ -15,7 +15,7 @@ class Cap(Stored):
     assumptions: list[str]
 
 
-class StoredCertificate(Cap):
+class StoredCertificate(StoredBound):
     """A record's `certificate`."""
 
     gap: Number | None
@@ -25,5 +25,5 @@ class StoredCertificate(Cap):
     best: Number | None = None
     drive: Name | None = None
     spline_objective: Number | None = None
-    caps: list[Cap] = Field(default_factory=list)
+    caps: list[StoredBound] = Field(default_factory=list)
     wall_seconds: Positive = 0.0

@@ -1,4 +1,4 @@
-"""One everyday path for a study, as large as it can be and of a given length."""
+"""One baseline for a study, as large as it can be and of a given length."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STREAM = 17
 
 
 def baselines(problem: Problem, name: str, *, length: float | None = None, seed: int = 0) -> list[Solution]:
-    """One everyday path as large as the limits allow, and where asked again with a given length, scored.
+    """One baseline as large as the limits allow, and where asked again with a given length, scored.
 
     Args:
         problem: whose limits, duration and start it is made for.

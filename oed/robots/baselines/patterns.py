@@ -1,4 +1,4 @@
-"""The everyday paths as lists of moves."""
+"""The baselines as lists of moves."""
 
 from __future__ import annotations
 

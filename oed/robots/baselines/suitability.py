@@ -1,4 +1,4 @@
-"""Which everyday paths a robot can drive, and why not the others."""
+"""Which baselines a robot can drive, and why not the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closed-form caps: their values, when they are left out, and what they say of themselves."""
+"""Closed-form bounds: their values, when they are left out, and what they say of themselves."""
 
 from __future__ import annotations
 
@@ -6,14 +6,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem, random_drive
+from builders import (
+    ACCELERATION,
+    BOX,
+    RADIUS,
+    SPEED,
+    TRACK,
+    make_flagship,
+    make_problem,
+    random_drive,
+    upper_bound,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from places import PROBLEMS
 
 from oed.bounds import NOTHING, Certificate, bound
-from oed.bounds.caps import largest_squares
 from oed.bounds.certificate import INFLATION
+from oed.bounds.closed_form import largest_squares
 from oed.kernel.criteria import A, D, E, ModifiedE
 from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.evaluation import evaluate
@@ -33,8 +43,8 @@ SHORT = DesignSpace(duration=4, samples=40)
 
 
 def methods(certificate: Certificate, words: str) -> list[float]:
-    """Values of the caps whose method holds these words."""
-    return [one.value for one in certificate.caps if words in one.method]
+    """Values of the bounds whose method holds these words."""
+    return [one.value for one in certificate.bounds if words in one.method]
 
 
 def tracker(**overrides: Any) -> Certificate:
@@ -46,9 +56,9 @@ def tracker(**overrides: Any) -> Certificate:
     return bound(make_flagship(**{**parts, **overrides}))
 
 
-def test_the_flagships_cap() -> None:
+def test_the_flagships_bound() -> None:
     certificate = bound(make_flagship())
-    assert certificate.upper_bound == pytest.approx(cap(10), rel=2 * INFLATION)
+    assert certificate.upper_bound == pytest.approx(upper_bound(10), rel=2 * INFLATION)
     assert "diameter" in certificate.method
     assert certificate.complete
     assert certificate.drive is None
@@ -57,7 +67,7 @@ def test_the_flagships_cap() -> None:
 @pytest.mark.parametrize("segments", [1, 3, 25])
 def test_the_cap_is_that_of_every_number_of_segments(segments: int) -> None:
     certificate = bound(make_flagship(measurement=Displacements(segments=segments)))
-    assert methods(certificate, "diameter") == [pytest.approx(cap(segments), rel=2 * INFLATION)]
+    assert methods(certificate, "diameter") == [pytest.approx(upper_bound(segments), rel=2 * INFLATION)]
 
 
 def test_the_cap_of_unequal_radii() -> None:
@@ -135,14 +145,14 @@ def test_joint_lengths_of_a_room_of_any_shape() -> None:
 
 
 @pytest.mark.parametrize("pose", ["known", {"position": 0.01, "heading": 0.02}])
-def test_a_start_that_is_known_has_no_centred_cap(pose: Any) -> None:
+def test_a_start_that_is_known_has_no_centred_bound(pose: Any) -> None:
     certificate = tracker(measurement=Poses(noise=NOISE, initial_pose=pose))
-    assert certificate.caps == ()
+    assert certificate.bounds == ()
     assert certificate.upper_bound == np.inf
 
 
-def test_no_room_no_cap() -> None:
-    assert tracker(limits=(SPEED,)).caps == ()
+def test_no_room_no_bound() -> None:
+    assert tracker(limits=(SPEED,)).bounds == ()
 
 
 def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
@@ -166,17 +176,17 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Displacements
     certificate = bound(make_problem(criterion=criterion, measurement=measurement))
     assert certificate.upper_bound == np.inf
     assert certificate.method == NOTHING
-    assert certificate.caps == ()
+    assert certificate.bounds == ()
     assert certificate.loose(1.0)
 
 
 def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
     certificate = bound(make_problem(limits=(SPEED, BOX)))
-    values = [one.value for one in certificate.caps]
+    values = [one.value for one in certificate.bounds]
     assert values == sorted(values)
     assert certificate.upper_bound == values[0]
-    assert all(one.assumptions and one.method for one in certificate.caps)
-    for one in certificate.caps:
+    assert all(one.assumptions and one.method for one in certificate.bounds)
+    for one in certificate.bounds:
         assert one.multiplier is not None
         assert np.trace(one.multiplier) == pytest.approx(1.0)
         assert np.linalg.eigvalsh(one.multiplier)[0] >= -1e-12
@@ -184,14 +194,14 @@ def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
 
 def test_the_gap_of_an_objective() -> None:
     certificate = bound(make_flagship())
-    assert certificate.gap(cap(10) / 1.1) == pytest.approx(0.1)
-    assert certificate.loose(cap(10) / 1.1)
-    assert not certificate.loose(cap(10) / 1.01)
+    assert certificate.gap(upper_bound(10) / 1.1) == pytest.approx(0.1)
+    assert certificate.loose(upper_bound(10) / 1.1)
+    assert not certificate.loose(upper_bound(10) / 1.01)
     assert certificate.gap(0.0) == np.inf
 
 
 def test_the_same_bound_on_the_track_of_the_paper() -> None:
-    assert cap(10) == pytest.approx(20 * (TRACK / RADIUS) ** 2)
+    assert upper_bound(10) == pytest.approx(20 * (TRACK / RADIUS) ** 2)
 
 
 def test_a_path_budget_is_spent_in_the_longest_segments() -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds.certificate import Cap
+from oed.bounds.certificate import Bound
 from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.sensors.displacements import Displacements
@@ -22,17 +22,17 @@ SPEEDS = "wheel speeds and accelerations within their limits"
 NO_ROOM = "the room is left out"
 
 
-def regression_caps(problem: Problem, measurement: Displacements) -> Iterator[Cap]:
+def regression_bounds(problem: Problem, measurement: Displacements) -> Iterator[Bound]:
     """Bounds for the paper's regressions with independent increments."""
     if measurement.noise_model != "increments":
         return
     for one in problem.any_estimations:
-        yield from _trace_caps(problem, measurement, one)
+        yield from _trace_bounds(problem, measurement, one)
         rows = coefficient_rows(problem)
         if one.block.name == "position" and rows is not None and len(one.judged) == len(rows[0]):
             # In the order in which the parameters are estimated.
             order = _columns(one)
-            yield from _direction_caps(problem, measurement, one, (rows[0][order], rows[1][order]))
+            yield from _direction_bounds(problem, measurement, one, (rows[0][order], rows[1][order]))
 
 
 def noise_of(problem: Problem, one: Estimation) -> float:
@@ -58,7 +58,7 @@ def _edges(problem: Problem, measurement: Displacements) -> npt.NDArray[np.int64
     return measurement.segment_edges(problem.design.samples)
 
 
-def _trace_caps(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Cap]:
+def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Bound]:
     # Each segment's rows are sums of T w: no longer than the sum of the lengths.
     factor = grip(problem)
     if factor is None:
@@ -71,7 +71,7 @@ def _trace_caps(problem: Problem, measurement: Displacements, one: Estimation) -
     edges = _edges(problem, measurement)
     sums = np.add.reduceat(lengths, edges[:-1])
     value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, one)))) / len(columns)
-    yield Cap(
+    yield Bound(
         value,
         "largest wheel speeds in every period, the same information in all directions",
         (SPEEDS, NO_ROOM),
@@ -79,9 +79,9 @@ def _trace_caps(problem: Problem, measurement: Displacements, one: Estimation) -
     )
 
 
-def _direction_caps(
+def _direction_bounds(
     problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
-) -> Iterator[Cap]:
+) -> Iterator[Bound]:
     edges = _edges(problem, measurement)
     count, arcs = len(edges) - 1, problem.design.integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
@@ -121,7 +121,7 @@ def largest_squares(lengths: Array, budget: float) -> float:
 
 def along(
     problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
-) -> Cap:
+) -> Bound:
     """The bound from one direction: `change` of the judged parameters, SI, tells at most `value`.
 
     In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
@@ -129,4 +129,4 @@ def along(
     scaled = change / one.scales
     unit = scaled / np.linalg.norm(scaled)
     bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
-    return Cap(bound, method, assumptions, np.outer(unit, unit))
+    return Bound(bound, method, assumptions, np.outer(unit, unit))
