@@ -49,7 +49,7 @@ BREACHES: dict[str, str] = {
     "kernel.limit": "robots.models.model",
     "kernel.measurement.measurement": "robots.models.model",
     "kernel.measurement.sensor": "robots.models.model",
-    "kernel.problem": "robots.coefficient_robot robots.limits.implied robots.models.model uncertainty.robust "
+    "kernel.problem": "robots.limits.implied robots.models.model uncertainty.robust "
     "uncertainty.uncertainty",
     "kernel.solution": "uncertainty.departures uncertainty.robust",
     "logs.bag_form": "robots.models",
@@ -69,7 +69,7 @@ BREACHES: dict[str, str] = {
     "report.film.physics_film": "optimize study.study",
     "study.study": "records.path_file records.record",
     "uncertainty.robust": "robots.models.model",
-    "uncertainty.uncertainty": "robots.coefficient_robot robots.models.model",
+    "uncertainty.uncertainty": "robots.models.model",
 }
 """Imports of rooms that a room may not import, by the name of what is imported: to be cut, one by one."""
 

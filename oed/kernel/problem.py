@@ -27,7 +27,6 @@ from oed.kernel.measurement.information import (
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.limits.implied import implied_bounds
 from oed.robots.models.model import Input, Model, twist_flaws
 from oed.uncertainty.robust import Robust, robust_rows
@@ -142,9 +141,7 @@ class Problem:
     @cached_property
     def robot(self) -> Model:
         """The robot with the parameters to estimate: the model, or the same seen through its coefficients."""
-        known = {parameter.name for parameter in self.model.parameters}
-        wanted = set(self.estimate or ())
-        return self.model if wanted <= known else CoefficientRobot(base=self.model)
+        return self.model.estimating(self.estimate or ())
 
     @cached_property
     def objective(self) -> Criterion:
@@ -284,11 +281,8 @@ class Problem:
     @property
     def _subject(self) -> Subject:
         found = self.any_estimations
-        known = {parameter.name for parameter in self.robot.parameters}
-        plain = all(name in known for one in found for name in one.judged)
-        plain = plain or not self.model.coefficient_names
         return Subject(
-            robot=self.robot if plain else CoefficientRobot(base=self.model),
+            robot=self.robot.estimating([name for one in found for name in one.judged]),
             integration=self.design.integration,
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),

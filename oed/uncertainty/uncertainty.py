@@ -15,7 +15,6 @@ from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.measurement.prior import Prior
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -192,7 +191,7 @@ class Spread:
 
     def impossible(self) -> str:
         """Which robot within three standard deviations, or the ranges, cannot be; "" where all can."""
-        if isinstance(self.robot, CoefficientRobot):
+        if self.robot.physical is not self.robot:
             return ""
         names = self.names[: self.parameters]
         for row in np.vstack([self.ends(LIKELY), self.extremes(LIKELY), self.moments()]):
@@ -242,7 +241,7 @@ def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model
 
     `robot` is the problem's, which may be seen through its coefficients. None where nothing is said of it.
     """
-    model = robot.base if isinstance(robot, CoefficientRobot) else robot
+    model = robot.physical
     given = tuple(uncertainty.within) if uncertainty is not None else ()
     base = _base((*given, *(prior.names if prior is not None else ())), model, robot)
     units, nominal = _units(base), _nominal(base)
