@@ -49,8 +49,7 @@ BREACHES: dict[str, str] = {
     "kernel.limit": "robots.models.model",
     "kernel.measurement.measurement": "robots.models.model",
     "kernel.measurement.sensor": "robots.models.model",
-    "kernel.problem": "robots.limits.implied robots.models.model uncertainty.robust "
-    "uncertainty.uncertainty",
+    "kernel.problem": "robots.models.model uncertainty.robust uncertainty.uncertainty",
     "kernel.solution": "uncertainty.departures uncertainty.robust",
     "logs.bag_form": "robots.models",
     "logs.form": "robots.models",

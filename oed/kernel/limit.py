@@ -51,6 +51,27 @@ class Rows:
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
 
+@dataclass(frozen=True)
+class LinearBound:
+    """low <= slopes @ inputs + offset <= high, all SI.
+
+    Attributes:
+        slopes: (inputs,).
+        offset: at inputs of 0.
+        low, high: the limit's own bounds.
+    """
+
+    slopes: Array
+    offset: float
+    low: float
+    high: float
+
+    def widened(self, share: float) -> LinearBound:
+        """The same, exceeded by at most `share` of the larger bound."""
+        spare = share * max(abs(self.low), abs(self.high))
+        return replace(self, low=self.low - spare, high=self.high + spare)
+
+
 class Limit(Component, ABC):
     """One named limit on a drive.
 
@@ -83,11 +104,9 @@ class Limit(Component, ABC):
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
-    def motion_bounds(self) -> dict[int, tuple[float, float]]:
-        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
-        speed, yaw rate.
-        """
-        return {}
+    def linear_bounds(self, model: Model) -> Sequence[LinearBound]:
+        """Bounds that this limit sets on linear combinations of the inputs."""
+        return ()
 
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""

@@ -15,6 +15,7 @@ from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.implied import implied_bounds
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.information import (
     Scaling,
@@ -27,7 +28,6 @@ from oed.kernel.measurement.information import (
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.limits.implied import implied_bounds
 from oed.robots.models.model import Input, Model, twist_flaws
 from oed.uncertainty.robust import Robust, robust_rows
 from oed.uncertainty.uncertainty import Spread, Uncertainty, spread_of
@@ -154,9 +154,10 @@ class Problem:
 
     @cached_property
     def input_bounds(self) -> Array:
-        """Bounds (inputs, 2) that the limits set on each input, itself or by the motion that it makes."""
+        """Bounds (inputs, 2) that the limits set on each input, by itself or together with others."""
         own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
-        return implied_bounds(self.model, self.limits, own, self.excess)
+        combined = [one for limit in self.limits for one in limit.linear_bounds(self.model)]
+        return implied_bounds(own, [one.widened(self.excess) for one in combined])
 
     @cached_property
     def rate_bounds(self) -> Array:
