@@ -50,6 +50,32 @@ class Rows:
         spare = share * self.size
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
+    def backed_off(self, amounts: Expression) -> Rows:
+        """The same kept `amounts` (rows,) away from its bounds: rows of the upper ones, then of the lower."""
+        below, above = np.isfinite(self.lower), np.isfinite(self.upper)
+        sides = [
+            ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]
+            for sign, one in ((1, above), (-1, below))
+            if one.any()
+        ]
+        high, low = int(above.sum()), int(below.sum())
+        return replace(
+            self,
+            expression=ca.vertcat(*sides),
+            lower=np.concatenate([np.full(high, -np.inf), self.lower[below]]),
+            upper=np.concatenate([self.upper[above], np.full(low, np.inf)]),
+        )
+
+    def joined(self, others: Sequence[Rows]) -> Rows:
+        """These and other rows of the same limit."""
+        every = (self, *others)
+        return replace(
+            self,
+            expression=ca.vertcat(*(one.expression for one in every)),
+            lower=np.concatenate([one.lower for one in every]),
+            upper=np.concatenate([one.upper for one in every]),
+        )
+
 
 @dataclass(frozen=True)
 class LinearBound:

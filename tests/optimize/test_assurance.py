@@ -21,8 +21,8 @@ from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
-from oed.uncertainty.departures import leaving, left
-from oed.uncertainty.robust import ADDED, SAFER, Robust
+from oed.uncertainty.departures import leaving, violated
+from oed.uncertainty.robust import ADDED, TIGHTER, Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
 RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
@@ -98,7 +98,7 @@ class TestRaised:
     def test_too_small_a_reserve_is_raised(self, raised):
         problem, solution, asked = raised
         # The last one is a whole search with the reserve that was found to be enough.
-        expected = BETA * SAFER ** np.append(np.arange(len(asked) - 1), len(asked) - 2)
+        expected = BETA * TIGHTER ** np.append(np.arange(len(asked) - 1), len(asked) - 2)
         assert len(asked) > 2
         assert enough(problem, solution)
         assert [one.robust.reach for one, _ in asked] == pytest.approx(expected)
@@ -147,7 +147,7 @@ class TestRaised:
         assert len(Larger.asked) > 1
         assert 0 < len(kept) <= ADDED * (len(Larger.asked) - 2)
         assert enough(problem, solution)
-        assert not left(problem, solution.trajectory, np.array(kept)).any()
+        assert not violated(problem, solution.trajectory, np.array(kept)).any()
         assert solution.robust.reach == pytest.approx(BETA)
 
     def test_enough_at_once_is_enough(self):

@@ -29,7 +29,7 @@ from oed.robots.limits import Circle, Obstacles, Polygon, Rectangle, TrailerAngl
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Uncertainty
+from oed.uncertainty.uncertainty import Uncertainty, spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "3 %", "track": "4 %"}
@@ -278,7 +278,7 @@ class TestReserve:
 
 def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
     """The problem of a robot with other values of what is uncertain, and the drive from where that begins."""
-    spread = problem.spread
+    spread = spread_of(problem.uncertain_system)
     own = dict(zip(spread.names[: spread.parameters], map(float, values), strict=False))
     starts = drive.starts + spread.shifts(values[None])[0]
     begun = replace(drive, start=starts if drive.runs > 1 else starts[0])
@@ -295,7 +295,7 @@ class TestScenarios:
     @pytest.mark.parametrize("name", ["rectangle", "circle", "start", "two_runs"])
     def test_limits_are_kept_by_the_robots_at_the_corners(self, name: str):
         problem, drive = made(CASES[name], Robust(kind="scenarios"))
-        corners = problem.spread.extremes(1.0)
+        corners = spread_of(problem.uncertain_system).extremes(1.0)
         margins = [workspace_margin(*other(problem, drive, values)) for values in corners]
         margins.append(workspace_margin(replace(problem, robust=None), drive))
         assert workspace_margin(problem, drive) == pytest.approx(min(margins), abs=1e-9)
@@ -380,17 +380,17 @@ class TestOptions:
         assert within == pytest.approx(confidence)
         assert Robust(confidence=confidence, beta=3.0).reach == 3.0
 
-    def test_safer_is_more_in_reserve(self):
+    def test_tighter_is_more_back_off(self):
         worst = np.arange(12.0).reshape(4, 3)
-        careful = Robust(confidence=0.9).safer(worst)
+        careful = Robust(confidence=0.9).tighter(worst)
         assert careful.reach == pytest.approx(1.15 * Robust(confidence=0.9).reach)
         assert careful.kept == ()
-        assert careful.safer(worst).reach == pytest.approx(1.15 * careful.reach)
+        assert careful.tighter(worst).reach == pytest.approx(1.15 * careful.reach)
 
     @pytest.mark.parametrize("kind", ["tube", "scenarios"])
-    def test_safer_is_more_robots(self, kind: str):
-        first = Robust(kind=kind).safer(np.arange(12.0).reshape(4, 3))
-        second = first.safer(10 * np.ones((1, 3)))
+    def test_tighter_is_more_robots(self, kind: str):
+        first = Robust(kind=kind).tighter(np.arange(12.0).reshape(4, 3))
+        second = first.tighter(10 * np.ones((1, 3)))
         assert first.kept == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
         assert second.kept == (*first.kept, (10.0, 10.0, 10.0))
         assert second.reach == Robust(kind=kind).reach
