@@ -12,10 +12,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Leaving:
-    """How often robots leave the limits that the nominal robot keeps.
+    """How often robots violate the limits that the nominal robot keeps.
 
     Attributes:
-        probability: share of the draws that exceed a limit on the path at any time.
+        probability: of a violation: share of the draws that exceed a limit on the path at any time.
         interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
         draws, seed: of the simulation.
         by_limit: share of the draws that exceed each limit.
