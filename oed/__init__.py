@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from oed.kernel.problem import Problem as Problem
     from oed.kernel.solution import Solution as Solution
     from oed.kernel.solution import Status as Status
+    from oed.kernel.violation import Leaving as Leaving
     from oed.logs import BagForm as BagForm
     from oed.logs import CsvForm as CsvForm
     from oed.logs import Log as Log
@@ -125,7 +126,6 @@ if TYPE_CHECKING:
     from oed.study.study import Study as Study
     from oed.study.study import load_study as load_study
     from oed.study.study import parse_study as parse_study
-    from oed.uncertainty.departures import Leaving as Leaving
     from oed.uncertainty.departures import leaving as leaving
     from oed.uncertainty.robust import Robust as Robust
     from oed.uncertainty.uncertainty import Uncertainty as Uncertainty
@@ -154,10 +154,8 @@ _HOMES = {
         "I",
         "ModifiedE",
     ),
-    "oed.uncertainty.departures": (
-        "Leaving",
-        "leaving",
-    ),
+    "oed.kernel.violation": ("Leaving",),
+    "oed.uncertainty.departures": ("leaving",),
     "oed.workflow.driven": ("score_path",),
     "oed.foundation.errors": (
         "Failure",

@@ -38,7 +38,7 @@ BREACHES: dict[str, str] = {
     "exporters.request": "study.study",
     "kernel.between.excess": "robots.models.model",
     "kernel.between.periods": "robots.models.model",
-    "kernel.between.search": "robots.models.model uncertainty.robust",
+    "kernel.between.search": "robots.models.model",
     "kernel.coarser": "robots.sensors.displacements robots.sensors.several",
     "kernel.criteria.criterion": "robots.models.model",
     "kernel.criteria.prediction": "robots.models.model",
@@ -49,9 +49,7 @@ BREACHES: dict[str, str] = {
     "kernel.limit": "robots.models.model",
     "kernel.measurement.measurement": "robots.models.model",
     "kernel.measurement.sensor": "robots.models.model",
-    "kernel.problem": "robots.coefficient_robot robots.limits.implied robots.models.model uncertainty.robust "
-    "uncertainty.uncertainty",
-    "kernel.solution": "uncertainty.departures uncertainty.robust",
+    "kernel.problem": "robots.models.model",
     "logs.bag_form": "robots.models",
     "logs.form": "robots.models",
     "logs.reading": "robots.models",
@@ -68,8 +66,7 @@ BREACHES: dict[str, str] = {
     "records.recorded_study": "logs robots.models robots.models.python_robot",
     "report.film.physics_film": "optimize study.study",
     "study.study": "records.path_file records.record",
-    "uncertainty.robust": "robots.models.model",
-    "uncertainty.uncertainty": "robots.coefficient_robot robots.models.model",
+    "uncertainty.uncertainty": "robots.models.model",
 }
 """Imports of rooms that a room may not import, by the name of what is imported: to be cut, one by one."""
 

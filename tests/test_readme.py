@@ -18,6 +18,7 @@ from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
 from oed.robots.presets import preset_names
 from oed.study.study import load_study, parse_study
+from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.estimate_logs import estimate
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -101,7 +102,8 @@ def test_the_robust_study_is_one():
     whole, _, _, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
     problem = parse_study(yaml.safe_dump({**whole, **part})).problem
     assert problem.robust is not None
-    assert problem.spread.names == ("wheel_radius_right", "wheel_radius_left", "track", "heading")
+    spread = spread_of(problem.uncertain_system)
+    assert spread.names == ("wheel_radius_right", "wheel_radius_left", "track", "heading")
 
 
 def test_the_keys_for_logs_are_accepted():

@@ -18,7 +18,6 @@ from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.several import sensors_of
@@ -35,7 +34,7 @@ def joint_bounds(problem: Problem) -> Iterator[Bound]:
         return
     weights = [float(precision or 0.0) for precision in precisions]
     (one,) = problem.any_estimations
-    if isinstance(problem.robot, CoefficientRobot):
+    if problem.robot.physical is not problem.robot:
         yield from _circle_cap(problem, one, sensors, weights)
     else:
         yield from _size_bounds(problem, one, sensors, weights)

@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from oed.kernel.dynamics.trajectory import middles
 from oed.kernel.problem import Problem
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.limits.path_length import PathLength
 from oed.robots.limits.workspace import workspace_of
 from oed.robots.models.model import follows_state, step
@@ -104,7 +103,7 @@ def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
     neither the heading nor any further state.
     """
     robot = problem.robot
-    if isinstance(robot, CoefficientRobot):
+    if robot.physical is not robot:
         return False
     rng = np.random.default_rng(0)
     nominal, states = np.array(robot.nominal), len(robot.states)

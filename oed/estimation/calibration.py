@@ -33,8 +33,7 @@ from oed.estimation.setup.stated import stated_noise
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.problem import Problem, prior_of
 from oed.logs.log import Log
-from oed.robots.coefficient_robot import coefficient_values
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Integration, Model, coefficient_values
 
 Array = npt.NDArray[np.float64]
 

@@ -77,7 +77,7 @@ class Evaluation:
         norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
             the noise.
         path_length: of the robot's origin [m].
-        margins: of every limit, at all times; of a robust problem less what is kept in reserve.
+        margins: of every limit, at all times; of a robust problem less its back-off.
         design_matrices: W of each block by name.
         square_roots: information of each block by name, on the parameters the criterion judges, in its
             scaling; of the nominal robot.

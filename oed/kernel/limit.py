@@ -50,6 +50,53 @@ class Rows:
         spare = share * self.size
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
+    def backed_off(self, amounts: Expression) -> Rows:
+        """The same kept `amounts` (rows,) away from its bounds: rows of the upper ones, then of the lower."""
+        below, above = np.isfinite(self.lower), np.isfinite(self.upper)
+        sides = [
+            ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]
+            for sign, one in ((1, above), (-1, below))
+            if one.any()
+        ]
+        high, low = int(above.sum()), int(below.sum())
+        return replace(
+            self,
+            expression=ca.vertcat(*sides),
+            lower=np.concatenate([np.full(high, -np.inf), self.lower[below]]),
+            upper=np.concatenate([self.upper[above], np.full(low, np.inf)]),
+        )
+
+    def joined(self, others: Sequence[Rows]) -> Rows:
+        """These and other rows of the same limit."""
+        every = (self, *others)
+        return replace(
+            self,
+            expression=ca.vertcat(*(one.expression for one in every)),
+            lower=np.concatenate([one.lower for one in every]),
+            upper=np.concatenate([one.upper for one in every]),
+        )
+
+
+@dataclass(frozen=True)
+class LinearBound:
+    """low <= slopes @ inputs + offset <= high, all SI.
+
+    Attributes:
+        slopes: (inputs,).
+        offset: at inputs of 0.
+        low, high: the limit's own bounds.
+    """
+
+    slopes: Array
+    offset: float
+    low: float
+    high: float
+
+    def widened(self, share: float) -> LinearBound:
+        """The same, exceeded by at most `share` of the larger bound."""
+        spare = share * max(abs(self.low), abs(self.high))
+        return replace(self, low=self.low - spare, high=self.high + spare)
+
 
 class Limit(Component, ABC):
     """One named limit on a drive.
@@ -83,11 +130,9 @@ class Limit(Component, ABC):
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
-    def motion_bounds(self) -> dict[int, tuple[float, float]]:
-        """Bounds that this limit sets on the body's motion, by its place in the twist: forward speed, lateral
-        speed, yaw rate.
-        """
-        return {}
+    def linear_bounds(self, model: Model) -> Sequence[LinearBound]:
+        """Bounds that this limit sets on linear combinations of the inputs."""
+        return ()
 
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""

@@ -15,6 +15,7 @@ from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.implied import implied_bounds
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.information import (
     Scaling,
@@ -27,11 +28,8 @@ from oed.kernel.measurement.information import (
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.coefficient_robot import CoefficientRobot
-from oed.robots.limits.implied import implied_bounds
+from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
 from oed.robots.models.model import Input, Model, twist_flaws
-from oed.uncertainty.robust import Robust, robust_rows
-from oed.uncertainty.uncertainty import Spread, Uncertainty, spread_of
 
 Array = npt.NDArray[np.float64]
 
@@ -126,8 +124,8 @@ class Problem:
     name: str = ""
     estimate: tuple[str, ...] | None = None
     prior: Prior | None = None
-    uncertainty: Uncertainty | None = None
-    robust: Robust | None = None
+    uncertainty: Uncertain | None = None
+    robust: Tightening | None = None
     excess: float = 0.0
 
     def __post_init__(self) -> None:
@@ -142,9 +140,7 @@ class Problem:
     @cached_property
     def robot(self) -> Model:
         """The robot with the parameters to estimate: the model, or the same seen through its coefficients."""
-        known = {parameter.name for parameter in self.model.parameters}
-        wanted = set(self.estimate or ())
-        return self.model if wanted <= known else CoefficientRobot(base=self.model)
+        return self.model.estimating(self.estimate or ())
 
     @cached_property
     def objective(self) -> Criterion:
@@ -157,9 +153,10 @@ class Problem:
 
     @cached_property
     def input_bounds(self) -> Array:
-        """Bounds (inputs, 2) that the limits set on each input, itself or by the motion that it makes."""
+        """Bounds (inputs, 2) that the limits set on each input, by itself or together with others."""
         own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
-        return implied_bounds(self.model, self.limits, own, self.excess)
+        combined = [one for limit in self.limits for one in limit.linear_bounds(self.model)]
+        return implied_bounds(own, [one.widened(self.excess) for one in combined])
 
     @cached_property
     def rate_bounds(self) -> Array:
@@ -208,29 +205,24 @@ class Problem:
         return np.pad(given, ((0, 0), (0, len(self.model.states) - 3)))
 
     @cached_property
-    def spread(self) -> Spread | None:
-        """What is uncertain of the robot, as numbers; None where nothing is said of it."""
-        if self.uncertainty is None and self.prior is None:
-            return None
-        return spread_of(self.uncertainty, self.prior, self.robot, self.design.runs)
+    def uncertain_system(self) -> UncertainSystem:
+        """The robot with what is said of its parameters beforehand."""
+        return UncertainSystem(self.model, self.robot, self.design.runs, self.uncertainty, self.prior)
 
     def limit_rows(self, drive: Drive) -> list[Rows]:
-        """Every limit on a drive; of a robust problem with what is kept in reserve."""
+        """Every limit on a drive; of a robust problem tightened."""
         if self.robust is None:
             rows = [limit.rows(drive) for limit in self.limits]
         else:
-            assert self.spread is not None
-            rows = robust_rows(self.limits, drive, self.spread, self.robust)
+            rows = tightened_rows(self.robust, self.limits, drive, self.uncertain_system)
         return [one.widened(self.excess) for one in rows] if self.excess else rows
 
     @cached_property
     def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
         """Parameters (p,) and shifts of the start states (runs, states) of the robots that are judged."""
-        states = len(self.robot.states)
-        if self.robust is None or self.spread is None or self.robust.objective == "nominal":
-            return ((np.array(self.robot.nominal), np.zeros((self.design.runs, states))),)
-        values = self.robust.judged(self.spread)
-        return tuple(zip(self.spread.robots(values), self.spread.shifts(values), strict=True))
+        if self.robust is None or self.robust.objective == "nominal":
+            return ((np.array(self.robot.nominal), np.zeros((self.design.runs, len(self.robot.states)))),)
+        return self.robust.judged(self.uncertain_system).each
 
     def together(self, values: Sequence[float | Array]) -> Array:
         """The objective (...,) from the criterion's values (...,) for each of these robots."""
@@ -284,11 +276,8 @@ class Problem:
     @property
     def _subject(self) -> Subject:
         found = self.any_estimations
-        known = {parameter.name for parameter in self.robot.parameters}
-        plain = all(name in known for one in found for name in one.judged)
-        plain = plain or not self.model.coefficient_names
         return Subject(
-            robot=self.robot if plain else CoefficientRobot(base=self.model),
+            robot=self.robot.estimating([name for one in found for name in one.judged]),
             integration=self.design.integration,
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),
@@ -328,10 +317,8 @@ def _flaws(problem: Problem) -> list[Flaw]:
     flaws += _unbounded(problem)
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
-    if problem.uncertainty is not None and not flaws:
-        flaws += problem.uncertainty.flaws(problem.model, problem.robot)
     # Blocks exist only for a measurement that fits the robot.
-    return flaws or _estimation_flaws(problem) or _robust_flaws(problem)
+    return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
 
 
 def _unbounded(problem: Problem) -> list[Flaw]:
@@ -374,27 +361,9 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
     return [Flaw(("estimate",), f"expected some of the robot's {choices}, got {', '.join(wanted)}")]
 
 
-def _robust_flaws(problem: Problem) -> list[Flaw]:
-    robust, spread = problem.robust, problem.spread
-    if robust is None and problem.uncertainty is None:
-        return []
-    if spread is None:
-        text = (
-            "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
-        )
-        return [Flaw(("robust",), text)]
-    impossible = spread.impossible()
-    if impossible:
-        return [Flaw(("uncertainty" if problem.uncertainty is not None else "prior",), impossible)]
-    if robust is None:
-        return []
-    if robust.objective != "nominal" and spread.robot != problem.robot:
-        text = "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
-        return [Flaw(("robust", "objective"), text)]
-    if any(len(values) != len(spread.names) for values in robust.kept):
-        text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
-        return [Flaw(("robust", "kept"), text)]
-    return []
+def _uncertainty_flaws(problem: Problem) -> list[Flaw]:
+    flaws = problem.uncertainty.flaws(problem.uncertain_system) if problem.uncertainty is not None else []
+    return flaws or (problem.robust.flaws(problem.uncertain_system) if problem.robust is not None else [])
 
 
 def _estimation_flaws(problem: Problem) -> list[Flaw]:

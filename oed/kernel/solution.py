@@ -10,8 +10,8 @@ from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
-from oed.uncertainty.departures import Leaving
-from oed.uncertainty.robust import Robust
+from oed.kernel.tightening import Tightening
+from oed.kernel.violation import Leaving
 
 
 class Status(Enum):
@@ -101,8 +101,8 @@ class Solution:
         history: the best objective so far, re-scored, each time it rose, and at the end.
         criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
             and `history` are in its numbers then.
-        leaving: how often robots of the problem's uncertainty leave the limits on this drive.
-        robust: what was kept in reserve in the end; None where the problem is not robust.
+        leaving: how often robots of the problem's uncertainty violate the limits on this drive.
+        robust: how limits were tightened in the end; None where the problem is not robust.
     """
 
     name: str
@@ -118,7 +118,7 @@ class Solution:
     history: tuple[HistoryPoint, ...] = ()
     criterion: str | None = None
     leaving: Leaving | None = None
-    robust: Robust | None = None
+    robust: Tightening | None = None
 
     @property
     def message(self) -> str:

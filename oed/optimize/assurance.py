@@ -1,4 +1,4 @@
-"""A search for a robust drive: simulated with many robots, more careful until enough keep the limits."""
+"""A search for a robust drive: simulated with many robots, limits tightened until enough keep them."""
 
 from __future__ import annotations
 
@@ -7,77 +7,75 @@ from dataclasses import replace
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
+from oed.kernel.violation import Leaving
 from oed.optimize.solver import Context, Solver
-from oed.uncertainty.departures import Leaving, leaving
+from oed.uncertainty.departures import leaving
 from oed.uncertainty.robust import Robust
 
 ROUNDS = 12
-"""Searches, each more careful than the last, before giving up."""
+"""Searches, each with tighter limits than the last, before giving up."""
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
 FINAL = 0
-"""Stream of the draws that decide and are reported: no drive was made more careful with them."""
+"""Stream of the verification samples, which are reported: limits were not tightened by them."""
 UNTRIED = "It was not tried with other robots."
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
     """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks."""
-    return (
-        options.search(problem, context)
-        if problem.robust is None
-        else _Assured(problem, context).run(options)
-    )
+    robust = problem.robust
+    if not isinstance(robust, Robust):
+        return options.search(problem, context)
+    return _Assured(problem, robust, context).run(options)
 
 
 class _Assured:
-    def __init__(self, problem: Problem, context: Context) -> None:
-        assert problem.robust is not None
-        self.problem, self.context = problem, context
-        self.robust: Robust = problem.robust
+    def __init__(self, problem: Problem, robust: Robust, context: Context) -> None:
+        self.problem, self.robust, self.context = problem, robust, context
         self.solutions: list[Solution] = []
 
     def run(self, options: Solver) -> Solution:
-        careful, quick, context = self.robust, options, self.context
+        tightened, quick, context = self.robust, options, self.context
         last: Leaving | None = None
         for _ in range(ROUNDS):
-            solution = self._searched(quick, careful, context)
+            solution = self._searched(quick, tightened, context)
             if solution.trajectory is None:
                 return self._without_design(solution, last)
             if solution.status is Status.INTERRUPTED or solution.leaving is None:
-                return self._told(solution)
+                return self._summed(solution)
             seen = solution.leaving
             if self._enough(solution):
                 solution = self._tried(solution, FINAL)
                 if solution.status is Status.INTERRUPTED:
-                    return self._told(solution)
+                    return self._summed(solution)
                 if self._enough(solution):
-                    return self._searched_well(options, solution, careful)
-            # Of the draws that decide nothing is learned but that they were not enough.
+                    return self._searched_well(options, solution, tightened)
+            # Of the verification samples nothing is learned but that they were not enough.
             last = solution.leaving
-            careful, quick = careful.safer(seen.worst), options.again()
+            tightened, quick = tightened.tighter(seen.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
 
-    def _searched_well(self, options: Solver, solution: Solution, careful: Robust) -> Solution:
-        # How careful to be was found with quick searches: now a whole one, from the best of them.
+    def _searched_well(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
+        # How tight limits have to be was found with quick searches: now a whole one, from the best of them.
         if len(self.solutions) == 1:
-            return self._told(solution)
-        again = self._searched(options.again(quick=False), careful, self._knowing(solution))
+            return self._summed(solution)
+        again = self._searched(options.again(quick=False), tightened, self._knowing(solution))
         if self._enough(again) and _objective(again) > _objective(solution):
             again = self._tried(again, FINAL)
             solution = again if self._enough(again) else solution
         if again.status is Status.INTERRUPTED:
             solution = replace(solution, status=Status.INTERRUPTED)
-        return self._told(solution)
+        return self._summed(solution)
 
-    def _searched(self, options: Solver, careful: Robust, context: Context) -> Solution:
-        solution = options.search(replace(self.problem, robust=careful), context)
+    def _searched(self, options: Solver, tightened: Robust, context: Context) -> Solution:
+        solution = options.search(replace(self.problem, robust=tightened), context)
         self.solutions.append(solution)
         if solution.trajectory is None:
             return solution
-        # Scored by the problem as it was given, whatever more was kept in reserve.
-        scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=careful)
+        # Scored by the problem as it was given, however limits were tightened.
+        scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=tightened)
         # With draws of its own each time, lest the drive suit the draws that it is judged by.
         return self._tried(scored, FINAL + len(self.solutions))
 
@@ -110,9 +108,9 @@ class _Assured:
             )
             detail = f"{told} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()
-        return self._told(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
+        return self._summed(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
 
-    def _told(self, solution: Solution) -> Solution:
+    def _summed(self, solution: Solution) -> Solution:
         return replace(
             solution,
             starts=tuple(start for one in self.solutions for start in one.starts),

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 from oed.foundation.lazy import loader
 
 if TYPE_CHECKING:
-    from oed.uncertainty.departures import Leaving as Leaving
     from oed.uncertainty.departures import leaving as leaving
     from oed.uncertainty.robust import Robust as Robust
     from oed.uncertainty.uncertainty import Uncertainty as Uncertainty
 
 _HOMES = {
-    "oed.uncertainty.departures": ("Leaving", "leaving"),
+    "oed.uncertainty.departures": ("leaving",),
     "oed.uncertainty.robust": ("Robust",),
     "oed.uncertainty.uncertainty": ("Uncertainty",),
 }

@@ -1,4 +1,4 @@
-"""How likely a robot with uncertain parameters is to leave the limits of a drive: many robots, simulated."""
+"""How likely a robot with uncertain parameters is to violate limits on a drive: many robots, simulated."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
+from oed.kernel.violation import Leaving
+from oed.uncertainty.uncertainty import given_spread
 
 Array = npt.NDArray[np.float64]
 
@@ -26,46 +28,10 @@ LEVEL = 0.95
 BATCH = 500
 """Robots simulated in one call."""
 WORST = 4
-"""Robots that leave farthest, kept."""
+"""Robots whose violations are largest, kept."""
 DECIDED = 0.999
 """Share of the tolerance that nobody needs to know the excess below of."""
 Bools = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Leaving:
-    """How often robots leave the limits that the nominal robot keeps.
-
-    Attributes:
-        probability: share of the draws that exceed a limit on the path at any time.
-        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
-        draws, seed: of the simulation.
-        by_limit: share of the draws that exceed each limit.
-        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite
-            where a drive is not a number somewhere.
-        worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
-        checked_at_points: limits that draws were checked against at some points only: more may exceed them.
-    """
-
-    probability: float
-    interval: tuple[float, float]
-    draws: int
-    seed: int
-    by_limit: dict[str, float]
-    farthest: float
-    worst: Array
-    checked_at_points: tuple[str, ...] = ()
-
-    @property
-    def sentence(self) -> str:
-        """The probability in words."""
-        share = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
-        points = ", ".join(self.checked_at_points)
-        return f"{share} Checked at points only: {points}; between them more may leave." if points else share
-
-    def surely_below(self, probability: float) -> bool:
-        """Whether the whole interval lies below a probability."""
-        return self.interval[1] <= probability
 
 
 @dataclass(frozen=True)
@@ -96,21 +62,18 @@ def leaving(
     Raises:
         ValueError: the problem says nothing of what is uncertain.
     """
-    spread = problem.spread
-    if spread is None:
-        raise ValueError("the problem has neither an uncertainty nor a prior")
-    limits = path_limits(problem)
+    spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
     values = spread.draws(draws, seed, stream)
     if not limits:
         return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
     excess, certain = _excess(problem, trajectory, values)
     beyond = excess > TOLERANCE
-    any_left = beyond.any(axis=1)
+    any_violated = beyond.any(axis=1)
     farthest = excess.max(axis=1)
-    order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_left.sum()))]
+    order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_violated.sum()))]
     return Leaving(
-        probability=float(any_left.mean()),
-        interval=_interval(int(any_left.sum()), draws),
+        probability=float(any_violated.mean()),
+        interval=_interval(int(any_violated.sum()), draws),
         draws=draws,
         seed=seed,
         by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
@@ -120,8 +83,8 @@ def leaving(
     )
 
 
-def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
-    """Whether robots of uncertain quantities `values` (K, q) leave any limit, (K,)."""
+def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
+    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,)."""
     if not path_limits(problem):
         return np.zeros(len(values), dtype=bool)
     excess, _ = _excess(problem, trajectory, values)
@@ -130,8 +93,7 @@ def left(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
     """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q)."""
-    spread = problem.spread
-    assert spread is not None
+    spread = given_spread(problem.uncertain_system)
     function = _poses(problem, trajectory.samples, trajectory.runs)
     starts = trajectory.starts + spread.shifts(values)
     return np.array(
@@ -143,7 +105,7 @@ def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
 
 
 def path_limits(problem: Problem) -> list[PathLimit]:
-    """The limits that a robot with other parameters may leave."""
+    """The limits that a robot with other parameters may violate."""
     return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
 
 
@@ -151,8 +113,7 @@ def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> tuple[Ar
     # By how much each draw exceeds each limit, as a share of its size, (K, limits), and of which limits that
     # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
     # and of the worst ones.
-    spread, limits = problem.spread, path_limits(problem)
-    assert spread is not None
+    spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
     robots = _Robots(trajectory, spread.robots(values), trajectory.starts + spread.shifts(values))
     excess, further = _at_points(problem, tuple(limits), robots)
     undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
@@ -171,8 +132,7 @@ def _between(
     problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
 ) -> tuple[Array, bool]:
     # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
-    assert problem.spread is not None
-    model, rule = problem.spread.robot, problem.design.integration
+    model, rule = given_spread(problem.uncertain_system).robot, problem.design.integration
     try:
         if limit.looks_at != "state":
             raise NotEnclosed
@@ -204,8 +164,7 @@ def _at_points(
 
 
 def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
-    assert problem.spread is not None
-    model = problem.spread.robot
+    model = given_spread(problem.uncertain_system).robot
     return [
         ca.MX.sym("inputs", samples, len(model.inputs)),
         ca.MX.sym("period"),
@@ -216,9 +175,8 @@ def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
 
 def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int = 1) -> Drive:
     inputs, period, parameters, start = symbols
-    assert problem.spread is not None
     return roll_out(
-        problem.spread.robot,
+        given_spread(problem.uncertain_system).robot,
         problem.design.integration,
         inputs=inputs,
         start=start,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Annotated, Any, Literal
 
@@ -11,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.measurement.prior import Prior
-from oed.robots.coefficient_robot import CoefficientRobot
+from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ CORNERS = 4
 Amount = float | str
 
 
-class Uncertainty(Component):
+class Uncertainty(Uncertain):
     """How far the robot may be from its nominal parameters, and from its start pose.
 
     It says what a drive has to survive; unlike a prior it adds no information.
@@ -53,9 +53,16 @@ class Uncertainty(Component):
         own = {key: amount for key, amount in value.items() if key != "distribution"}
         return {"within": own, **{key: value[key] for key in ("distribution",) if key in value}}
 
-    def flaws(self, model: Model, robot: Model) -> list[Flaw]:
-        """Names that the robot does not have; amounts that are no ranges around the nominal value."""
-        base = _base(tuple(self.within), model, robot)
+    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+        """Names that the robot does not have; amounts that are no ranges around the nominal value, or of
+        robots that cannot be.
+        """
+        flaws = self._own_flaws(_base(tuple(self.within), system))
+        spread = None if flaws else spread_of(system)
+        text = "" if spread is None else impossible(spread, system)
+        return [*flaws, Flaw(("uncertainty",), text)] if text else flaws
+
+    def _own_flaws(self, base: Model) -> list[Flaw]:
         units = _units(base)
         flaws = []
         for given in self.within:
@@ -190,19 +197,9 @@ class Spread:
         table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
         return table
 
-    def impossible(self) -> str:
-        """Which robot within three standard deviations, or the ranges, cannot be; "" where all can."""
-        if isinstance(self.robot, CoefficientRobot):
-            return ""
-        names = self.names[: self.parameters]
-        for row in np.vstack([self.ends(LIKELY), self.extremes(LIKELY), self.moments()]):
-            values = {name: float(value) for name, value in zip(names, row, strict=False)}
-            try:
-                self.robot.with_values(values)
-            except ValueError:
-                text = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-                return f"a robot of {text} cannot be: narrow the ranges"
-        return ""
+    def scenarios(self, values: Array) -> Scenarios:
+        """The robot with values (K, q)."""
+        return Scenarios(self.robot, self.robots(values), self.shifts(values))
 
     def shifts(self, values: Array) -> Array:
         """What start states are off by (K, runs, states) for values (K, q)."""
@@ -237,14 +234,16 @@ class Spread:
         return slopes
 
 
-def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model, runs: int) -> Spread | None:
+@lru_cache(maxsize=32)
+def spread_of(system: UncertainSystem) -> Spread | None:
     """The quantities that an uncertainty names, and those that only a prior says something about.
 
-    `robot` is the problem's, which may be seen through its coefficients. None where nothing is said of it.
+    None where nothing is said of it.
     """
-    model = robot.base if isinstance(robot, CoefficientRobot) else robot
+    said, prior, runs = system.uncertainty, system.prior, system.runs
+    uncertainty = said if isinstance(said, Uncertainty) else None
     given = tuple(uncertainty.within) if uncertainty is not None else ()
-    base = _base((*given, *(prior.names if prior is not None else ())), model, robot)
+    base = _base((*given, *(prior.names if prior is not None else ())), system)
     units, nominal = _units(base), _nominal(base)
     ranges = uncertainty.ranges(base) if uncertainty is not None else {}
     named = tuple(ranges)
@@ -278,6 +277,35 @@ def spread_of(uncertainty: Uncertainty | None, prior: Prior | None, robot: Model
     )
 
 
+def given_spread(system: UncertainSystem) -> Spread:
+    """The quantities of which something is said.
+
+    Raises:
+        ValueError: nothing is said of any.
+    """
+    spread = spread_of(system)
+    if spread is None:
+        raise ValueError("the problem has neither an uncertainty nor a prior")
+    return spread
+
+
+def impossible(spread: Spread, system: UncertainSystem) -> str:
+    """Which robot within three standard deviations, or the ranges, cannot be; "" where all can, as those of
+    any coefficients.
+    """
+    if spread.robot != system.model:
+        return ""
+    names = spread.names[: spread.parameters]
+    for row in np.vstack([spread.ends(LIKELY), spread.extremes(LIKELY), spread.moments()]):
+        values = {name: float(value) for name, value in zip(names, row, strict=False)}
+        try:
+            spread.robot.with_values(values)
+        except ValueError:
+            text = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+            return f"a robot of {text} cannot be: narrow the ranges"
+    return ""
+
+
 def _start_name(name: str, run: int) -> str:
     return name if run == 0 else f"{name}, run {run + 1}"
 
@@ -294,11 +322,11 @@ def _of_prior(prior: Prior | None, base: Model, besides: Sequence[str]) -> tuple
     return [names[index] for index in kept], np.asarray(whole[np.ix_(kept, kept)])
 
 
-def _base(names: Sequence[str], model: Model, robot: Model) -> Model:
-    # The robot's own parameters, unless only its coefficients have these names.
-    own = {parameter.name for parameter in model.parameters} | set(START)
-    coefficients = {parameter.name for parameter in robot.parameters} | set(START)
-    return robot if not set(names) <= own and set(names) <= coefficients else model
+def _base(names: Sequence[str], system: UncertainSystem) -> Model:
+    # The robot's own parameters, unless only those to estimate have these names.
+    own = {parameter.name for parameter in system.model.parameters} | set(START)
+    estimated = {parameter.name for parameter in system.robot.parameters} | set(START)
+    return system.robot if not set(names) <= own and set(names) <= estimated else system.model
 
 
 def _units(base: Model) -> Mapping[str, str]:

@@ -149,7 +149,7 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     logs = read_logs(files, study.log, study.problem.model)
     record = _record_of(study, designs)
     robust = study.problem.robust
-    # What was driven needs nothing in reserve; and its objective is that of one robot.
+    # What was driven needs no tightened limits; and its objective is that of one robot.
     record = record if robust is None or robust.objective == "nominal" else None
     study = replace(study, problem=replace(study.problem, robust=None))
     known, proved = _known(record)

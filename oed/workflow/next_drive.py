@@ -19,6 +19,7 @@ from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import recorded_study, refuse_outside
 from oed.study.study import Study, parse_study
+from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
 from oed.workflow.saving import RunFolder, outdated, run_folder
@@ -208,7 +209,7 @@ def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> 
     # What the logs told is uncertain no longer as the study said, but as the prior now says.
     said = study.problem.uncertainty
     data.pop("uncertainty", None)
-    left = None if said is None else said.without(values, study.problem.model)
+    left = said.without(values, study.problem.model) if isinstance(said, Uncertainty) else None
     if left is not None:
         data["uncertainty"] = left.model_dump(mode="json")
     if data.get("robust"):

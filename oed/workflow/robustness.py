@@ -1,4 +1,4 @@
-"""What a robust study's record says: how many robots leave the limits on each drive, and at what cost."""
+"""What a robust study's record says: how many robots violate the limits on each drive, and at what cost."""
 
 from __future__ import annotations
 
@@ -14,29 +14,31 @@ from oed.kernel.solution import Solution
 from oed.optimize import Progress, Workers, solve
 from oed.records.record import NOMINAL, finite, rounded
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving, left, path_limits, paths
+from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import spread_of
 
-UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
+PLAIN = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
 """Points of each such path."""
 BUNDLE_STREAM = 1000
-"""Of draws: the robots drawn are not those that a search was made careful with."""
+"""Of draws: the robots drawn are not those that limits were tightened by."""
 
 
 def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress: Progress) -> list[Solution]:
-    """What the study's first search finds with nothing in reserve, scored by the study's problem.
+    """What the study's first search finds without tightened limits, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.
     """
     problem, robust = study.problem, study.problem.robust
-    if robust is None or not robust.compare or not study.solvers:
+    if not isinstance(robust, Robust) or not robust.compare or not study.solvers:
         return []
     options = study.solvers[0].model_copy(update={"name": NOMINAL})
     plain = replace(problem, robust=None)
     found = solve(plain, options, seed=seed, workers=workers, progress=progress)
-    detail = f"{found.detail} {UNRESERVED}".strip()
+    detail = f"{found.detail} {PLAIN}".strip()
     return [replace(found, evaluation=_scored(problem, found), detail=detail)]
 
 
@@ -47,7 +49,7 @@ def _scored(problem: Problem, solution: Solution) -> Any:
 def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
     """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
     problem, robust = study.problem, study.problem.robust
-    if robust is None:
+    if not isinstance(robust, Robust):
         return list(solutions)
     progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
     told = []
@@ -61,12 +63,12 @@ def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Prog
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
-    """Those that few enough robots leave, as far as that was tried; all if the study is not robust.
+    """Those with few enough violations, as far as that was tried; all if the study is not robust.
 
-    The search with nothing in reserve is for comparison only, whatever it has found.
+    The search without tightened limits is for comparison only, whatever it has found.
     """
     robust = study.problem.robust
-    if robust is None:
+    if not isinstance(robust, Robust):
         return list(solutions)
     allowed = 1 - robust.confidence
     return [
@@ -79,8 +81,8 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
 def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[str, Any] | None:
     """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
     problem, robust = study.problem, study.problem.robust
-    spread = problem.spread
-    if robust is None or spread is None:
+    spread = spread_of(problem.uncertain_system)
+    if not isinstance(robust, Robust) or spread is None:
         return None
     drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
     return {
@@ -108,12 +110,12 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[s
             )
         ],
         "results": [_entry(solution) for solution in drives],
-        "bundles": _bundles(problem, drives, seed),
+        "bundles": _bundles(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
     }
 
 
 def _entry(solution: Solution) -> dict[str, Any]:
-    evaluation, found = solution.evaluation, solution.leaving
+    evaluation, found, robust = solution.evaluation, solution.leaving, solution.robust
     assert evaluation is not None
     assert found is not None
     return {
@@ -126,15 +128,13 @@ def _entry(solution: Solution) -> dict[str, Any]:
         "farthest": finite(found.farthest),
         "checked_at_points": list(found.checked_at_points),
         "objective": finite(evaluation.objective),
-        "reserve": None if solution.robust is None else solution.robust.reach,
-        "kept": None if solution.robust is None else len(solution.robust.kept),
+        "reserve": robust.reach if isinstance(robust, Robust) else None,
+        "kept": len(robust.kept) if isinstance(robust, Robust) else None,
     }
 
 
-def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[dict[str, Any]]:
-    # Of the searches' own drives only: where robots with other parameters go.
-    assert problem.spread is not None
-    values = problem.spread.draws(BUNDLE, seed, BUNDLE_STREAM)
+def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[dict[str, Any]]:
+    # Of the searches' own drives only: where robots of uncertain quantities `values` (K, q) go.
     bundles = []
     for solution in drives:
         if solution.robust is None and solution.name != NOMINAL:
@@ -143,7 +143,7 @@ def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[di
         poses = paths(problem, solution.trajectory, values)
         each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
-        leave = left(problem, solution.trajectory, values)
-        bundle = {"leaves": leave.tolist(), "paths": rounded(each[:, :, chosen], 4)}
+        beyond = violated(problem, solution.trajectory, values)
+        bundle = {"leaves": beyond.tolist(), "paths": rounded(each[:, :, chosen], 4)}
         bundles.append({"name": solution.name, **bundle})
     return bundles

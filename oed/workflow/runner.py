@@ -180,10 +180,10 @@ def search(
             return list(done.values()), True
     try:
         with interrupts_named():
-            unreserved = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
+            plain = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
     except KeyboardInterrupt:
         return list(done.values()), True
-    return [*done.values(), *unreserved], False
+    return [*done.values(), *plain], False
 
 
 def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:

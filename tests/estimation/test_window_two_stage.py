@@ -25,7 +25,7 @@ from oed.estimation.methods.joint import Fit, Knowledge
 from oed.estimation.prediction.seen import Seen, seen_robot
 from oed.estimation.setup.noise import Noise
 from oed.foundation.errors import ProblemError
-from oed.robots.coefficient_robot import CoefficientRobot, coefficient_values
+from oed.robots.models.model import CoefficientRobot, coefficient_values
 
 TRUE = truth_of(ROBOT, **TRUTH)
 COEFFICIENTS = CoefficientRobot(base=ROBOT)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 import oed.study.study
 from oed.foundation.component import Component
 from oed.foundation.errors import StudyError
-from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.models.model import CoefficientRobot
 from oed.study.study import parse_study
 
 STUDY = """

@@ -11,7 +11,7 @@ import pytest
 from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs
 
 from oed.kernel.dynamics.rollout import FINE, Drive, drive_shape, roll_out
-from oed.robots.coefficient_robot import CoefficientRobot
+from oed.robots.models.model import CoefficientRobot
 
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
 FIELDS = ("effective_inputs", "twist", "gain", "direction", "poses", "path")

@@ -21,8 +21,8 @@ from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
-from oed.uncertainty.departures import leaving, left
-from oed.uncertainty.robust import ADDED, SAFER, Robust
+from oed.uncertainty.departures import leaving, violated
+from oed.uncertainty.robust import ADDED, TIGHTER, Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
 RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
@@ -44,7 +44,7 @@ def problem_of(robust: Robust | None, within: Any = RADII, **parts: Any) -> Prob
     return make_problem(**{**given, **parts})
 
 
-def careful(**options: Any) -> Robust:
+def tightened(**options: Any) -> Robust:
     return Robust(**{"draws": DRAWS, "confidence": CONFIDENCE, "beta": BETA, **options})
 
 
@@ -87,7 +87,7 @@ def enough(problem: Problem, solution: Solution) -> bool:
 
 @pytest.fixture(scope="module")
 def raised() -> tuple[Problem, Solution, list[tuple[Problem, Context]]]:
-    problem = problem_of(careful())
+    problem = problem_of(tightened())
     Larger.asked.clear()
     solution = solve(problem, Larger(name="mine"), seed=3, workers=1)
     return problem, solution, list(Larger.asked)
@@ -95,10 +95,10 @@ def raised() -> tuple[Problem, Solution, list[tuple[Problem, Context]]]:
 
 @pytest.mark.slow
 class TestRaised:
-    def test_too_small_a_reserve_is_raised(self, raised):
+    def test_too_small_a_back_off_is_raised(self, raised):
         problem, solution, asked = raised
-        # The last one is a whole search with the reserve that was found to be enough.
-        expected = BETA * SAFER ** np.append(np.arange(len(asked) - 1), len(asked) - 2)
+        # The last one is a whole search with the back-off that was found to be enough.
+        expected = BETA * TIGHTER ** np.append(np.arange(len(asked) - 1), len(asked) - 2)
         assert len(asked) > 2
         assert enough(problem, solution)
         assert [one.robust.reach for one, _ in asked] == pytest.approx(expected)
@@ -124,7 +124,7 @@ class TestRaised:
         assert solution.evaluation.feasible
         assert solution.wall_seconds == len(asked)
 
-    def test_what_decides_are_draws_that_no_search_was_made_careful_with(self, raised):
+    def test_what_decides_are_draws_that_no_search_was_tightened_by(self, raised):
         problem, solution, _ = raised
         told = leaving(problem, solution.trajectory, draws=DRAWS, seed=3, stream=FINAL)
         assert (solution.leaving.seed, solution.leaving.farthest) == (3, told.farthest)
@@ -141,24 +141,24 @@ class TestRaised:
     @pytest.mark.parametrize("kind", ["tube", pytest.param("scenarios", marks=pytest.mark.slow)])
     def test_the_worst_robots_are_added(self, kind: str):
         normal = {**RADII, "distribution": "normal"}
-        problem = problem_of(careful(kind=kind), normal)
+        problem = problem_of(tightened(kind=kind), normal)
         solution = solve(problem, Larger(), seed=3, workers=1)
         kept = solution.robust.kept
         assert len(Larger.asked) > 1
         assert 0 < len(kept) <= ADDED * (len(Larger.asked) - 2)
         assert enough(problem, solution)
-        assert not left(problem, solution.trajectory, np.array(kept)).any()
+        assert not violated(problem, solution.trajectory, np.array(kept)).any()
         assert solution.robust.reach == pytest.approx(BETA)
 
     def test_enough_at_once_is_enough(self):
-        problem = problem_of(careful(beta=4.0))
+        problem = problem_of(tightened(beta=4.0))
         solution = solve(problem, Larger(), workers=1)
         assert len(Larger.asked) == 1
         assert solution.robust == problem.robust
 
     @pytest.mark.slow
     def test_a_search_by_another_criterion_is_made_sure_of_too(self):
-        problem = problem_of(careful())
+        problem = problem_of(tightened())
         solution = solve(problem, Larger(criterion=D(scaling="relative")), seed=3, workers=1)
         assert enough(problem, solution)
         assert solution.criterion == "D"
@@ -173,7 +173,7 @@ class TestRaised:
 @pytest.mark.slow
 class TestGivenUp:
     def test_after_so_many_searches(self):
-        solution = solve(problem_of(careful()), Larger(stubborn=True), workers=1)
+        solution = solve(problem_of(tightened()), Larger(stubborn=True), workers=1)
         assert len(Larger.asked) == ROUNDS
         assert solution.status is Status.FAILED
         assert (solution.trajectory, solution.evaluation) == (None, None)
@@ -182,7 +182,7 @@ class TestGivenUp:
         assert NARROWER in solution.message
 
     def test_where_nothing_is_found_it_is_said_what_to_do(self):
-        solution = solve(problem_of(careful()), Larger(finds=False), workers=1)
+        solution = solve(problem_of(tightened()), Larger(finds=False), workers=1)
         assert len(Larger.asked) == 1
         assert solution.trajectory is None
         assert "robots left" not in solution.message
@@ -191,7 +191,7 @@ class TestGivenUp:
     @pytest.mark.slow
     def test_a_room_too_small_is_named(self):
         tiny = Rectangle(x=(-0.01, 0.01), y=(-0.01, 0.01))
-        problem = problem_of(careful(beta=None), {"x": "3 cm"}, limits=(SPEED, ACCELERATION, tiny))
+        problem = problem_of(tightened(beta=None), {"x": "3 cm"}, limits=(SPEED, ACCELERATION, tiny))
         solution = solve(problem, QUICK, workers=1)
         assert solution.status is Status.INFEASIBLE
         assert solution.trajectory is None
@@ -202,7 +202,7 @@ class TestGivenUp:
 @pytest.mark.slow
 class TestInterrupted:
     def test_the_best_so_far_is_told_with_how_many_leave(self):
-        solution = solve(problem_of(careful()), Larger(status=Status.INTERRUPTED), workers=1)
+        solution = solve(problem_of(tightened()), Larger(status=Status.INTERRUPTED), workers=1)
         assert len(Larger.asked) == 1
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is not None
@@ -219,7 +219,7 @@ class TestInterrupted:
             return replace(found, status=Status.INTERRUPTED) if last else found
 
         monkeypatch.setattr(Larger, "search", strike)
-        solution = solve(problem_of(careful(beta=beta)), Larger(), seed=3, workers=1)
+        solution = solve(problem_of(tightened(beta=beta)), Larger(), seed=3, workers=1)
         reached = len(Larger.asked) == number
         assert len(Larger.asked) <= number
         assert (solution.status is Status.INTERRUPTED) == reached
@@ -230,7 +230,7 @@ class TestInterrupted:
             raise KeyboardInterrupt
 
         monkeypatch.setattr("oed.optimize.assurance.leaving", strike)
-        solution = solve(problem_of(careful()), Larger(), workers=1)
+        solution = solve(problem_of(tightened()), Larger(), workers=1)
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is not None
         assert UNTRIED in solution.message
@@ -238,7 +238,7 @@ class TestInterrupted:
 
 @cache
 def designed(workers: int = 1, **options: Any) -> tuple[Problem, Solution]:
-    problem = problem_of(careful(**{"beta": None, **options}))
+    problem = problem_of(tightened(**{"beta": None, **options}))
     return problem, solve(problem, QUICK, seed=1, workers=workers)
 
 
@@ -254,7 +254,7 @@ class TestSearches:
 
     def test_of_coefficients_too(self):
         # The matrix c is estimated, and the robot's own parameters are uncertain.
-        problem = problem_of(careful(beta=None), estimate=("c11", "c12", "c21", "c22"))
+        problem = problem_of(tightened(beta=None), estimate=("c11", "c12", "c21", "c22"))
         solution = solve(problem, QUICK, seed=1, workers=1)
         assert enough(problem, solution)
         assert solution.evaluation.parameters == {"joint": ("c11", "c12", "c21", "c22")}
@@ -274,7 +274,7 @@ class TestSearches:
 
     def test_the_worst_case_of_the_worst_cases_design_is_best(self):
         problem, plain = designed()
-        judged = replace(problem, robust=careful(beta=None, objective="worst"))
+        judged = replace(problem, robust=tightened(beta=None, objective="worst"))
         options = QUICK.model_copy(update={"start_from": "ipopt"})
         cautious = solve(judged, options, seed=1, workers=1, earlier={"ipopt": plain})
         before = evaluate(judged, plain.trajectory).objective
@@ -282,14 +282,14 @@ class TestSearches:
 
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("oed.optimize.ipopt.POOL_SECONDS", 0.0)
-        problem = problem_of(careful(beta=2.0))
+        problem = problem_of(tightened(beta=2.0))
         one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
         assert one.leaving.probability == two.leaving.probability
         assert one.robust == two.robust
 
     def test_genetic_searches_are_made_sure_of_too(self):
-        problem = problem_of(careful())
+        problem = problem_of(tightened())
         solution = solve(problem, Genetic(population=30, generations=15), seed=1, workers=1)
         assert enough(problem, solution)
         assert solution.evaluation.feasible

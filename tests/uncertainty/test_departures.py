@@ -20,12 +20,13 @@ from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
+from oed.kernel.violation import Leaving
 from oed.robots.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Input, Model, Parameter
 from oed.robots.sensors import Poses
-from oed.uncertainty.departures import Leaving, leaving, left, path_limits, paths
-from oed.uncertainty.uncertainty import Uncertainty
+from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.uncertainty import Uncertainty, spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "5 %", "track": "5 %"}
@@ -90,11 +91,15 @@ def trailing() -> tuple[Problem, Trajectory]:
 
 def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
     """The problem of a robot with other values of what is uncertain, and the drive from where that begins."""
-    spread = problem.spread
+    spread = spread_of(problem.uncertain_system)
     own = dict(zip(spread.names[: spread.parameters], map(float, values), strict=False))
     starts = drive.starts + spread.shifts(values[None])[0]
     begun = replace(drive, start=starts if drive.runs > 1 else starts[0])
     return replace(problem, model=problem.model.with_values(own), uncertainty=None), begun
+
+
+def draws_of(problem: Problem, count: int, seed: int) -> np.ndarray:
+    return spread_of(problem.uncertain_system).draws(count, seed)
 
 
 def excesses(problem: Problem, drive: Trajectory, values: np.ndarray) -> np.ndarray:
@@ -123,7 +128,12 @@ def counted(name: str) -> tuple[Problem, Trajectory, Leaving, np.ndarray]:
     problem, drive = CASES[name]()
     count = FEW if name == "box" else COUNT
     found = leaving(problem, drive, draws=count, seed=0)
-    return problem, drive, found, excesses(problem, drive, problem.spread.draws(count, 0))
+    return (
+        problem,
+        drive,
+        found,
+        excesses(problem, drive, draws_of(problem, count, 0)),
+    )
 
 
 every = pytest.mark.parametrize(
@@ -144,14 +154,14 @@ class TestCounts:
     @every
     def test_each_robot_is_told_apart(self, name: str):
         problem, drive, _, exact = counted(name)
-        values = problem.spread.draws(len(exact), 0)
-        np.testing.assert_array_equal(left(problem, drive, values), (exact > TOLERANCE).any(axis=1))
+        values = draws_of(problem, len(exact), 0)
+        np.testing.assert_array_equal(violated(problem, drive, values), (exact > TOLERANCE).any(axis=1))
 
     @every
     def test_the_worst_are_those_farthest_beyond(self, name: str):
         problem, drive, found, exact = counted(name)
         assert found.farthest == pytest.approx(exact.max(), abs=1e-6)
-        assert found.worst.shape == (4, len(problem.spread.names))
+        assert found.worst.shape == (4, len(spread_of(problem.uncertain_system).names))
         reached = excesses(problem, drive, found.worst).max(axis=1)
         # Beyond the samples' own order only as far as the path goes between two of them.
         assert reached.min() >= np.sort(exact.max(axis=1))[-8]
@@ -172,11 +182,11 @@ class TestCounts:
 
     def test_a_robot_may_leave_between_the_samples_alone(self):
         problem, drive = bulging()
-        values = problem.spread.draws(400, 5)
+        values = draws_of(problem, 400, 5)
         highest = paths(problem, drive, values)[:, :, 1].max(axis=1)
         room = next(limit for limit in problem.limits if limit.name == "workspace")
         beyond = highest > room.y[1] + TOLERANCE * (room.y[1] - room.y[0]) / 2
-        found = left(problem, drive, values)
+        found = violated(problem, drive, values)
         assert np.all(found[beyond])
         assert beyond.sum() + 5 < found.sum() < 380
 
@@ -198,7 +208,7 @@ class TestCounts:
         drive = random_drive(problem, 0)
         found = leaving(problem, drive, draws=200)
         assert (found.probability, found.by_limit, found.farthest) == (0.0, {}, 0.0)
-        assert not left(problem, drive, problem.spread.draws(5, 0)).any()
+        assert not violated(problem, drive, draws_of(problem, 5, 0)).any()
 
     def test_it_needs_something_uncertain(self):
         problem, drive = boxed()
@@ -237,7 +247,7 @@ class TestPaths:
     @pytest.mark.parametrize("name", ["box", pytest.param("two_runs", marks=pytest.mark.slow)])
     def test_they_are_those_of_the_robots(self, name: str):
         problem, drive, _, _ = counted(name)
-        values = problem.spread.draws(3, 9)
+        values = draws_of(problem, 3, 9)
         expected = [evaluate(*other(problem, drive, row)).poses for row in values]
         np.testing.assert_allclose(paths(problem, drive, values), expected, atol=1e-12)
 
@@ -251,7 +261,7 @@ def test_a_post_between_the_samples_counts():
     found = leaving(problem, drive, draws=200, seed=3)
     assert found.probability == 1
     assert found.by_limit == {"obstacles": 1.0}
-    assert left(problem, drive, np.array([[RADIUS, RADIUS]])).all()
+    assert violated(problem, drive, np.array([[RADIUS, RADIUS]])).all()
 
 
 class Root(Model):
@@ -294,9 +304,9 @@ def test_a_drive_that_is_not_a_number_anywhere_leaves():
     problem = problem_of(room, model=Root(), design=space, within={"gain": 0.5}, limits=(SPEED, room))
     inputs = np.column_stack([np.full(10, 0.3), np.linspace(0, 0.85, 10)])
     drive = Trajectory.from_samples(inputs, 10.0, (0, 0, 0), rest_to_rest=False)
-    broken = problem.spread.draws(200, 0)[:, 0] < 0.85**2
+    broken = draws_of(problem, 200, 0)[:, 0] < 0.85**2
     assert 10 < broken.sum() < 190
-    np.testing.assert_array_equal(left(problem, drive, problem.spread.draws(200, 0)), broken)
+    np.testing.assert_array_equal(violated(problem, drive, draws_of(problem, 200, 0)), broken)
     found = leaving(problem, drive, draws=200, seed=0)
     assert found.probability == found.by_limit["workspace"] == broken.mean()
     assert found.farthest == np.inf
@@ -317,7 +327,7 @@ def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved])
     assert found.probability == 1
     assert found.checked_at_points == ("curved",)
     assert "points only: curved" in found.sentence
-    assert left(problem, drive, problem.spread.draws(5, 0)).all()
+    assert violated(problem, drive, draws_of(problem, 5, 0)).all()
     assert found.farthest == pytest.approx(excesses(problem, drive, found.worst).max(), abs=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""What is kept in reserve: against paths of other robots, simulated and differentiated by NumPy alone."""
+"""Back-off: against paths of other robots, simulated and differentiated by NumPy alone."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from oed.robots.limits import Circle, Obstacles, Polygon, Rectangle, TrailerAngl
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Uncertainty
+from oed.uncertainty.uncertainty import Uncertainty, spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "3 %", "track": "4 %"}
@@ -178,8 +178,8 @@ def widths(case: Case, problem: Problem) -> np.ndarray:
     return np.array(own + poses * problem.design.runs)
 
 
-def reserved(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distances (k, G) of the nominal robot, and what is kept in reserve above and below."""
+def backed_off(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances (k, G) of the nominal robot, and their back-off above and below."""
     rolled = roll_out(
         problem.robot,
         problem.design.integration,
@@ -205,13 +205,13 @@ def reserved(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndarra
 
 @cache
 def compared(name: str, kind: str) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """The reserve kept and that of the oracle (k, G), the limit's size, and how many terms are rounded."""
+    """The back-off and that of the oracle (k, G), the limit's size, and how many terms are rounded."""
     case = CASES[name]
     problem, drive = made(case, Robust(kind=kind, beta=2.5))
     at, moves = slopes(case, problem, drive)
     sizes = widths(case, problem)
     exact = np.abs(moves) @ sizes if kind == "tube" else 2.5 * np.sqrt(moves**2 @ (sizes**2 / 3))
-    values, high, low = reserved(problem, drive)
+    values, high, low = backed_off(problem, drive)
     # Whatever the order of walls and obstacles; magnitudes are rounded at 0.
     order = [int(np.argmin(np.abs(at - row).max(axis=1))) for row in values]
     np.testing.assert_allclose(values, at[order], atol=1e-4)
@@ -223,7 +223,7 @@ def compared(name: str, kind: str) -> tuple[np.ndarray, np.ndarray, float, int]:
     return kept, exact[order], size, len(sizes) if kind == "tube" else 1
 
 
-class TestReserve:
+class TestBackOff:
     @pytest.mark.parametrize("kind", ["chance", pytest.param("tube", marks=pytest.mark.slow)])
     @pytest.mark.parametrize("name", CASES)
     def test_it_is_how_far_the_distance_moves(self, name: str, kind: str):
@@ -234,7 +234,7 @@ class TestReserve:
 
     def test_it_is_in_proportion_to_the_standard_deviations(self):
         case = CASES["circle"]
-        small, large = (reserved(*made(case, Robust(beta=beta)))[2] for beta in (2.0, 4.0))
+        small, large = (backed_off(*made(case, Robust(beta=beta)))[2] for beta in (2.0, 4.0))
         soft = ROUNDED * 3.0
         np.testing.assert_allclose(
             (large + soft) ** 2 - soft**2, 4 * ((small + soft) ** 2 - soft**2), rtol=1e-9
@@ -249,7 +249,7 @@ class TestReserve:
         known = replace(problem, uncertainty=None, prior=prior)
         _, moves = slopes(replace(CASES["rectangle"], within={RIGHT: "", LEFT: ""}), known, drive)
         exact = 2.0 * np.sqrt(np.einsum("kgi,ij,kgj->kg", moves, np.array(covariance), moves))
-        np.testing.assert_allclose(reserved(known, drive)[1], exact, atol=ROUNDED * 2 + 1e-6)
+        np.testing.assert_allclose(backed_off(known, drive)[1], exact, atol=ROUNDED * 2 + 1e-6)
 
     def test_nothing_is_kept_where_nothing_moves(self):
         kept, _, _, _ = compared("rectangle", "chance")
@@ -257,7 +257,7 @@ class TestReserve:
 
     def test_margins_are_smaller_by_it(self):
         problem, drive = made(CASES["circle"], Robust())
-        values, _, low = reserved(problem, drive)
+        values, _, low = backed_off(problem, drive)
         margin = next(one for one in evaluate(problem, drive).margins if one.name == "workspace")
         assert margin.margin == pytest.approx((values - low).min(), abs=1e-9)
 
@@ -278,7 +278,7 @@ class TestReserve:
 
 def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
     """The problem of a robot with other values of what is uncertain, and the drive from where that begins."""
-    spread = problem.spread
+    spread = spread_of(problem.uncertain_system)
     own = dict(zip(spread.names[: spread.parameters], map(float, values), strict=False))
     starts = drive.starts + spread.shifts(values[None])[0]
     begun = replace(drive, start=starts if drive.runs > 1 else starts[0])
@@ -295,7 +295,7 @@ class TestScenarios:
     @pytest.mark.parametrize("name", ["rectangle", "circle", "start", "two_runs"])
     def test_limits_are_kept_by_the_robots_at_the_corners(self, name: str):
         problem, drive = made(CASES[name], Robust(kind="scenarios"))
-        corners = problem.spread.extremes(1.0)
+        corners = spread_of(problem.uncertain_system).extremes(1.0)
         margins = [workspace_margin(*other(problem, drive, values)) for values in corners]
         margins.append(workspace_margin(replace(problem, robust=None), drive))
         assert workspace_margin(problem, drive) == pytest.approx(min(margins), abs=1e-9)
@@ -365,7 +365,7 @@ class TestNothingAsked:
         assert (one.objective, one.margins) == (two.objective, two.margins)
         np.testing.assert_array_equal(one.path, two.path)
 
-    def test_without_limits_on_the_path_nothing_is_in_reserve(self):
+    def test_without_limits_on_the_path_nothing_is_backed_off(self):
         problem = problem_of(Robust(), RADII)
         drive = random_drive(problem, 2, 7.0)
         assert evaluate(problem, drive).margins == evaluate(replace(problem, robust=None), drive).margins
@@ -373,24 +373,24 @@ class TestNothingAsked:
 
 class TestOptions:
     @pytest.mark.parametrize("confidence", [0.9, 0.99, 0.997])
-    def test_the_reserve_is_that_of_a_normal_distance(self, confidence: float):
+    def test_the_back_off_is_that_of_a_normal_distance(self, confidence: float):
         within = norm.cdf(Robust(confidence=confidence).reach) - norm.cdf(
             -Robust(confidence=confidence).reach
         )
         assert within == pytest.approx(confidence)
         assert Robust(confidence=confidence, beta=3.0).reach == 3.0
 
-    def test_safer_is_more_in_reserve(self):
+    def test_tighter_is_more_back_off(self):
         worst = np.arange(12.0).reshape(4, 3)
-        careful = Robust(confidence=0.9).safer(worst)
+        careful = Robust(confidence=0.9).tighter(worst)
         assert careful.reach == pytest.approx(1.15 * Robust(confidence=0.9).reach)
         assert careful.kept == ()
-        assert careful.safer(worst).reach == pytest.approx(1.15 * careful.reach)
+        assert careful.tighter(worst).reach == pytest.approx(1.15 * careful.reach)
 
     @pytest.mark.parametrize("kind", ["tube", "scenarios"])
-    def test_safer_is_more_robots(self, kind: str):
-        first = Robust(kind=kind).safer(np.arange(12.0).reshape(4, 3))
-        second = first.safer(10 * np.ones((1, 3)))
+    def test_tighter_is_more_robots(self, kind: str):
+        first = Robust(kind=kind).tighter(np.arange(12.0).reshape(4, 3))
+        second = first.tighter(10 * np.ones((1, 3)))
         assert first.kept == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
         assert second.kept == (*first.kept, (10.0, 10.0, 10.0))
         assert second.reach == Robust(kind=kind).reach

@@ -21,6 +21,7 @@ from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Poses
 from oed.uncertainty.uncertainty import Spread, Uncertainty
+from oed.uncertainty.uncertainty import spread_of as spread_of_system
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})
@@ -35,7 +36,7 @@ def spread_of(within: dict[str, Any] | None = None, distribution: str = "uniform
     """The spread of a problem whose robot is uncertain `within`."""
     if within is not None:
         parts["uncertainty"] = Uncertainty.model_validate({"within": within, "distribution": distribution})
-    spread = problem_of(**parts).spread
+    spread = spread_of_system(problem_of(**parts).uncertain_system)
     assert spread is not None
     return spread
 
@@ -251,7 +252,7 @@ class TestPriors:
         assert spread.uniform.tolist() == [False, True]
 
     def test_nothing_said_is_no_spread(self):
-        assert problem_of().spread is None
+        assert spread_of_system(problem_of().uncertain_system) is None
 
     def test_a_prior_on_coefficients_is_of_the_coefficients(self):
         names = ("c11", "c12", "c21", "c22")

@@ -18,6 +18,7 @@ from oed.kernel.solution import Solution, Status
 from oed.records.record import Record, drive_of, load_record
 from oed.study.study import Study, parse_study
 from oed.uncertainty.departures import leaving
+from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.driven import score_logs
 from oed.workflow.next_drive import next_drive
 from oed.workflow.robustness import safe
@@ -72,7 +73,7 @@ class TestRecord:
     def test_what_is_uncertain_is_said(self, ran):
         study, record, _ = ran
         told = record.data["robustness"]["uncertain"]
-        assert [one["name"] for one in told] == list(study.problem.spread.names)
+        assert [one["name"] for one in told] == list(spread_of(study.problem.uncertain_system).names)
         assert told[2] == {
             "name": "track",
             "unit": "m",
@@ -204,7 +205,7 @@ class TestDriven:
         assert list(following.uncertainty.within) == ["y"]
         assert set(following.prior.names) == set(TRUTH)
         assert following.robust.kind == "chance"
-        spread = following.spread
+        spread = spread_of(following.uncertain_system)
         assert spread.names == (*TRUTH, "y")
         assert spread.uniform.tolist() == [False, False, False, True]
         assert np.all(np.sqrt(np.diag(spread.covariance))[:3] < 0.01 * spread.nominal[:3])
@@ -217,7 +218,7 @@ class TestDriven:
         following = next_study(Record(data), log)
         assert following.problem.uncertainty is None
         assert "uncertainty" not in following.echo()
-        assert following.problem.spread.names == tuple(TRUTH)
+        assert spread_of(following.problem.uncertain_system).names == tuple(TRUTH)
 
     def test_what_was_driven_needs_nothing_in_reserve(self, driven, tmp_path):
         study, record, folder, _ = driven

@@ -24,7 +24,6 @@ from oed.estimation.preprocessing.ready import ReadyLogs
 from oed.estimation.setup.alternatives import Alternative
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileError, ProblemError
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -52,7 +51,7 @@ class Contest:
     def compared(self, fit: Fit) -> Comparison:
         """The study's robot, whose fit is given, beside its options' other models."""
         alike = replace(self.own, prior=None, options=_with_segments(self.own.options, fit))
-        robot = self.own.robot.base if isinstance(self.own.robot, CoefficientRobot) else self.own.robot
+        robot = self.own.robot.physical
         first = Compared(str(robot.kind), robot, self.own.parameters)
         known = self.own.prior is not None
         first = self._fitted(first, alike, robot) if known else replace(first, fit=fit)

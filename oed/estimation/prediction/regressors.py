@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models.model import Integration, Model
 from oed.robots.sensors.displacements import Displacements
 
@@ -24,7 +23,7 @@ class Regressors:
         self, model: Model, integration: Integration, measurement: Displacements, trajectory: Trajectory
     ) -> None:
         """Keep the parts; functions are compiled when first used."""
-        self.robot = CoefficientRobot(base=model)
+        self.robot = model.by_coefficients
         self.trajectory = trajectory
         self._integration: Integration = integration
         self._measurement = measurement

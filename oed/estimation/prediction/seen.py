@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from oed.estimation.prediction.segments import PLACE
 from oed.estimation.setup.unknowns import Unknowns
-from oed.robots.coefficient_robot import CoefficientRobot, coefficient_values
-from oed.robots.models.model import Model
+from oed.robots.models.model import Model, coefficient_values
 
 Array = npt.NDArray[np.float64]
 
@@ -22,12 +21,11 @@ Array = npt.NDArray[np.float64]
 def seen_robot(unknowns: Unknowns) -> Unknowns:
     """The coefficients that the sensor sees, those of its place that they do not hide, and the clocks."""
     robot = unknowns.robot
-    base = robot if isinstance(robot, CoefficientRobot) else CoefficientRobot(base=robot)
     names = tuple(name for row in robot.coefficient_names for name in row)
     hidden = hidden_places(robot)
     sits = tuple(0.0 if name in hidden else at for name, at in zip(PLACE, unknowns.sits, strict=True))
     place = tuple(name for name in unknowns.place if name not in hidden)
-    return Unknowns(base, names, place, unknowns.clocks, (sits[0], sits[1], sits[2]))
+    return Unknowns(robot.by_coefficients, names, place, unknowns.clocks, (sits[0], sits[1], sits[2]))
 
 
 @dataclass(frozen=True)

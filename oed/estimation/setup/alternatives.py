@@ -10,7 +10,6 @@ from pydantic_core import CoreSchema
 
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models import MODELS, Model
 
 
@@ -72,8 +71,7 @@ class Alternative(Component):
     @property
     def fitted_robot(self) -> Model:
         """The robot with these parameters: itself, or the same seen through its coefficients."""
-        known = {parameter.name for parameter in self.robot.parameters}
-        return self.robot if set(self.parameters) <= known else CoefficientRobot(base=self.robot)
+        return self.robot.estimating(self.parameters)
 
     def flaws(self, inputs: Sequence[str]) -> list[str]:
         """Why it cannot be fitted to logs of those inputs; [] where it can."""

@@ -22,7 +22,6 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.problem import Problem
 from oed.robots.models.model import Integration, Model, follows_state
-from oed.uncertainty.robust import reserved
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -77,28 +76,23 @@ def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> 
 def _looked_at(
     problem: Problem, limit: Limit, sight: Sight, seen: Array
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
-    # The nominal robot, with what is kept in reserve; and the other robots that are to keep the limit.
-    robust, spread, rule, drive = (
-        problem.robust,
-        problem.spread,
-        problem.design.integration,
-        sight.periods.trajectory,
-    )
-    if robust is None or spread is None or not isinstance(limit, PathLimit):
+    # The nominal robot, with its back-off; and the other robots that are to keep the limit.
+    tightening, rule, drive = problem.robust, problem.design.integration, sight.periods.trajectory
+    if tightening is None or not isinstance(limit, PathLimit):
         excess = excess_of(limit, problem.robot, rule)
         yield excess, sight.periods, _near(excess, sight, seen)
         return
-    robot = spread.robot
-    if robust.kind != "scenarios":
+    scenarios = tightening.scenarios(problem.uncertain_system)
+    robot = scenarios.model
+    if tightening.backs_off:
         for run, one in enumerate(drive.each):
             parameters, start = np.array([robot.nominal]), one.starts[None, :]
             nominal = periods_of(robot, rule, one, parameters, start, sensitive=True)
-            yield _reserved(problem, limit, run), nominal, None
-    values = robust.scenarios(spread)
-    if robust.kind == "scenarios":
-        values = np.vstack([spread.nominal, values])
-    if len(values):
-        others = periods_of(robot, rule, drive, spread.robots(values), drive.starts + spread.shifts(values))
+            yield _backed_off(problem, limit, run), nominal, None
+    else:
+        scenarios = scenarios.after_nominal
+    if len(scenarios.parameters):
+        others = periods_of(robot, rule, drive, scenarios.parameters, drive.starts + scenarios.shifts)
         yield excess_of(limit, robot, rule), others, None
 
 
@@ -124,15 +118,15 @@ def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
 
 
 @lru_cache(maxsize=32)
-def _reserved(problem: Problem, limit: PathLimit, run: int) -> Excess:
-    spread, robust = problem.spread, problem.robust
-    assert spread is not None
-    assert robust is not None
+def _backed_off(problem: Problem, limit: PathLimit, run: int) -> Excess:
+    tightening, system = problem.robust, problem.uncertain_system
+    assert tightening is not None
 
     def rows(instant: Moment) -> Rows:
-        return reserved(limit, instant, spread, robust)
+        return tightening.backed_off(limit, instant, system)
 
-    return Excess(rows, spread.robot, problem.design.integration, sensitive=True, run=run)
+    robot = tightening.scenarios(system).model
+    return Excess(rows, robot, problem.design.integration, sensitive=True, run=run)
 
 
 def largest(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from oed.foundation.errors import Flaw
@@ -14,9 +17,10 @@ from oed.foundation.quantities import Length, Unit
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import DesignSpace
-from oed.kernel.limit import BareLimit, Rows, TwoSided, magnitude, rest_flaws
-from oed.robots.models.model import Model, moves_sideways
+from oed.kernel.limit import BareLimit, LinearBound, Rows, TwoSided, magnitude, rest_flaws
+from oed.robots.models.model import Model, follows_state, moves_sideways
 
+Array = npt.NDArray[np.float64]
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
 CREEP = 2e-3
 """Yaw rate [rad/s] over which a turning radius, which rest has none of, is rounded."""
@@ -34,6 +38,19 @@ class MotionLimit(BareLimit):
     def rows(self, drive: Drive) -> Rows:
         """The limit at every time checked."""
         return self.rows_at(drive.motion, drive.model)
+
+    def motion_bounds(self) -> dict[int, tuple[float, float]]:
+        """Bounds on parts of the twist, by their place: forward speed, lateral speed, yaw rate."""
+        return {}
+
+    def linear_bounds(self, model: Model) -> Sequence[LinearBound]:
+        """On the parts of the twist that are linear in the inputs; none for a robot that lags behind."""
+        parts = {} if follows_state(model) else linear_motion(model)
+        return [
+            LinearBound(*parts[place], low, high)
+            for place, (low, high) in self.motion_bounds().items()
+            if place in parts
+        ]
 
 
 class BodySpeed(MotionLimit):
@@ -123,3 +140,18 @@ class TurningRadius(MotionLimit):
         margin = radius * (speed - needed) / (speed + needed + 2 * (CREEP * radius) ** 2)
         count = motion.shape[0]
         return Rows(margin, np.zeros(count), np.full(count, np.inf), radius, "m")
+
+
+@lru_cache(maxsize=32)
+def linear_motion(model: Model) -> dict[int, tuple[Array, float]]:
+    """Slopes (inputs,) and offset of each part of the twist that is linear in the inputs, by its place."""
+    inputs = ca.SX.sym("inputs", len(model.inputs))
+    twist = model.twist(inputs, ca.DM(model.nominal))
+    slopes = ca.jacobian(twist, inputs)
+    at_rest = ca.Function("at_rest", [inputs], [slopes, twist])(0)
+    table, offsets = np.array(at_rest[0]), np.array(at_rest[1]).ravel()
+    return {
+        place: (row, float(offset))
+        for place, (row, offset) in enumerate(zip(table, offsets, strict=True))
+        if not ca.depends_on(slopes[place, :], inputs) and np.isfinite([*row, offset]).all()
+    }

@@ -8,16 +8,16 @@ that. Expressions are CasADi's, for one sample; the callers map them over time.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
@@ -25,6 +25,7 @@ from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.robots.models.own_code import in_words
 
+Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
 
 ROUNDING = 1e-12
@@ -157,6 +158,24 @@ class Model(Component, ABC):
         given = self.model_dump(exclude_none=True, exclude=set(self.short_forms))
         return type(self).model_validate({**given, **nominal, **values})
 
+    def estimating(self, names: Collection[str]) -> Model:
+        """The robot that has the parameters `names`: itself, or the same seen through its coefficients.
+
+        Itself too where it has no coefficients.
+        """
+        known = {parameter.name for parameter in self.parameters}
+        return self if set(names) <= known or not self.coefficient_names else self.by_coefficients
+
+    @property
+    def by_coefficients(self) -> Model:
+        """The robot seen through its coefficients."""
+        return CoefficientRobot(base=self)
+
+    @property
+    def physical(self) -> Model:
+        """The robot with its physical constants as parameters: itself, unless seen through coefficients."""
+        return self
+
     @property
     def nominal(self) -> list[float]:
         """Nominal parameter values, SI."""
@@ -166,6 +185,91 @@ class Model(Component, ABC):
     def input_names(self) -> tuple[str, ...]:
         """The inputs' names."""
         return tuple(entry.name for entry in self.inputs)
+
+
+class CoefficientRobot(Model):
+    """The robot `base` with the entries of c [Choi, eq. 5] as parameters, its other constants nominal.
+
+    It answers what an estimate of c means for the motion, e.g. which headings it predicts.
+    """
+
+    kind: Literal["coefficients"] = "coefficients"
+    base: Model
+
+    @model_validator(mode="before")
+    @classmethod
+    def _body_of_the_base(cls, data: dict[str, Any]) -> dict[str, Any]:
+        return {"body_radius": data["base"].body_radius, **data}
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """The base robot's inputs."""
+        return self.base.inputs
+
+    @property
+    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The base robot's states."""
+        return self.base.states
+
+    @property
+    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Their units."""
+        return self.base.state_units
+
+    @property
+    def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
+        """The base robot's coefficient names."""
+        return self.base.coefficient_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m]."""
+        nominal = nominal_coefficients(self.base)
+        return tuple(
+            Parameter(name, float(value), unit)
+            for names, values, unit in zip(self.coefficient_names, nominal, ("", "m", "m"), strict=False)
+            for name, value in zip(names, values, strict=True)
+        )
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The parameters as the matrix c."""
+        rows, columns = len(self.coefficient_names), len(self.coefficient_names[0])
+        return ca.reshape(parameters, columns, rows).T
+
+    def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.effective_inputs(inputs, ca.DM(self.base.nominal))
+
+    def mean_twist(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.mean_twist(state, twist, ca.DM(self.base.nominal), period)
+
+    def internal_step(
+        self, state: Expression, twist: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """As the base robot's at its nominal constants."""
+        return self.base.internal_step(state, twist, ca.DM(self.base.nominal), period)
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward speed, 0, yaw rate [Choi, eq. 5]."""
+        return coefficient_twist(self, inputs, parameters)
+
+    def estimating(self, names: Collection[str]) -> Model:
+        """The robot that has the parameters `names`: this one, unless they are the base robot's own."""
+        known = {parameter.name for parameter in self.parameters}
+        return self if set(names) <= known else self.base.estimating(names)
+
+    @property
+    def by_coefficients(self) -> Model:
+        """This robot."""
+        return self
+
+    @property
+    def physical(self) -> Model:
+        """The base robot."""
+        return self.base
 
 
 def twist_flaws(model: Model) -> list[Flaw]:
@@ -205,11 +309,26 @@ def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) 
     return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])
 
 
-def nominal_coefficients(model: Model) -> npt.NDArray[np.float64]:
+def nominal_coefficients(model: Model) -> Array:
     """The matrix c at the nominal parameter values; what is 0 by the robot's geometry is exactly 0."""
     values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
     largest = np.abs(values).max(axis=1, keepdims=True)
     return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
+
+
+def coefficient_values(model: Model, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
+    """Names (q,), values (q,) and derivatives (q, p) of a robot's coefficients at parameter values (p,), SI.
+
+    Nothing for a robot whose twist is not linear in coefficients.
+    """
+    names = tuple(name for row in model.coefficient_names for name in row)
+    if not names:
+        return (), np.zeros(0), np.zeros((0, len(parameters)))
+    symbols = ca.SX.sym("p", len(parameters))
+    entries = ca.vec(model.coefficients(symbols).T)
+    function = ca.Function("coefficients", [symbols], [entries, ca.densify(ca.jacobian(entries, symbols))])
+    values, slopes = function(parameters)
+    return names, np.array(values).ravel(), np.array(slopes)
 
 
 def sinc(angle: Expression) -> Expression:

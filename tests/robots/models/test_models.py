@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from sample_robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
 
+import oed
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models import (
     MODELS,
     DifferentialDrive,
@@ -29,6 +29,7 @@ from oed.robots.models import (
     sinc,
     step,
 )
+from oed.robots.models.model import CoefficientRobot
 from oed.robots.sensors import Displacements, Poses
 
 robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
@@ -76,6 +77,32 @@ def test_names_and_units(example: Example):
     assert len(model.state_units) == len(model.states)
     assert len(model.nominal) == len(model.parameters)
     assert model.states[:3] == ("x", "y", "heading")
+
+
+@robots
+def test_estimating_its_own_parameters_it_is_itself(example: Example):
+    model = example.model
+    assert model.physical is model
+    for names in ((), tuple(parameter.name for parameter in model.parameters)):
+        assert model.estimating(names) is model
+
+
+@coefficient_robots
+def test_estimating_coefficients_it_is_seen_through_them(example: Example):
+    model = example.model
+    coefficients = [name for row in model.coefficient_names for name in row]
+    seen = model.estimating(coefficients)
+    assert [parameter.name for parameter in seen.parameters] == coefficients
+    assert seen.estimating(coefficients[:1]) is seen
+    assert seen.by_coefficients is seen
+    assert seen.physical is model
+    assert seen.estimating([parameter.name for parameter in model.parameters]) is model
+
+
+def test_without_coefficients_it_is_always_itself():
+    car = oed.Ackermann(wheel_radius=0.05, wheelbase=0.3)
+    assert car.coefficient_names == ()
+    assert car.estimating(["c11"]) is car
 
 
 @pytest.mark.parametrize(

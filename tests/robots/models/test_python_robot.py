@@ -14,8 +14,8 @@ from builders import SPEED, make_problem
 import oed
 from oed.cli import main
 from oed.foundation.errors import StudyError, UserMistake
+from oed.kernel.implied import implied_bounds
 from oed.robots.limits import YawRate
-from oed.robots.limits.implied import implied_bounds
 from oed.robots.models import PythonRobot
 
 MODULE = '''
@@ -230,13 +230,13 @@ def test_one_wheels_bound_helps_to_bound_the_other():
     own = oed.WheelSpeed(each={"wheel_speed_right": (-4, 6), "wheel_speed_left": (-1e6, 1e6)})
     known = np.array([[-4.0, 6.0], [-np.inf, np.inf]])
     wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
-    found = implied_bounds(wheels, (YawRate(bounds=1.0), own), known)
+    found = implied_bounds(known, [*YawRate(bounds=1.0).linear_bounds(wheels), *own.linear_bounds(wheels)])
     np.testing.assert_allclose(found, [[-4, 6], [-8, 10]], rtol=1e-8)
 
 
 def test_what_is_not_linear_bounds_nothing():
     car = oed.Ackermann(wheel_radius=0.05, wheelbase=0.3)
-    found = implied_bounds(car, (YawRate(bounds=1.0),), np.tile([-np.inf, np.inf], (2, 1)))
+    found = implied_bounds(np.tile([-np.inf, np.inf], (2, 1)), YawRate(bounds=1.0).linear_bounds(car))
     assert np.isinf(found).all()
 
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from oed.robots.coefficient_robot import CoefficientRobot
 from oed.robots.models import (
     DifferentialDrive,
     Model,
@@ -21,6 +20,7 @@ from oed.robots.models import (
     follows_state,
     step,
 )
+from oed.robots.models.model import CoefficientRobot
 
 SIZES = {"wheel_radius_right": 0.051, "wheel_radius_left": 0.047, "track": 0.18}
 EFFECTS = {

@@ -1,0 +1,142 @@
+"""Limits tightened for what is uncertain of a system: what the kernel asks of it.
+
+Several systems get one design: the nominal one keeps limits with a back-off, others keep them as they stand,
+and the criterion is that of one or of several together. Which these are follows from distributions above.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.limit import Limit, PathLimit, Rows
+from oed.kernel.measurement.prior import Prior
+
+if TYPE_CHECKING:
+    from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainSystem:
+    """A system, and what is said of its parameters before it is driven.
+
+    Attributes:
+        model: with its own parameters.
+        robot: with those to estimate, which may be others.
+        runs: of a drive.
+        uncertainty: how far it may be from its nominal parameters, or None.
+        prior: what is known of those to estimate, or None.
+    """
+
+    model: Model
+    robot: Model
+    runs: int
+    uncertainty: Uncertain | None
+    prior: Prior | None
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """K values of a system's parameters and starts.
+
+    Attributes:
+        model: the system.
+        parameters: values of its parameters, (K, p), SI.
+        shifts: what its start states are off by, (K, runs, states), SI.
+    """
+
+    model: Model
+    parameters: Array
+    shifts: Array
+
+    @property
+    def each(self) -> tuple[tuple[Array, Array], ...]:
+        """Parameters (p,) and shifts (runs, states) of one after the other."""
+        return tuple(zip(self.parameters, self.shifts, strict=True))
+
+    @property
+    def after_nominal(self) -> Scenarios:
+        """The nominal values, then these."""
+        return Scenarios(
+            self.model,
+            np.vstack([self.model.nominal, self.parameters]),
+            np.concatenate([np.zeros((1, *self.shifts.shape[1:])), self.shifts]),
+        )
+
+
+class Uncertain(Component, ABC):
+    """How far a system may be from its nominal parameters: what a design has to survive."""
+
+    @abstractmethod
+    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+        """Why the system cannot be uncertain so; [] if it can."""
+
+
+class Tightening(Component, ABC):
+    """How limits are kept although the system is uncertain, and for which of its parameters a drive is good.
+
+    Attributes:
+        kind: in files.
+        objective: the criterion of the "nominal" system, or the "mean" or the "worst" over several.
+    """
+
+    kind: str
+    objective: Literal["nominal", "mean", "worst"] = "nominal"
+
+    @abstractmethod
+    def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:
+        """A limit with its back-off, on a drive of the nominal system that has the uncertain parameters."""
+
+    @abstractmethod
+    def scenarios(self, system: UncertainSystem) -> Scenarios:
+        """Those that are to keep every limit as it stands, besides the nominal one."""
+
+    @abstractmethod
+    def judged(self, system: UncertainSystem) -> Scenarios:
+        """Those whose criterion counts, where it is not that of the nominal one alone."""
+
+    @property
+    def backs_off(self) -> bool:
+        """Whether limits have a back-off at all."""
+        return True
+
+    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+        """Why limits cannot be tightened so for a system; [] if they can."""
+        return []
+
+    def together(self, values: Sequence[float | Array]) -> Array:
+        """One number (...,) of the criterion's (...,) for each scenario that is judged."""
+        table = np.array(values, dtype=float)
+        return np.asarray(table.mean(axis=0) if self.objective == "mean" else table.min(axis=0))
+
+
+def tightened_rows(
+    tightening: Tightening, limits: Sequence[Limit], drive: Drive, system: UncertainSystem
+) -> list[Rows]:
+    """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them."""
+    begin, _ = drive.ends_of(drive.poses)
+    scenarios, own = tightening.scenarios(system), drive
+    model = scenarios.model
+    others = [
+        drive.again(ca.DM(parameters), begin + ca.DM(shift), model) for parameters, shift in scenarios.each
+    ]
+    if model != drive.model:
+        # Seen through other parameters, a system would not tell by itself how its own ones move it.
+        own = drive.again(ca.DM(model.nominal), begin, model)
+
+    def tightened(limit: PathLimit) -> Rows:
+        rows = tightening.backed_off(limit, own, system) if tightening.backs_off else limit.rows(own)
+        return rows.joined([limit.rows(other) for other in others])
+
+    return [tightened(limit) if isinstance(limit, PathLimit) else limit.rows(drive) for limit in limits]

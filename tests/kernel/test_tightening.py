@@ -1,0 +1,118 @@
+"""Limits tightened by a rule of the user's own: the kernel asks nothing else of what is uncertain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, SPEED, make_problem, random_drive
+
+import oed
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.limit import PathLimit, Rows
+from oed.kernel.problem import Problem
+from oed.kernel.tightening import Scenarios, Tightening, Uncertain, UncertainSystem
+from oed.robots.limits import Rectangle
+
+ROOM = Rectangle(x=(-2, 2), y=(-2.5, 2.5))
+LARGER = 1.2
+
+
+class Fixed(Tightening):
+    """The same distance from every wall; robots with larger wheels keep the walls as they stand."""
+
+    kind: Literal["fixed"] = "fixed"
+    distance: float = 0.0
+    others: int = 0
+
+    @property
+    def backs_off(self) -> bool:
+        return self.distance > 0
+
+    def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:
+        rows = limit.rows(drive)
+        return rows.backed_off(self.distance * np.ones(rows.expression.shape[0]))
+
+    def scenarios(self, system: UncertainSystem) -> Scenarios:
+        return self.sized(system, [LARGER] * self.others)
+
+    def judged(self, system: UncertainSystem) -> Scenarios:
+        return self.sized(system, [1.0, LARGER])
+
+    def sized(self, system: UncertainSystem, factors: list[float]) -> Scenarios:
+        parameters = np.outer(factors, system.model.nominal)
+        parameters[:, 2] = system.model.nominal[2]
+        shape = (len(factors), system.runs, len(system.model.states))
+        return Scenarios(system.model, parameters, np.zeros(shape))
+
+
+class Unknown(Uncertain):
+    """Uncertain of a constant that no robot has."""
+
+    constant: str
+
+    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+        known = [parameter.name for parameter in system.model.parameters]
+        return [] if self.constant in known else [Flaw(("uncertainty",), f"no {self.constant}")]
+
+
+def problem_of(tightening: Tightening | None, **parts: object) -> Problem:
+    return make_problem(limits=(SPEED, ACCELERATION, ROOM), robust=tightening, **parts)
+
+
+def margin(problem: Problem, drive: Trajectory) -> float:
+    found = next(one for one in evaluate(problem, drive).margins if one.name == "workspace")
+    assert found.certain
+    return found.margin
+
+
+@pytest.fixture(scope="module")
+def drive() -> Trajectory:
+    return random_drive(problem_of(None), 2, 5.0)
+
+
+def enlarged(problem: Problem) -> Problem:
+    values = dict.fromkeys(("wheel_radius_right", "wheel_radius_left"), LARGER * 0.049)
+    return replace(problem, model=problem.model.with_values(values), robust=None)
+
+
+def test_a_back_off_is_taken_from_the_margin(drive: Trajectory):
+    expected = margin(problem_of(None), drive) - 0.3
+    assert margin(problem_of(Fixed(distance=0.3)), drive) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.05])
+def test_scenarios_keep_limits_as_they_stand(drive: Trajectory, distance: float):
+    plain = problem_of(None)
+    alone, others = margin(plain, drive) - distance, margin(enlarged(plain), drive)
+    assert others < alone
+    found = margin(problem_of(Fixed(distance=distance, others=1)), drive)
+    assert found == pytest.approx(others, abs=1e-6)
+
+
+@pytest.mark.parametrize(("objective", "together"), [("worst", np.min), ("mean", np.mean)])
+def test_the_criterion_is_that_of_those_judged(drive: Trajectory, objective: str, together):
+    problem = problem_of(Fixed(objective=objective))
+    each = [evaluate(one, drive).objective for one in (problem_of(None), enlarged(problem))]
+    assert each[0] != pytest.approx(each[1], rel=1e-3)
+    assert evaluate(problem, drive).objective == pytest.approx(together(each), rel=1e-9)
+
+
+def test_what_cannot_be_uncertain_so_is_said():
+    make_problem(uncertainty=Unknown(constant="track"))
+    with pytest.raises(ProblemError, match="no mass"):
+        make_problem(uncertainty=Unknown(constant="mass"))
+
+
+def test_a_search_keeps_the_back_off():
+    problem = problem_of(Fixed(distance=0.3), design=oed.DesignSpace(duration=6, samples=12))
+    found = oed.solve(problem, oed.Ipopt(starts=1), seed=0)
+    assert found.evaluation.feasible
+    assert found.leaving is None
+    path = found.evaluation.path
+    assert np.abs(path[:, 0]).max() <= 1.7 + 1e-6
