@@ -7,8 +7,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from oed.kernel.problem import Problem
-from oed.robots.sensors.displacements import Displacements
-from oed.robots.sensors.several import sensors_of
 
 MOST = 600
 """Samples per run up to which all of them are searched on."""
@@ -24,12 +22,11 @@ def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
     """Samples per run of the grid to search on: as many as wanted, or all where they are few, else about 400;
     a few more where segments would not be equally long.
     """
-    space, measurement = problem.design, problem.measurement
+    space, multiple = problem.design, problem.measurement.grid_multiple
     usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
     if wanted is None and space.samples <= usual * MOST // USUAL:
         return space.samples
-    segments = measurement.segments if isinstance(measurement, Displacements) else 1
-    return usual if segments == "samples" else -(-usual // segments) * segments
+    return -(-usual // multiple) * multiple
 
 
 def coarsened(problem: Problem, samples: int) -> Problem:
@@ -60,4 +57,4 @@ def _counts_alike(problem: Problem, own: Problem) -> bool:
 def _reading_counts(problem: Problem) -> list[int]:
     # Of every sensor in a run.
     samples = problem.design.samples
-    return [len(sensor.columns(samples)) for sensor in sensors_of(problem.measurement)]
+    return [len(sensor.columns(samples)) for sensor in problem.measurement.joint_sensors]

@@ -12,7 +12,6 @@ from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import row_times
 from oed.kernel.problem import Problem
-from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -61,7 +60,7 @@ def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: st
 
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
     runs = trajectory.runs
-    sensors = sensors_of(problem.measurement)
+    sensors = problem.measurement.joint_sensors
     times = row_times(sensors, problem.robot, trajectory.samples // runs, runs)
     if len(times) != count:
         return f"{problem.measurement.kind} (reading {row})"

@@ -134,6 +134,10 @@ class Limit(Component, ABC):
         """Bounds that this limit sets on linear combinations of the inputs."""
         return ()
 
+    def state_bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds between which this limit keeps states, by the states' names, where it says any."""
+        return {}
+
     def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""
         return {}

@@ -16,15 +16,16 @@ import numpy.typing as npt
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
-from oed.kernel.limit import PathLimit
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
+from oed.optimize.terms.needs import asked_of
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.epigraph import objective_of
 from oed.optimize.transcription.program import Outcome, Program
 
 Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
 Round: TypeAlias = tuple[Outcome, Evaluation]
 Stage = Literal["program", "second"]
 
@@ -238,8 +239,12 @@ class LocalSearch:
 
     def _slips(self, excess: Array) -> bool:
         # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
-        on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
-        return self.refine < FINEST and bool(np.any(excess[on_path] > SLIPPED))
+        return self.refine < FINEST and bool(np.any(excess[self._on_path] > SLIPPED))
+
+    @cached_property
+    def _on_path(self) -> Bools:
+        found = (asked_of(self.problem, limit) for limit in self.problem.limits)
+        return np.array([asked is not None and asked.first for asked in found])
 
     def solved(
         self,

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import lcm
-from typing import Any
+from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, make_problem
 
 from oed.kernel.criteria import E
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import LeverArm, PosePrior
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.needs import Asked, asked_of, needs_of
 from oed.optimize.terms.pieces import Pieces, divisible
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.limits import (
     BodySpeed,
+    EndHeading,
     EndPosition,
     PathLength,
     TrailerAngle,
@@ -34,7 +39,6 @@ from oed.robots.models import Mecanum, SkidSteerSlip, TractorTrailer
 from oed.robots.models.model import follows_state
 from oed.robots.sensors import Displacements, Poses, Ranges, Several
 from oed.robots.sensors import YawRate as Gyroscope
-from oed.robots.sensors.several import sensors_of
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
@@ -55,11 +59,113 @@ EVERYTHING = (
 )
 
 
+def at_most(expression: Any, bound: float, unit: str) -> Rows:
+    count = expression.shape[0]
+    return Rows(expression, np.full(count, -np.inf), np.full(count, bound), bound, unit)
+
+
+class Bend(Limit):
+    """A user's own limit on instants, of the path: x + y^2."""
+
+    name: ClassVar[str] = "bend"
+    looks_at: ClassVar = "state"
+
+    def rows(self, drive: Drive) -> Rows:
+        x, y = drive.path[:, 0], drive.path[:, 1]
+        return at_most(ca.vertcat(x + y**2, x * y), 0.9, "m")
+
+
+class Power(Limit):
+    """A user's own limit on instants, of the motion."""
+
+    name: ClassVar[str] = "power"
+    looks_at: ClassVar = "state"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.motion[:, 0] ** 2 + 0.1 * drive.motion[:, 2] ** 2, 0.2, "")
+
+
+class Sum(Limit):
+    """A user's own limit on the inputs: on the sum of both."""
+
+    name: ClassVar[str] = "sum"
+    looks_at: ClassVar = "inputs"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.input_values @ ca.DM([1.0, 1.0]), 15.0, "rad/s")
+
+
+class Unsaid(Bend):
+    """The one on the path, which does not say what it looks at."""
+
+    name: ClassVar[str] = "unsaid"
+    looks_at: ClassVar = None
+
+
+class Effort(Limit):
+    """Of whole runs: whatever is done at one time counts for all others."""
+
+    name: ClassVar[str] = "effort"
+
+    def rows(self, drive: Drive) -> Rows:
+        whole = ca.sqrt(ca.sumsqr(drive.inputs) / drive.samples + 1e-3) + 0.1 * ca.sumsqr(drive.poses[:, 2])
+        return at_most(ca.vertcat(whole, drive.input_values[:, 0]), 8.0, "")
+
+
+class Steps(Unsaid):
+    """Says that it looks at instants by themselves, but looks at two of them."""
+
+    name: ClassVar[str] = "steps"
+    looks_at: ClassVar = "state"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most((drive.path[1:, 0] - drive.path[:-1, 0]) ** 2, 0.1, "m")
+
+
+class Splines(Sum):
+    """Says so too, but looks at the splines."""
+
+    name: ClassVar[str] = "splines"
+    looks_at: ClassVar = "state"
+
+
+class Held(Unsaid):
+    """Says that it looks at the inputs' splines, but looks at the motion."""
+
+    name: ClassVar[str] = "held"
+    looks_at: ClassVar = "inputs"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.motion[:, 0] ** 2, 0.2, "")
+
+
+class Product(Sum):
+    """On the product of both inputs, which is not linear in them."""
+
+    name: ClassVar[str] = "product"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.input_values[:, 0] * drive.input_values[:, 1], 60.0, "")
+
+
+OWN = (Bend(), SPEED, Power(), Sum(), BOX)
+WHOLE_RUNS = (
+    EndPosition(at="start"),
+    SPEED,
+    Effort(),
+    BOX,
+    Unsaid(),
+    Bend(),
+    EndHeading(at="start"),
+    PathLength(bounds=3),
+)
+
+
 def space(**changes: Any) -> DesignSpace:
     return DesignSpace(**{**SPACE, **changes})
 
 
-QUICK = ("position", "heading", "coefficients from poses", "known start")
+QUICK = ("position", "heading", "coefficients from poses", "known start", "own limits", "whole runs")
 """Those that are tried every time."""
 PROBLEMS: dict[str, dict[str, Any]] = {
     "position": {},
@@ -80,6 +186,14 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "trapezoids": {"design": space(spline=Spline(degree=1, coefficients=7))},
     "steps": {"design": space(spline=Spline(degree=0, coefficients=8)), "limits": EVERYTHING[:4]},
     "every limit": {"limits": EVERYTHING},
+    "own limits": {"limits": OWN, "measurement": POSES},
+    "own limits from free starts": {"limits": OWN, "design": FREE_RUNS, "measurement": POSES},
+    "whole runs": {"limits": WHOLE_RUNS, "measurement": POSES},
+    "whole runs from free starts": {"limits": WHOLE_RUNS, "design": FREE_RUNS, "measurement": POSES},
+    "whole runs of segments": {"limits": WHOLE_RUNS, "design": space(runs=2)},
+    "an end alone": {"limits": (SPEED, EndPosition(at={"x": 0.5, "y": 0}))},
+    "a length alone": {"limits": (PathLength(bounds=3), SPEED)},
+    "other limits than they say": {"limits": (Steps(), SPEED, Splines(), Held(), Product(), BOX)},
     "sideways": {
         "model": Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35),
         "limits": EVERYTHING[:4],
@@ -120,7 +234,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "lag": {
         "model": SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.3),
         "measurement": POSES,
-        "limits": (SPEED, YawRate(bounds=2), BOX),
+        "limits": (SPEED, YawRate(bounds=2), BOX, Power(), Effort()),
     },
 }
 
@@ -133,7 +247,7 @@ def short(problem: Problem) -> Layout:
     """The layout of the shortest pieces, so that there are several."""
     layout = divisible(problem)
     assert layout is not None
-    every = lcm(*(sensor.every for sensor in sensors_of(problem.measurement)))
+    every = lcm(*(sensor.every for sensor in problem.measurement.joint_sensors))
     fitting = [n for n in range(2, layout.samples + 1) if layout.samples % n == 0 and n % every == 0]
     return replace(layout, samples=fitting[0])
 
@@ -157,7 +271,14 @@ def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
 
 
-@pytest.mark.parametrize("overrides", [{"limits": EVERYTHING}, {"limits": EVERYTHING, "design": FREE_RUNS}])
+BETWEEN = [
+    {"limits": EVERYTHING},
+    {"limits": EVERYTHING, "design": FREE_RUNS},
+    {"limits": (*OWN, Unsaid()), "design": FREE_RUNS},
+]
+
+
+@pytest.mark.parametrize("overrides", BETWEEN)
 def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
     problem = problem_of(overrides)
     agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
@@ -190,8 +311,34 @@ def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
     assert_close(pieces.hessian(z, *alone), whole.hessian(z, *alone))
 
 
+def test_a_limit_is_asked_of_what_it_looks_at():
+    problem = problem_of(
+        {"limits": (*OWN, EndHeading(at="start"), Unsaid(), Steps(), Splines(), Held(), Product())}
+    )
+    needs = needs_of(problem, terms_of(problem).coefficients, 3)
+    names = [limit.name for limit in problem.limits]
+    assert [names[place] for place in needs.tables] == ["wheel_speed", "sum"]
+    assert {names[place]: asked for place, asked in needs.asked.items()} == {
+        "bend": Asked(2, 3, first=True),
+        "power": Asked(1, 1, first=False),
+        "workspace": Asked(2, 3, first=True),
+    }
+    whole = [names[place] for place in needs.whole]
+    assert whole == ["end_heading", "unsaid", "steps", "splines", "held", "product"]
+
+
+def test_a_lag_has_two_motions_in_a_sample():
+    lag = problem_of(PROBLEMS["lag"])
+    assert asked_of(lag, Power()) == Asked(2, 1, first=False)
+
+
+@pytest.mark.parametrize("limit", [EndPosition(at="start"), PathLength(bounds=3), Unsaid(), Bend()])
+def test_a_limit_on_whole_runs_leaves_the_rest_to_pieces(limit: Limit):
+    assert isinstance(terms_of(problem_of({"limits": (SPEED, BOX, limit)})), Pieces)
+
+
 def test_scores_and_bounded_unknowns_agree():
-    problem = problem_of({"limits": EVERYTHING})
+    problem = problem_of({"limits": (*EVERYTHING, *WHOLE_RUNS[::2])})
     pieces, whole = terms_of(problem), Unrolled(problem)
     assert isinstance(pieces, Pieces)
     z = np.random.default_rng(1).uniform(-3, 3, (whole.size, 5))
@@ -205,8 +352,6 @@ WHOLE: dict[str, dict[str, Any]] = {
     "unequal segments": {"measurement": Displacements(segments=5)},
     "prime samples": {"measurement": POSES, "design": space(samples=53)},
     "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
-    "end": {"limits": (SPEED, BOX, EndPosition(at="start"))},
-    "length": {"limits": (SPEED, BOX, PathLength(bounds=3))},
     "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
     "robust": {
         "criterion": E(scaling="relative"),
@@ -230,10 +375,12 @@ def test_so_are_those_that_nobody_differentiates():
 
 
 @pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
-def test_building_does_not_grow_with_the_samples(measurement):
+@pytest.mark.parametrize("more", [(), (Bend(),), (EndPosition(at="start"), PathLength(bounds=3), Unsaid())])
+def test_building_does_not_grow_with_the_samples(measurement, more):
     counts = []
     for samples in (200, 2000):
-        problem = problem_of({"measurement": measurement, "design": space(samples=samples)})
+        limits = (SPEED, ACCELERATION, BOX, *more)
+        problem = problem_of({"measurement": measurement, "design": space(samples=samples), "limits": limits})
         terms = terms_of(problem)
         assert isinstance(terms, Pieces)
         counts.append(terms.hessian.n_nodes())

@@ -252,19 +252,65 @@ def roll_out(
         refine: path points per sample.
         runs: how many runs of equal length the periods are shared out to.
     """
-    count = inputs.shape[0]
+    each = inputs.shape[0] // runs
+    repeated, periods = ca.repmat(parameters, 1, each), ca.repmat(period, 1, each)
+    begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
+    accumulate = step(model, integration).mapaccum(each)
+    following = [
+        accumulate(begin[:, run], inputs[run * each : (run + 1) * each, :].T, repeated, periods)
+        for run in range(runs)
+    ]
+    return drive_through(
+        model,
+        integration,
+        inputs=inputs,
+        poses=[ca.horzcat(begin[:, run], part) for run, part in enumerate(following)],
+        parameters=parameters,
+        period=period,
+        input_values=input_values,
+        input_rates=input_rates,
+        input_jerks=input_jerks,
+        motion_inputs=motion_inputs,
+        refine=refine,
+    )
+
+
+def drive_through(
+    model: Model,
+    integration: Integration,
+    *,
+    inputs: Expression,
+    poses: list[Expression],
+    parameters: Expression,
+    period: Expression,
+    input_values: Expression | None = None,
+    input_rates: Expression | None = None,
+    input_jerks: Expression | None = None,
+    motion_inputs: Expression | None = None,
+    refine: int = 1,
+) -> Drive:
+    """The drive that holds `inputs` (N, inputs), given its poses at the samples.
+
+    Args:
+        model: the robot.
+        integration: rule by which its poses follow from its twist.
+        inputs: one row per period, of all runs.
+        poses: of every run, (states, N / runs + 1); that the inputs lead from one to the next is the caller's
+            affair.
+        parameters: (p,).
+        period: sample period T [s].
+        input_values: as in `roll_out`, like all that follows.
+        input_rates: what bounds their derivatives.
+        input_jerks: what bounds their second derivatives.
+        motion_inputs: inputs whose twists limits on the motion apply to.
+        refine: path points per sample.
+    """
+    count, runs = inputs.shape[0], len(poses)
     each = count // runs
     held, repeated = inputs.T, ca.repmat(parameters, 1, count)
     periods = ca.repmat(period, 1, count)
-    begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
     advance = step(model, integration)
-    accumulate = advance.mapaccum(each)
     slices = [slice(run * each, (run + 1) * each) for run in range(runs)]
-    following = [
-        accumulate(begin[:, run], held[:, own], repeated[:, own], periods[:, own])
-        for run, own in enumerate(slices)
-    ]
-    poses = [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
     begun = ca.horzcat(*(part[:, :each] for part in poses))
     twist, effective, gain, direction = _sample(model, integration).map(count)(begun, held, repeated, periods)
     if follows_state(model):

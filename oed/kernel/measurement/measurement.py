@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,9 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.matrices import harmonic
 from oed.kernel.measurement.square_root import reduced
 from oed.robots.models.model import Model
+
+if TYPE_CHECKING:
+    from oed.kernel.measurement.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
 
@@ -142,6 +146,21 @@ def regression(
     )
 
 
+@dataclass(frozen=True)
+class Cuts:
+    """How drives of a measurement can be cut into pieces whose information, or whose rows, add up.
+
+    Attributes:
+        multiple: of which number of samples every piece has a multiple.
+        segment: of a regression, samples of each segment: its rows add up over the pieces of a segment.
+        regression: the measurement of a single segment; None where readings are estimated from together.
+    """
+
+    multiple: int = 1
+    segment: int = 1
+    regression: Measurement | None = None
+
+
 class Measurement(Component, ABC):
     """What is measured, when, and with what noise."""
 
@@ -154,6 +173,20 @@ class Measurement(Component, ABC):
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """What makes this measurement impossible for `model` and that many samples; [] if nothing."""
         return []
+
+    @property
+    def joint_sensors(self) -> tuple[Sensor, ...]:
+        """The sensors that are estimated from together; () of a regression."""
+        return ()
+
+    def cuts(self, samples: int) -> Cuts | None:
+        """How drives of so many samples per run can be cut; None where they cannot."""
+        return None
+
+    @property
+    def grid_multiple(self) -> int:
+        """Of which number a run's samples should be a multiple."""
+        return 1
 
     def coarser(self, times: float) -> Measurement | None:
         """Much the same measurement of a drive with so many times fewer samples; None where there is none.

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import lcm
 from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
@@ -22,7 +23,7 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.measurement.measurement import Block, Measurement, Nuisance
+from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
@@ -120,6 +121,15 @@ class Sensor(Measurement):
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block: the robot's parameters, with the initial pose and the sensor's nuisances."""
         return (joint_block((self,), drive),)
+
+    @property
+    def joint_sensors(self) -> tuple[Sensor, ...]:
+        """This one."""
+        return (self,)
+
+    def cuts(self, samples: int) -> Cuts | None:
+        """Between any two readings."""
+        return joint_cuts((self,))
 
     def coarser(self, times: float) -> Self | None:
         """One that reads at about the same times, or less often; None with one covariance of all readings."""
@@ -350,6 +360,13 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
         nuisances=nuisances,
         sizes=np.array([parameter.scale for parameter in model.parameters]),
     )
+
+
+def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
+    """How drives can be cut where all sensors read; None where the noise of one is correlated over time."""
+    if any(sensor.joint_whitening is not None for sensor in sensors):
+        return None
+    return Cuts(multiple=lcm(*(sensor.every for sensor in sensors)))
 
 
 def start_nuisances(sensors: Sequence[Sensor], model: Model, runs: int = 1) -> tuple[Nuisance, ...]:

@@ -55,12 +55,12 @@ class Terms(ABC):
     def drive(self) -> Drive:
         """The drive of the nominal robot, written out (SX of `unknowns`)."""
         space, robot = self.problem.design, self.problem.robot
-        coefficients = self._coefficients()
+        coefficients = self.coefficients
         return roll_out(
             robot,
             space.integration,
             inputs=without_zeros(space.sampling_matrix) @ coefficients,
-            start=self._starts(),
+            start=self.starts,
             parameters=ca.SX(ca.DM(robot.nominal)),
             period=ca.SX(space.period),
             input_values=coefficients,
@@ -70,14 +70,18 @@ class Terms(ABC):
             runs=space.runs,
         )
 
-    def _coefficients(self) -> Expression:
+    @property
+    def coefficients(self) -> Expression:
+        """Of all splines (SX of `unknowns`), (n, inputs)."""
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
         table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
         table[self.free.tolist(), :] = free @ ca.diag(ca.DM(self.input_scale))
         return table
 
-    def _starts(self) -> Expression:
+    @property
+    def starts(self) -> Expression:
+        """Start states of the runs (SX of `unknowns`), (runs, states)."""
         problem = self.problem
         if problem.fixed_starts is not None:
             return ca.SX(ca.DM(problem.fixed_starts))
@@ -149,6 +153,19 @@ class Terms(ABC):
         own = place[single]
         constants = np.array(self.values(nothing)[1]).ravel()[single]
         return single, columns[own], np.array(slope.nonzeros())[own], constants
+
+
+def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
+    """The drive of a few samples with `held` inputs (n, inputs) from a state."""
+    return roll_out(
+        problem.robot,
+        problem.design.integration,
+        inputs=held,
+        start=start,
+        parameters=ca.SX(ca.DM(problem.robot.nominal)),
+        period=ca.SX(problem.design.period),
+        refine=refine,
+    )
 
 
 def _above(values: Expression, upper: Array) -> Expression:

@@ -12,15 +12,15 @@ from functools import cached_property
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive, roll_out
-from oed.kernel.limit import Limit, PathLimit, Rows
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.sensor import Sensor, joint_readings
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import upper_half
+from oed.optimize.terms.base import small_drive, upper_half
 from oed.optimize.terms.carry import Carry
+from oed.optimize.terms.needs import Asked
 from oed.optimize.terms.packed import Packed
-from oed.robots.sensors.displacements import Displacements
-from oed.robots.sensors.several import sensors_of
 
 
 class Cell:
@@ -33,18 +33,24 @@ class Cell:
         states: of the robot.
         width: of x.
         carry: how the sensitivities are handed on.
-        rows: of every limit.
+        limits: those on instants.
+        asked: how each of them is asked.
+        rows: of each of them.
         scale: what an input of 1 stands for, (inputs,).
     """
 
     def __init__(
-        self, problem: Problem, limits: Sequence[Limit], scale: Sequence[float], refine: int = 1
+        self,
+        problem: Problem,
+        limits: Sequence[tuple[Limit, Asked]],
+        scale: Sequence[float],
+        refine: int = 1,
     ) -> None:
         """Write the sample; its path is limited at `refine` points."""
-        robot, self.refine = problem.robot, refine
-        self.states, self.limits = len(robot.states), tuple(limits)
+        robot, self.states = problem.robot, len(problem.robot.states)
+        self.limits, self.asked = [limit for limit, _ in limits], [asked for _, asked in limits]
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
-        sensors = sensors_of(problem.measurement)
+        sensors = problem.measurement.joint_sensors
         self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
@@ -61,10 +67,6 @@ class Cell:
         self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
         self._begin = ca.vertcat(self._state, self.carry.carried)
         self._arguments = [self._begin, self._inputs, self._reads]
-
-    def points(self, limit: Limit) -> int:
-        """At how many points of a sample a limit is asked the same."""
-        return self.refine if isinstance(limit, PathLimit) else 1
 
     @property
     def told(self) -> Expression:
@@ -145,26 +147,13 @@ class Cell:
     @cached_property
     def linear(self) -> list[bool]:
         """Whether each limit's rows are linear in the inputs, and moved by nothing else."""
-        return [self._linear(limit, rows) for limit, rows in zip(self.limits, self.rows, strict=True)]
+        return [self._linear(asked, rows) for asked, rows in zip(self.asked, self.rows, strict=True)]
 
-    def _linear(self, limit: Limit, rows: Rows) -> bool:
+    def _linear(self, asked: Asked, rows: Rows) -> bool:
         expression = ca.densify(rows.expression)
-        if isinstance(limit, PathLimit) or ca.depends_on(expression, self._state):
+        if asked.first or ca.depends_on(expression, self._state):
             return False
         return not any(ca.which_depends(expression, self._inputs, 2, True))
-
-
-def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
-    """The drive of a few samples with `held` inputs (n, inputs) from a state."""
-    return roll_out(
-        problem.robot,
-        problem.design.integration,
-        inputs=held,
-        start=start,
-        parameters=ca.SX(ca.DM(problem.robot.nominal)),
-        period=ca.SX(problem.design.period),
-        refine=refine,
-    )
 
 
 def estimated(problem: Problem) -> list[int]:
@@ -175,25 +164,25 @@ def estimated(problem: Problem) -> list[int]:
 
 def read_end(problem: Problem, held: Expression, state: Expression) -> Expression:
     """Information of the readings at a run's last instant, in a state, `held` (inputs,) until then."""
-    sensors = sensors_of(problem.measurement)
+    sensors = problem.measurement.joint_sensors
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
 
 
-def segment_length(problem: Problem) -> int:
-    """Samples of a segment, of a problem whose displacements' segments are of equal length."""
-    measurement, samples = problem.measurement, problem.design.samples
-    assert isinstance(measurement, Displacements)
-    return samples // measurement.segment_count(samples)
+def cuts_of(problem: Problem) -> Cuts:
+    """How drives of a problem are cut into pieces, of one whose drives can be."""
+    cuts = problem.measurement.cuts(problem.design.samples)
+    assert cuts is not None
+    return cuts
 
 
 def _told(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Sensitivities and information on (parameters, start, nuisances), or of a regression its rows. A segment
     # of one sample is told by its square at once.
-    measurement = problem.measurement
-    if isinstance(measurement, Displacements):
-        blocks = measurement.model_copy(update={"segments": 1}).blocks(drive)
-        if segment_length(problem) > 1:
+    cuts = cuts_of(problem)
+    if cuts.regression is not None:
+        blocks = cuts.regression.blocks(drive)
+        if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
     count, states = len(problem.robot.parameters), len(problem.robot.states)
@@ -204,7 +193,7 @@ def _told(problem: Problem, drive: Drive, reads: Expression) -> Expression:
 
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Information of what those sensors read at the first instant of a drive of one sample.
-    sensors = [sensor.model_copy(update={"every": 1}) for sensor in sensors_of(problem.measurement)]
+    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
     joint = joint_readings(sensors, drive)
     chosen = [*estimated(problem), *range(len(problem.robot.parameters), joint.white_jacobian.shape[1])]
     total, first = ca.SX(len(chosen), len(chosen)), 0

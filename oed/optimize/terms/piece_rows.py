@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.limit import InputLimit, Limit, PathLimit, Rows
+from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds
-from oed.optimize.terms.cell import Cell, small_drive
+from oed.optimize.terms.base import RowBounds, small_drive
+from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.needs import Needs
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
@@ -42,46 +43,40 @@ class Pool:
 
 
 class PieceRows:
-    """Every limit's rows, as they are put together from a pool."""
+    """The rows of limits on splines and instants, as they are put together from a pool.
+
+    Attributes:
+        bounds: of every such limit's rows.
+        linear: whether they are linear in z.
+        states_moved: which unknowns move which of the rows behind them, of what else the cell is asked,
+            (rows, size).
+    """
 
     def __init__(
-        self, problem: Problem, layout: Layout, cell: Cell, unknowns: Expression, coefficients: Expression
+        self, problem: Problem, layout: Layout, cell: Cell, unknowns: Expression, needs: Needs
     ) -> None:
         """Find the order.
 
         Args:
             problem: whose limits.
             layout: the pieces.
-            cell: a sample.
+            cell: a sample; limits on instants in their order, and what else is asked of it.
             unknowns: z (SX).
-            coefficients: of all splines, in terms of it.
+            needs: of the limits.
         """
         self._problem, self._layout, self._cell = problem, layout, cell
         self._size, self._free = unknowns.shape[0], problem.design.start_is_free
-        inputs = [limit for limit in problem.limits if isinstance(limit, InputLimit)]
-        tables = self._tables(unknowns, coefficients, inputs)
-        self._pool = self._pooled(unknowns, tables)
-        self._sort(inputs, tables)
-
-    def _tables(self, unknowns: Expression, coefficients: Expression, limits: Sequence[Limit]) -> list[Rows]:
-        space, inputs = self._problem.design, len(self._problem.robot.inputs)
-        start = ca.SX.sym("start", len(self._problem.robot.states))
-        drive = small_drive(self._problem, ca.SX.sym("held", 1, inputs), start)
-        drive = replace(
-            drive,
-            input_values=coefficients,
-            input_rates=ca.sparsify(ca.DM(space.rate_matrix)) @ coefficients,
-            input_jerks=ca.sparsify(ca.DM(space.jerk_matrix)) @ coefficients,
-        )
-        return [limit.rows(drive) for limit in limits]
+        self._pool = self._pooled(unknowns, list(needs.tables.values()))
+        self._sort(needs)
 
     @cached_property
     def first(self) -> Expression:
         """Rows of a run's first instant, of the start state `start_symbol` (none where starts are fixed)."""
         drive = small_drive(self._problem, ca.SX(1, len(self._problem.robot.inputs)), self.start_symbol)
         begin = replace(drive, path=drive.path[0, :])
-        limits = [limit for limit in self._cell.limits if isinstance(limit, PathLimit)] if self._free else []
-        return ca.vertcat(ca.SX(0, 1), *(ca.densify(limit.rows(begin).expression) for limit in limits))
+        both = zip(self._cell.limits, self._cell.asked, strict=True)
+        rows = [limit.rows(begin) for limit, asked in both if asked.first and self._free]
+        return ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in rows))
 
     @cached_property
     def start_symbol(self) -> Expression:
@@ -132,54 +127,50 @@ class PieceRows:
             moved[[0, 1, 2], [first, first + 1, first + 2]] = True
         return moved
 
-    def _sort(self, inputs: Sequence[Limit], tables: Sequence[Rows]) -> None:
+    def _sort(self, needs: Needs) -> None:
         self.bounds: list[RowBounds] = []
         self.linear: list[bool] = []
         source: list[Places] = []
-        known, found = dict(zip(map(id, inputs), tables, strict=True)), 0
-        for limit in self._problem.limits:
-            if id(limit) in known:
-                rows = known[id(limit)]
-                places = np.arange(found, found + len(rows.lower))
-                found += len(places)
-            else:
-                rows, places = self._per_sample(limit)
+        for rows, places, linear in self._served(needs):
             kept = self._pool.moved[places].any(axis=1)
             source.append(places[kept])
             self.bounds.append(RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit))
-            self.linear.append(id(limit) in known or self._cell.linear[self._index(limit)])
-        self._source = np.concatenate([np.zeros(0, dtype=np.int64), *source])
+            self.linear.append(linear)
+        more = [self._per_sample(index)[1] for index in range(len(needs.asked), len(self._cell.limits))]
+        self._source = np.concatenate([np.zeros(0, dtype=np.int64), *source, *more])
+        count = sum(map(len, source))
+        self.states_moved = self._pool.moved[self._source[count:]]
 
-    def _per_sample(self, limit: Limit) -> tuple[Rows, Places]:
-        # Bounds of all its rows, and their places in the pool: one thing asked of all samples after another.
+    def _served(self, needs: Needs) -> Iterator[tuple[Rows, Places, bool]]:
+        # Of every limit: bounds of all its rows, their places in the pool, whether they are linear.
+        found, of_cell = 0, iter(range(len(needs.asked)))
+        for limit in sorted([*needs.tables, *needs.asked]):
+            if limit in needs.tables:
+                rows = needs.tables[limit]
+                yield rows, np.arange(found, found + len(rows.lower)), True
+                found += len(rows.lower)
+            else:
+                index = next(of_cell)
+                yield *self._per_sample(index), self._cell.linear[index]
+
+    def _per_sample(self, index: int) -> tuple[Rows, Places]:
+        # Bounds of all rows of one of the cell's limits, and their places in the pool: one thing asked of all
+        # samples after another.
         cell, layout, pool = self._cell, self._layout, self._pool
-        index, rows = self._index(limit), self._cell.rows[self._index(limit)]
-        points, runs = cell.points(limit), layout.space.runs
-        things = rows.expression.shape[0] // points
+        rows, asked = cell.rows[index], cell.asked[index]
+        things, points, runs = asked.things, asked.points, layout.space.runs
         before = len(pool.constant) + runs * pool.of_first
         own = sum(one.expression.shape[0] for one in cell.rows[:index]) + np.arange(things * points)
         samples = layout.space.samples * runs
         places = before + own[:, None] + self._of_sample * np.arange(samples)
         # Of every thing, the points of a sample one after the other.
         places = places.reshape(things, points, runs, -1).transpose(0, 2, 3, 1).reshape(things, runs, -1)
-        if self._free and isinstance(limit, PathLimit):
-            own = self._first_of(index) + np.arange(things)
+        if self._free and asked.first:
+            own = sum(one.things for one in cell.asked[:index] if one.first) + np.arange(things)
             firsts = len(pool.constant) + own[:, None] + pool.of_first * np.arange(runs)
             places = np.concatenate([firsts[:, :, None], places], axis=2)
         lower, upper = (np.repeat(side[::points], places[0].size) for side in (rows.lower, rows.upper))
         return replace(rows, lower=lower, upper=upper), places.ravel()
-
-    def _index(self, limit: Limit) -> int:
-        return next(place for place, one in enumerate(self._cell.limits) if one is limit)
-
-    def _first_of(self, index: int) -> int:
-        # Where a limit on the path begins among the rows of a first instant.
-        before = zip(self._cell.limits[:index], self._cell.rows, strict=False)
-        return sum(
-            rows.expression.shape[0] // self._cell.points(limit)
-            for limit, rows in before
-            if isinstance(limit, PathLimit)
-        )
 
     def values(self, z: Expression, first: Expression, rows: Expression) -> Expression:
         """All rows, from those of the first instants (first, runs) and of the pieces (rows, pieces)."""

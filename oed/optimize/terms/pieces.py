@@ -7,51 +7,37 @@ derivatives are short.
 from __future__ import annotations
 
 from functools import cached_property
-from math import lcm
 
 import casadi as ca
 
-from oed.kernel.limit import InputLimit, Limit, PathLimit
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import RowBounds, Terms
 from oed.optimize.terms.carry import Carry
-from oed.optimize.terms.cell import Cell, estimated, segment_length
+from oed.optimize.terms.cell import Cell, estimated
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import Layout, best_layout
 from oed.optimize.terms.link import Link
+from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import Plan, Sweep
 from oed.optimize.terms.piece_rows import PieceRows
 from oed.optimize.terms.totals import Sum, Totals
-from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
-from oed.robots.sensors.displacements import Displacements
-from oed.robots.sensors.several import sensors_of
-
-PER_SAMPLE: tuple[type[Limit], ...] = (PathLimit, BodySpeed, YawRate, LateralAcceleration, TurningRadius)
-"""Limits that hold for every sample by itself."""
+from oed.optimize.terms.whole_rows import Formulas, WholeRows
+from oed.optimize.terms.whole_sweep import WholeSweep
 
 
 def divisible(problem: Problem) -> Layout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
-    That is so for robust limits and other robots, limits that look at a whole run (its length, its end),
-    noise that readings share over time, segments of unequal length, and samples without a suitable divisor.
+    That is so for robust limits and other robots, noise that readings share over time, segments of unequal
+    length, and samples without a suitable divisor.
     """
-    if problem.robust is not None:
+    space = problem.design
+    cuts = problem.measurement.cuts(space.samples)
+    if problem.robust is not None or cuts is None:
         return None
-    if not all(isinstance(limit, (InputLimit, *PER_SAMPLE)) for limit in problem.limits):
-        return None
-    space, measurement, inputs = problem.design, problem.measurement, len(problem.robot.inputs)
-    if isinstance(measurement, Displacements):
-        segments = measurement.segment_count(space.samples)
-        if measurement.noise_model != "increments" or space.samples % segments:
-            return None
-        length = segment_length(problem)
-        return best_layout(space, inputs, divisor=None if length == 1 else length)
-    sensors = sensors_of(measurement)
-    if not sensors or any(one.joint_whitening is not None for one in sensors):
-        return None
-    return best_layout(space, inputs, multiple=lcm(*(one.every for one in sensors)))
+    inputs, divisor = len(problem.robot.inputs), None if cuts.segment == 1 else cuts.segment
+    return best_layout(space, inputs, multiple=cuts.multiple, divisor=divisor)
 
 
 class Pieces(Terms):
@@ -60,33 +46,40 @@ class Pieces(Terms):
     def __init__(self, problem: Problem, layout: Layout, refine: int = 1) -> None:
         """Write a piece and what joins the pieces; functions are compiled when first used."""
         super().__init__(problem, refine)
-        limits = [limit for limit in problem.limits if not isinstance(limit, InputLimit)]
-        cell, totals = Cell(problem, limits, self.input_scale.tolist(), refine), Totals(problem, layout)
-        every = [sensor.every for sensor in totals.sensors]
-        kernel = Kernel(cell, layout, every)
+        needs = self._needs = needs_of(problem, self.coefficients, refine)
+        formulas = Formulas(self, needs.whole) if needs.whole else None
+        asked = [(problem.limits[place], asked) for place, asked in needs.asked.items()]
+        if formulas is not None and formulas.states is not None:
+            asked.append((formulas.states, formulas.states.asked))
+        cell, totals = Cell(problem, asked, self.input_scale.tolist(), refine), Totals(problem, layout)
+        kernel = Kernel(cell, layout, [sensor.every for sensor in totals.sensors])
         link = Link(kernel, _carry(problem, kernel, totals))
-        rows = PieceRows(problem, layout, cell, self.unknowns, self._coefficients())
+        rows = PieceRows(problem, layout, cell, self.unknowns, needs)
         total = Sum(totals, link.added)
         self._plan = Plan(problem, layout, kernel, link, total, rows, self.size, self.coefficient_count)
+        self._whole = None if formulas is None else WholeRows(formulas, rows.states_moved)
 
     @cached_property
-    def _sweep(self) -> Sweep:
-        return Sweep(self._plan)
+    def _sweep(self) -> Sweep | WholeSweep:
+        sweep = Sweep(self._plan)
+        return sweep if self._whole is None else WholeSweep(sweep, self._whole, self._needs)
 
     @property
     def sizes(self) -> list[int]:
         """The size of every matrix."""
         return self._plan.total.sizes
 
-    @property
+    @cached_property
     def rows(self) -> list[RowBounds]:
         """Bounds of every limit's rows."""
-        return self._plan.rows.bounds
+        whole = [] if self._whole is None else self._whole.bounds
+        return self._needs.in_order(self._plan.rows.bounds, whole)
 
-    @property
+    @cached_property
     def linear(self) -> list[bool]:
         """Whether each limit's rows are linear in z."""
-        return self._plan.rows.linear
+        whole = [] if self._whole is None else self._whole.formulas.linear
+        return self._needs.in_order(self._plan.rows.linear, whole)
 
     @cached_property
     def values(self) -> ca.Function:

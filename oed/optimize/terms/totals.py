@@ -14,11 +14,9 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.information import information
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import symmetric, upper_half
-from oed.optimize.terms.cell import estimated, segment_length
+from oed.optimize.terms.base import small_drive, symmetric, upper_half
+from oed.optimize.terms.cell import cuts_of, estimated
 from oed.optimize.terms.layout import Layout
-from oed.robots.sensors.displacements import Displacements
-from oed.robots.sensors.several import sensors_of
 
 Places = npt.NDArray[np.int64]
 Reader = Callable[[Sequence[int]], Expression]
@@ -38,14 +36,11 @@ class Totals:
     def __init__(self, problem: Problem, layout: Layout) -> None:
         """Sort the pieces."""
         self.problem, self._layout = problem, layout
-        measurement, runs = problem.measurement, problem.design.runs
-        self.sensors = sensors_of(measurement)
-        self.squared = False
-        self.group: Places = np.repeat(np.arange(runs), layout.each)
-        if isinstance(measurement, Displacements):
-            length = segment_length(problem)
-            self.squared = length > 1
-            shared = length // layout.samples if self.squared else layout.count
+        self.sensors, self._cuts = problem.measurement.joint_sensors, cuts_of(problem)
+        self.squared = self._cuts.segment > 1
+        self.group: Places = np.repeat(np.arange(problem.design.runs), layout.each)
+        if not self.sensors:
+            shared = self._cuts.segment // layout.samples if self.squared else layout.count
             self.group = np.arange(layout.count) // shared
         self.groups = int(self.group[-1]) + 1
 
@@ -58,10 +53,11 @@ class Totals:
     @cached_property
     def _blocks(self) -> dict[str, tuple[int, int]]:
         # Of a regression: rows of one group and columns of every block, judged or not.
-        assert isinstance(self.problem.measurement, Displacements)
-        names = self.problem.robot.coefficient_names
-        shapes = {"heading": (1, len(names[0])), "position": (2, sum(map(len, names[1:])))}
-        return {name: shapes[name] for name in self.problem.measurement.regressions}
+        robot, regression = self.problem.robot, self._cuts.regression
+        assert regression is not None
+        held, start = ca.SX(1, len(robot.inputs)), ca.SX(len(robot.states), 1)
+        blocks = regression.blocks(small_drive(self.problem, held, start))
+        return {block.name: tuple(block.design_matrix.shape) for block in blocks}
 
     def square(self, size: int) -> ca.Function:
         """One group's rows of all regressions -> upper halves of their squares."""

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.optimize.transcription.design import DesignExpressions
-from oed.robots.limits.workspace import workspace_of
 
 Array = npt.NDArray[np.float64]
 
@@ -38,10 +37,15 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
 
 
 def start_bounds(design: DesignExpressions) -> Array:
-    """Bounds (3 * runs, 2) of free start poses: the workspace's bounding box, all headings."""
-    room = workspace_of(design.problem.limits)
-    x_min, x_max, y_min, y_max = (-1e-3, 1e-3, -1e-3, 1e-3) if room is None else room.extent
-    pose = np.array([[x_min, x_max], [y_min, y_max], [-np.pi, np.pi]])
+    """Bounds (3 * runs, 2) of free start poses: what limits say of them, else all headings, and a place."""
+    robot, known = design.problem.robot, dict[str, tuple[float, float]]()
+    for limit in design.problem.limits:
+        for state, (low, high) in limit.state_bounds().items():
+            least, most = known.get(state, (-np.inf, np.inf))
+            known[state] = (max(low, least), min(high, most))
+    usual = {"m": (-1e-3, 1e-3), "rad": (-np.pi, np.pi)}
+    units = zip(robot.states[:3], robot.state_units, strict=False)
+    pose = np.array([known.get(state, usual[unit]) for state, unit in units])
     return np.tile(pose, (design.problem.design.runs, 1))
 
 

@@ -93,6 +93,11 @@ class Workspace(Area):
     def extent(self) -> Extent:
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
+    def state_bounds(self) -> dict[str, tuple[float, float]]:
+        """Of x and y: the bounding box [m]."""
+        x_min, x_max, y_min, y_max = self.extent
+        return {"x": (x_min, x_max), "y": (y_min, y_max)}
+
     def widened_extent(self, share: float) -> Extent:
         """Bounding box [m] of the room whose rows may be exceeded by `share` of their size.
 

@@ -16,7 +16,7 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.measurement.measurement import Block, Measurement, regression
+from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
 from oed.robots.models.model import Model, nominal_coefficients
 
 Regressor = Literal["position", "heading", "both"]
@@ -95,6 +95,18 @@ class Displacements(Measurement):
         """
         own = np.rint(np.linspace(0, samples, self.segment_count(samples) + 1)).astype(np.int64)
         return np.concatenate([[0], *(run * samples + own[1:] for run in range(runs))])
+
+    def cuts(self, samples: int) -> Cuts | None:
+        """Within segments of equal length whose noise is independent."""
+        segments = self.segment_count(samples)
+        if self.noise_model != "increments" or samples % segments:
+            return None
+        return Cuts(segment=samples // segments, regression=self.model_copy(update={"segments": 1}))
+
+    @property
+    def grid_multiple(self) -> int:
+        """P, for segments of equal length."""
+        return 1 if self.segments == "samples" else self.segments
 
     def coarser(self, times: float) -> Displacements:
         """The same: segments are parts of the drive, or its samples."""

@@ -9,8 +9,8 @@ from pydantic import Field
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.measurement.measurement import Block, Measurement
-from oed.kernel.measurement.sensor import Sensor, joint_block
+from oed.kernel.measurement.measurement import Block, Cuts, Measurement
+from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
 from oed.robots.models.model import Model
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
@@ -45,6 +45,15 @@ class Several(Measurement):
                 flaws.append(Flaw(("measurement", index, "initial_pose"), text))
         return flaws
 
+    @property
+    def joint_sensors(self) -> tuple[Sensor, ...]:
+        """All of them."""
+        return self.sensors
+
+    def cuts(self, samples: int) -> Cuts | None:
+        """Where all sensors read."""
+        return joint_cuts(self.sensors)
+
     def coarser(self, times: float) -> Several | None:
         """The sensors' own."""
         sensors = [sensor.coarser(times) for sensor in self.sensors]
@@ -53,6 +62,4 @@ class Several(Measurement):
 
 def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
     """The sensors of a measurement that are estimated from together; () for any other measurement."""
-    if isinstance(measurement, Several):
-        return measurement.sensors
-    return (measurement,) if isinstance(measurement, Sensor) else ()
+    return measurement.joint_sensors
