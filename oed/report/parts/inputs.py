@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.text import DEGREES, words
 from oed.records.record import Record, drive_of
 from oed.report.parts.reading import Entry, heading
-from oed.report.parts.wording import DEGREES, words
 
 Array = npt.NDArray[np.float64]
 Bounds = tuple[float, float]

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from oed.foundation.text import count, deviation_text, listing, quantity, words
 from oed.kernel.criteria import CRITERIA
 from oed.records.record import Record
 from oed.report.parts.reading import Entry, is_regression, solver_options
-from oed.report.parts.wording import count, deviation_text, listing, quantity, words
 
 KINDS = {
     name: criterion.model_construct(kind=name)

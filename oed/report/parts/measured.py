@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import count, deviation_text, given_text, listing, words
 from oed.records.record import Record
 from oed.report.parts.reading import blocks, is_regression, runs_of, segments, sensors
-from oed.report.parts.wording import count, deviation_text, given_text, listing, words
 
 Sensor = Mapping[str, Any]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.text import Unit, common_units, words
 from oed.records.record import Record
-from oed.report.parts.wording import Unit, common_units, words
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from oed.foundation.text import fixed, significant, whole
 from oed.records.record import Record
 from oed.report.parts.judging import EFFICIENCIES, Aim, objective_of, repeatable, study_aim, useless
 from oed.report.parts.reading import Entry, value, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
+from oed.report.parts.tables import Cell, Column, Table
 
 NOTHING = 1e-6
 """Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""

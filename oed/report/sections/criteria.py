@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from oed.foundation.text import fixed, listing, quantity, significant, words
 from oed.records.record import Record
 from oed.report.parts.judging import (
     EFFICIENCIES,
@@ -17,8 +18,7 @@ from oed.report.parts.judging import (
 )
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""

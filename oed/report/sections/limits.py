@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import DEGREES, fixed, quantity, unit_text, words
 from oed.records.record import Record
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed
-from oed.report.parts.wording import DEGREES, quantity, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 
 CONDITIONS = ("duration", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""

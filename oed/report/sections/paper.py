@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from oed.foundation.text import readable, significant
 from oed.records.record import Record
 from oed.report.parts.judging import scaling_text
 from oed.report.parts.reading import Entry, blocks, is_regression, value, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, significant
-from oed.report.parts.wording import readable
+from oed.report.parts.tables import Cell, Column, Table
 
 RESPONSES = {"position": "m", "heading": "rad"}
 """SI unit of the measurement y of each block."""

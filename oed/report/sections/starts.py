@@ -6,12 +6,12 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from oed.foundation.text import count, fixed, listing, quantity, significant, whole, words
 from oed.records.record import Record
 from oed.report.parts.judging import EFFICIENCIES, Aim, aim_of, study_aim
 from oed.report.parts.reading import Entry, solver_options
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
-from oed.report.parts.wording import count, listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Search = tuple[Aim, Entry]
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
+from oed.foundation.text import Unit, deviation_text, listing, quantity, words
 from oed.records.record import Record
 from oed.report.figures.driven import poses_of
 from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim, useless
@@ -20,7 +21,6 @@ from oed.report.parts.reading import (
     runs_of,
 )
 from oed.report.parts.section import Section
-from oed.report.parts.wording import Unit, deviation_text, listing, quantity, words
 from oed.report.sections.candidates import repetitions_of
 
 
