@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from oed.foundation.text import Unit, common_units, words
 from oed.records.record import Record
+from oed.robots.sensors import Displacements
+from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]
@@ -51,20 +53,14 @@ def on_the_spot(entry: Entry) -> bool:
 
 def is_regression(record: Record) -> bool:
     """Whether the displacements of segments are measured, the paper's way, rather than sensors read."""
-    return str(record.data["study"]["measurement"]["kind"]) == "displacements"
-
-
-def sensors(record: Record) -> list[Mapping[str, Any]]:
-    """The sensors that are read; [] where displacements are measured."""
-    measurement = record.data["study"]["measurement"]
-    if is_regression(record):
-        return []
-    return list(measurement["sensors"]) if measurement["kind"] == "several" else [measurement]
+    return isinstance(record.study.measurement, Displacements)
 
 
 def beacons(record: Record) -> Array:
     """Positions (n, 2) [m] of all beacons that distances are measured to."""
-    found = [place for sensor in sensors(record) for place in sensor.get("beacons", [])]
+    found = [
+        place for sensor in sensors_of(record.study.measurement) for place in getattr(sensor, "beacons", ())
+    ]
     return np.array(found, dtype=float).reshape(-1, 2)
 
 
@@ -91,9 +87,8 @@ def duration_text(record: Record) -> str:
 
 def segments(record: Record, samples: int) -> int | None:
     """Number of segments P of a displacement measurement of a run of that many samples."""
-    measurement = record.data["study"]["measurement"]
-    given = measurement.get("segments")
-    return samples if given == "samples" else given
+    measurement = record.study.measurement
+    return measurement.segment_count(samples) if isinstance(measurement, Displacements) else None
 
 
 def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:

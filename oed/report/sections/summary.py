@@ -38,11 +38,10 @@ def _question(record: Record) -> str:
     which = f"in {duration_text(record)}" if runs_of(record) > 1 else f"of {duration_text(record)}"
     robot = words(study["robot"]["kind"])
     names = [words(parameter["name"]) for parameter in judged(record)]
-    measured = measured_as(record)
-    how = f", measured as {measured}" if measured else ""
     question = (
-        f"Which drive {which} tells {listing(names)} of this {robot} robot best{how}? The criterion is "
-        f"{meaning(record)}, where a larger objective is a better drive."
+        f"Which drive {which} tells {listing(names)} of this {robot} robot best, measured as "
+        f"{measured_as(record)}? The criterion is {meaning(record)}, where a larger objective is a "
+        "better drive."
     )
     more = (_not_judged(record), along_text(record), prior_text(record))
     return " ".join(filter(None, [question, *more]))
