@@ -111,6 +111,11 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{significant(digits)(value)} {unit_text(unit)}".strip()
 
 
+def in_degrees(unit: str) -> Unit:
+    """The unit in which an angle, or its rate, is shown in degrees, and its factor from SI."""
+    return unit.replace("rad", "deg", 1), DEGREES if unit.startswith("rad") else 1.0
+
+
 def unit_text(unit: str) -> str:
     """A unit with raised exponents: rad/s^2 -> rad/s²."""
     return unit.replace("^2", "²").replace("^3", "³")

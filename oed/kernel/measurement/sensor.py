@@ -155,8 +155,8 @@ class Sensor(Measurement):
         if whole is not None:
             return noise_text(ca.DM(whole), self.units * (len(whole) // max(1, len(self.units))))
         own = {nuisance.name: ca.SX.sym(nuisance.name) for nuisance in self.nuisances}
-        anything = (ca.SX.sym(name, MOST) for name in ("pose", "inputs", "twist"))
-        return noise_text(self.whitening(Moment(*anything, own)), self.units)
+        pose, inputs, twist = (ca.SX.sym(name, MOST) for name in ("pose", "inputs", "twist"))
+        return noise_text(self.whitening(Moment(pose, inputs, twist, own)), self.units)
 
     @property
     def remark(self) -> str:
