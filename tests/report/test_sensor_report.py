@@ -6,10 +6,11 @@ import copy
 import math
 import pickle
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -17,8 +18,10 @@ import pytest
 import sample_records
 from places import REPORTS
 
+from oed.kernel.criteria import E
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import Moment, Sensor
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.records.record import Record, load_record
 from oed.report import write_comparison, write_report
 from oed.report.page import sections_of
@@ -152,6 +155,45 @@ class TestCandidates:
         table = candidates(own).tables[0]
         assert column(table, "objective")[2] == -math.inf
         assert column(table, "repetitions for the same")[1:3] == [math.inf, math.inf]
+
+
+class Logarithm(E):
+    """A criterion of the user's own."""
+
+    kind: Literal["logarithm"] = "logarithm"
+    number: ClassVar[str] = "log λ_min"
+    definition: ClassVar[str] = "the logarithm of the smallest eigenvalue"
+    share: ClassVar[str] = ""
+    asks_about: ClassVar[str] = ""
+    proportional: ClassVar[bool] = False
+
+    def judge(self, information: Sequence[SquareRoot]) -> np.ndarray:
+        return np.log(super().judge(information))
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        return math.exp(value - best)
+
+    def deviation(self, value: float, size: int) -> str:
+        return "the largest standard deviation is told"
+
+
+class TestCriteriaOfTheUsersOwn:
+    def test_one_describes_itself_on_the_page(self):
+        parsed = parse_study(sample_records.SENSORS)
+        own = Logarithm()
+        study = replace(
+            parsed,
+            file=parsed.file.model_copy(update={"criterion": own}),
+            problem=replace(parsed.problem, criterion=own),
+        )
+        drives = [
+            sample_records.solution(study, name, *sample_records.SHAPES[name]) for name in ("arc", "ipopt")
+        ]
+        parts = {part.title: part for part in sections_of(record_of(study, drives, 7))}
+        told = "The criterion is logarithm, the logarithm of the smallest eigenvalue, the parameters taken"
+        assert told in text_of(parts["Summary"])
+        assert "the largest standard deviation is told" in text_of(parts["Summary"])
+        assert "logarithm-efficiency" in [one.title for one in parts["Criteria"].tables[0].columns]
 
 
 class TestSearches:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.component import Component
 from oed.foundation.text import Unit, common_units, words
 from oed.records.record import Record
 from oed.robots.sensors import Displacements
@@ -98,10 +99,10 @@ def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
     return common_units({name: known.get(name) for name in units}, units)
 
 
-def solver_options(record: Record, entry: Entry) -> Mapping[str, Any]:
-    """The study's options of the search that made a result; {} for anything but a search."""
-    solvers = [] if entry["kind"] == "baseline" else record.data["study"]["solvers"]
-    return next((one for one in solvers if (one.get("name") or one["kind"]) == entry["name"]), {})
+def solver_of(record: Record, entry: Entry) -> Component | None:
+    """The search that made a result; None for anything but a search."""
+    solvers = () if entry["kind"] == "baseline" else record.study.solvers
+    return next((one for one in solvers if one.label == entry["name"]), None)
 
 
 @dataclass(frozen=True)

@@ -118,9 +118,8 @@ def _needed(record: Record, chosen: Entry) -> str:
     repetitions, aim = repetitions_of(record, chosen), study_aim(record)
     if repetitions is None:
         return ""
-    told = "tell the worst-determined combination of parameters as well"
-    if aim.kind != "E":
-        told = f"be worth as much by {aim.label}"
+    about = aim.criterion.asks_about
+    told = f"tell {about} as well" if about else f"be worth as much by {aim.label}"
     if repetitions == math.inf:
         return f" No number of them would {told}."
     return f" {quantity(repetitions, '', 2)} of them would be needed to {told}."
