@@ -106,9 +106,12 @@ class Limit(Component, ABC):
             of the drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which
             is how they are checked between the points of a drive. A limit that does not say (None) is
             checked at the points of its rows only.
+        in_degrees: whether its angles are shown in degrees; those of wheels stay in rad/s, as data sheets
+            have them.
     """
 
     name: ClassVar[str]
+    in_degrees: ClassVar[bool] = False
     looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None
 
     @abstractmethod

@@ -7,8 +7,9 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StudyRecord
 from oed.simulation import Validation
 
+if TYPE_CHECKING:
+    from oed.study.study import StudyFile
+
 FILE = "record.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
@@ -40,12 +44,27 @@ class Record:
 
     `file` is where it was read from, None of a record that was made here: what a file names is data, and
     code that it names is run only for those who trust it. `folder` is where it was saved, None where it was
-    not.
+    not. `asked` is the study that it was made of, None of a record that was read.
     """
 
     data: Mapping[str, Any]
     file: Path | None = None
     folder: Path | None = field(default=None, compare=False)
+    asked: StudyFile | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def study(self) -> StudyFile:
+        """The study, its parts as objects that describe themselves; robots of code that was not run yet
+        cannot move.
+        """
+        # Imported late: studies take priors from records.
+        from oed.records.recorded_study import recorded_file
+
+        return self.asked or recorded_file(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the study's objects, which are made of the data again."""
+        return {name: getattr(self, name) for name in ("data", "file", "folder")}
 
     @property
     def results(self) -> list[Mapping[str, Any]]:

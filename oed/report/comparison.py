@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from oed.foundation.text import count, fixed, significant, words
 from oed.records.record import Record
 from oed.report.figures.driven import Path as DrivenPath
 from oed.report.figures.driven import path_of
@@ -15,8 +16,7 @@ from oed.report.page import render
 from oed.report.parts.reading import is_regression, value, whole_duration
 from oed.report.parts.rooms import room_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import count, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Named = tuple[str, Record]
 

@@ -13,11 +13,11 @@ import jinja2
 from markupsafe import Markup
 
 from oed.foundation.shown import page_text
+from oed.foundation.text import slug
 from oed.foundation.work.folders import updated
 from oed.records.record import REPORT, Record, pages
 from oed.report.film.animation import with_film
 from oed.report.parts.section import Animation, Section
-from oed.report.parts.wording import slug
 from oed.report.sections import SECTIONS
 
 NAME = REPORT

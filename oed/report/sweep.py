@@ -10,14 +10,14 @@ from typing import Any
 from urllib.parse import quote
 
 from oed.foundation.files import inside
+from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.report.comparison import relative_deviations
 from oed.report.figures.driven import path_of
 from oed.report.page import NAME, render
 from oed.report.parts.rooms import room_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, significant
-from oed.report.parts.wording import count, listing, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Row = Mapping[str, Any]
 

@@ -405,3 +405,46 @@ class TestGAndI:
     @predictions
     def test_singular_information_is_the_worst(self, kind):
         assert value(example(kind, 2), [np.diag([1.0, 0.0])]) == -math.inf
+
+
+@criteria
+def test_every_criterion_says_what_its_number_means(kind: type[Criterion]):
+    criterion = EXAMPLES[kind]
+    assert criterion.meaning
+    said = criterion.share.format(size=3)
+    best = {"value": -2.0, "best": -1.0} if kind is not E else {"value": 1.0, "best": 2.0}
+    assert bool(said) == (criterion.efficiency(**best, size=3) is not None)
+    assert "{" not in said
+
+
+@pytest.mark.parametrize(
+    ("criterion", "told"),
+    [
+        (E(scaling="none"), "the smallest eigenvalue of the information, the parameters taken in SI units"),
+        (A(scaling={"track": 0.1}), "minus the sum of the variances, the parameters taken in units of the"),
+        (G(test_drive=LEGS), "minus the largest variance of the position predicted after 3 legs driven"),
+    ],
+    ids=["E", "A", "G"],
+)
+def test_meanings_in_words(criterion: Criterion, told: str):
+    assert criterion.meaning.startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("criterion", "value", "told"),
+    [
+        (E(), 4.0, ""),
+        (D(), -6 * math.log(0.01), "the geometric mean of those along the ellipsoid's axes is 1.00 %"),
+        (A(), -3e-4, "the root mean square of those of the parameters is 1.00 %"),
+        (A(scaling="none"), -3e-4, ""),
+        (G(test_drive=LEGS), -1e-4, "the largest standard deviation of a predicted position is 1.00 cm"),
+        (
+            I(test_drive=LEGS, quantity="heading"),
+            -(math.radians(2) ** 2),
+            "the root mean square of the standard deviation of a predicted heading is 2.00 deg",
+        ),
+    ],
+    ids=["E", "D", "A", "A in SI", "G", "I"],
+)
+def test_deviations_in_words(criterion: Criterion, value: float, told: str):
+    assert criterion.deviation(value, 3) == told

@@ -22,10 +22,10 @@ from oed.foundation.shown import shown_lines
 from oed.records.record import Record, load_record, save_record
 from oed.report import write_report
 from oed.report.figures.panels import svg_text
+from oed.report.figures.plots import as_drawn
 from oed.report.page import html_text, markdown_text, sections_of
 from oed.report.parts.section import Section
 from oed.report.parts.tables import Table
-from oed.report.parts.wording import as_drawn
 
 
 def section(record: Record, title: str) -> Section:

@@ -6,17 +6,19 @@ import math
 
 import pytest
 
-from oed.report.parts.tables import Column, Table, fixed, significant
-from oed.report.parts.wording import (
+from oed.foundation.text import (
     common_units,
     count,
     deviation_text,
+    fixed,
     given_text,
     listing,
     quantity,
     readable,
+    significant,
     slug,
 )
+from oed.report.parts.tables import Column, Table
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import ClassVar, Literal
 
+import casadi as ca
 import numpy as np
 import pytest
 import sample_records
 from places import REPORTS
 
+from oed.kernel.criteria import E
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.sensor import Moment, Sensor
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.records.record import Record, load_record
 from oed.report import write_comparison, write_report
 from oed.report.page import sections_of
@@ -23,8 +32,27 @@ from oed.report.parts.tables import Table
 from oed.report.sections.candidates import candidates, repetitions_of
 from oed.report.sections.criteria import criteria
 from oed.report.sections.paper import paper
+from oed.robots.sensors import Several
+from oed.study.study import parse_study
+from oed.workflow.runner import record as record_of
 
 FLAGSHIP = REPORTS / "choi_skid_steer"
+
+
+class Compass(Sensor):
+    """A sensor of the user's own."""
+
+    kind: Literal["compass"] = "compass"
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return ("rad",)
+
+    def reading(self, moment: Moment) -> Expression:
+        return moment.pose[2]
+
+    def whitening(self, moment: Moment) -> Expression:
+        return ca.SX(1 / math.radians(2))
 
 
 @cache
@@ -129,6 +157,45 @@ class TestCandidates:
         assert column(table, "repetitions for the same")[1:3] == [math.inf, math.inf]
 
 
+class Logarithm(E):
+    """A criterion of the user's own."""
+
+    kind: Literal["logarithm"] = "logarithm"
+    number: ClassVar[str] = "log λ_min"
+    definition: ClassVar[str] = "the logarithm of the smallest eigenvalue"
+    share: ClassVar[str] = ""
+    asks_about: ClassVar[str] = ""
+    proportional: ClassVar[bool] = False
+
+    def judge(self, information: Sequence[SquareRoot]) -> np.ndarray:
+        return np.log(super().judge(information))
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        return math.exp(value - best)
+
+    def deviation(self, value: float, size: int) -> str:
+        return "the largest standard deviation is told"
+
+
+class TestCriteriaOfTheUsersOwn:
+    def test_one_describes_itself_on_the_page(self):
+        parsed = parse_study(sample_records.SENSORS)
+        own = Logarithm()
+        study = replace(
+            parsed,
+            file=parsed.file.model_copy(update={"criterion": own}),
+            problem=replace(parsed.problem, criterion=own),
+        )
+        drives = [
+            sample_records.solution(study, name, *sample_records.SHAPES[name]) for name in ("arc", "ipopt")
+        ]
+        parts = {part.title: part for part in sections_of(record_of(study, drives, 7))}
+        told = "The criterion is logarithm, the logarithm of the smallest eigenvalue, the parameters taken"
+        assert told in text_of(parts["Summary"])
+        assert "the largest standard deviation is told" in text_of(parts["Summary"])
+        assert "logarithm-efficiency" in [one.title for one in parts["Criteria"].tables[0].columns]
+
+
 class TestSearches:
     def test_they_are_grouped_by_what_they_searched_for(self):
         searches = [one for one in record("sensors").results if one["starts"]]
@@ -188,6 +255,33 @@ class TestMeasured:
         assert "6 cm ahead of and 2 cm to the right of the robot's origin" in text
         assert "2 beacons at (-1, -1) m and (9, 1) m at every sample (21 times)" in text
         assert "the yaw rate in every period (20 times) with a standard deviation of 1 deg/s" in text
+
+    def test_the_angle_of_a_trailer_is_told(self):
+        angle = {"kind": "trailer_angle", "noise": math.radians(0.5), "bias": "unknown"}
+        poses = {"kind": "poses", "noise": {"position": 0.01, "heading": 0.01}}
+        own = changed("sensors", measurement={"kind": "several", "sensors": [poses, angle]})
+        assert measured_as(own) == "21 poses (x, y and heading) and 21 trailer angles"
+        told = "the trailer's angle at every sample (21 times) with a standard deviation of 0.5 deg."
+        assert readings_text(own).endswith(told)
+
+    def test_a_sensor_of_the_users_own_describes_itself_on_the_page(self):
+        parsed = parse_study(sample_records.SENSORS)
+        own = Several(sensors=(*parsed.file.measurement.sensors, Compass(every=4)))
+        study = replace(
+            parsed,
+            file=parsed.file.model_copy(update={"measurement": own}),
+            problem=replace(parsed.problem, measurement=own),
+        )
+        drives = [sample_records.solution(study, "arc", *sample_records.SHAPES["arc"])]
+        made = record_of(study, drives, 7)
+        assert measured_as(made).endswith(" and 6 readings of the compass")
+        text = text_of(next(one for one in sections_of(made) if one.title.startswith("Predicted")))
+        assert "the compass at every 4th sample (6 times) with a standard deviation of 2 deg" in text
+
+    def test_old_records_are_told_by_the_study_that_they_hold(self):
+        old = load_record(FLAGSHIP)
+        assert measured_as(old) == "the displacements of 10 segments"
+        assert measured_as(pickle.loads(pickle.dumps(old))) == "the displacements of 10 segments"
 
     def test_what_is_estimated_along_and_known_before(self):
         text = along_text(record("sensors"))

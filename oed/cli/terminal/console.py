@@ -121,8 +121,8 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: Mapping[str, Any]) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
+    from oed.foundation.text import words
     from oed.report.estimate.numbers import error_text, own_unit, to_error
-    from oed.report.parts.wording import words
 
     table = Table(box=None, pad_edge=False)
     for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.information import Scaling
+from oed.kernel.measurement.information import Scaling, scaling_text
 from oed.kernel.measurement.matrices import solve_lower
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Integration, Model
@@ -70,6 +71,19 @@ class Criterion(Component, ABC):
         subset: the parameters of interest; the others are unknown all the same. All of them if None.
     """
 
+    number: ClassVar[str] = ""
+    """What its value is, in short; "" where it does not say."""
+    definition: ClassVar[str] = ""
+    """The same in words."""
+    share: ClassVar[str] = ""
+    """What its efficiency is, `{size}` the number of parameters; "" where it has none or does not say."""
+    asks_about: ClassVar[str] = ""
+    """What of the parameters it looks at, where that is not all of them."""
+    conceded: ClassVar[str] = "objective"
+    """What `concede` takes a share of."""
+    proportional: ClassVar[bool] = False
+    """Whether k repetitions of a design give k times its value, which is 0 of what is not identifiable."""
+
     kind: str
     scaling: Scaling = "relative"
     subset: tuple[str, ...] | None = None
@@ -97,6 +111,21 @@ class Criterion(Component, ABC):
     def flaws(self, subject: Subject) -> list[Flaw]:
         """What makes this criterion impossible for these parameters; [] if nothing."""
         return []
+
+    @property
+    def meaning(self) -> str:
+        """What its value is, in words."""
+        taken = f"the parameters taken {scaling_text(self.scaling)}"
+        return f"{self.definition}, {taken}" if self.definition else taken
+
+    def deviation(self, value: float, size: int) -> str:
+        """The standard deviation that a finite value stands for, in words; "" where it stands for none.
+
+        Args:
+            value: of a design.
+            size: number of parameters judged.
+        """
+        return ""
 
     def concede(self, value: float, share: float) -> float:
         """The value that remains when only `share` of `value` is asked for."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,7 @@ from pydantic import Field, FiniteFloat
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
+from oed.foundation.text import count, deviation_text
 from oed.kernel.criteria.criterion import (
     Criterion,
     Epigraph,
@@ -31,6 +32,7 @@ from oed.robots.models.model import step
 Array = npt.NDArray[np.float64]
 
 
+UNITS = {"position": "m", "heading": "rad"}
 FAINT = 1e-8
 """Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
 
@@ -54,6 +56,10 @@ class Prediction(RootCriterion):
         quantity: "position" [m^2, both coordinates together] or "heading" [rad^2].
     """
 
+    of: ClassVar[str]
+    """Which of the legs' variances is judged."""
+    root_of: ClassVar[str]
+    """Which standard deviation is the root of that."""
     test_drive: Annotated[tuple[Leg, ...], Field(min_length=1)]
     quantity: Literal["position", "heading"] = "position"
     rows: tuple[tuple[tuple[tuple[float, ...], ...], ...], ...] = Field(default=(), exclude=True, repr=False)
@@ -108,6 +114,17 @@ class Prediction(RootCriterion):
                 totals[leg] += ca.sumsqr(factor.inverse(ca.SX(ca.DM(np.array(rows).T))))
         return totals
 
+    @property
+    def meaning(self) -> str:
+        """Minus a variance; the scaling of the parameters does not change it."""
+        legs = count(len(self.test_drive), "leg")
+        return f"minus the {self.of} variance of the {self.quantity} predicted after {legs} driven"
+
+    def deviation(self, value: float, size: int) -> str:
+        """That of a prediction."""
+        told = deviation_text(math.sqrt(-value), UNITS[self.quantity])
+        return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {told}"
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's variance to this one's."""
         return best / value if value < 0 and math.isfinite(best) else None
@@ -116,6 +133,11 @@ class Prediction(RootCriterion):
 class G(Prediction):
     """G-optimality: minus the largest variance of a prediction, over the legs of a test drive."""
 
+    of: ClassVar[str] = "largest"
+    root_of: ClassVar[str] = "largest"
+    share: ClassVar[str] = (
+        "the best drive's largest variance of what is predicted for the test drive over this one's"
+    )
     kind: Literal["G"] = "G"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -143,6 +165,11 @@ class G(Prediction):
 class I(Prediction):  # noqa: E742
     """I-optimality: minus the mean variance of the predictions, over the legs of a test drive."""
 
+    of: ClassVar[str] = "mean"
+    root_of: ClassVar[str] = "root mean square of the"
+    share: ClassVar[str] = (
+        "the best drive's mean variance of what is predicted for the test drive over this one's"
+    )
     kind: Literal["I"] = "I"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -27,6 +27,11 @@ class E(RootCriterion):
     qualification where eigenvalues meet, which is where the optimum lies.
     """
 
+    number: ClassVar[str] = "λ_min"
+    definition: ClassVar[str] = "the smallest eigenvalue of the information"
+    share: ClassVar[str] = "λ_min/λ_min,best (the worst-determined combination of the parameters)"
+    asks_about: ClassVar[str] = "the worst-determined combination of parameters"
+    proportional: ClassVar[bool] = True
     kind: Literal["E"] = "E"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -63,6 +68,8 @@ class ModifiedE(RootCriterion):
     keeps a search from drives that tell nothing, and that equally well.
     """
 
+    number: ClassVar[str] = "-cond(F)"
+    definition: ClassVar[str] = "minus the condition number of the information"
     kind: Literal["modified_E"] = "modified_E"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.kernel.criteria.criterion import Epigraph, RootCriterion, factored
+from oed.foundation.text import quantity
+from oed.kernel.criteria.criterion import Criterion, Epigraph, RootCriterion, factored
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -20,6 +21,10 @@ Array = npt.NDArray[np.float64]
 class D(RootCriterion):
     """D-optimality: log det F, all blocks together. Its optimum does not depend on the scaling."""
 
+    number: ClassVar[str] = "log det F"
+    definition: ClassVar[str] = "the logarithm of the information's determinant"
+    share: ClassVar[str] = "(det F/det F_best)^(1/p), p = {size} (the volume of the confidence ellipsoid)"
+    conceded: ClassVar[str] = "determinant"
     kind: Literal["D"] = "D"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -36,6 +41,11 @@ class D(RootCriterion):
         """The value of a determinant `share` as large."""
         return value + math.log(share)
 
+    def deviation(self, value: float, size: int) -> str:
+        """The geometric mean along the ellipsoid's axes."""
+        name = "geometric mean of those along the ellipsoid's axes"
+        return _mean(self, name, math.exp(-value / 2 / size), size)
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """(det F / det F_best)^(1 / p)."""
         return math.exp((value - best) / size) if math.isfinite(best) else None
@@ -44,6 +54,9 @@ class D(RootCriterion):
 class A(RootCriterion):
     """A-optimality: minus the summed variances, -tr F^-1, over all blocks."""
 
+    number: ClassVar[str] = "-tr F⁻¹"
+    definition: ClassVar[str] = "minus the sum of the variances"
+    share: ClassVar[str] = "tr F_best⁻¹/tr F⁻¹ (the mean variance of the parameters)"
     kind: Literal["A"] = "A"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -57,6 +70,16 @@ class A(RootCriterion):
             matrices, lambda factors: -sum(ca.sumsqr(each.inverse(ca.SX.eye(each.size))) for each in factors)
         )
 
+    def deviation(self, value: float, size: int) -> str:
+        """The root mean square of the parameters'."""
+        return _mean(self, "root mean square of those of the parameters", math.sqrt(-value / size), size)
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's summed variances to this one's."""
         return best / value if value < 0 and math.isfinite(best) else None
+
+
+def _mean(criterion: Criterion, name: str, deviation: float, size: int) -> str:
+    # Of one parameter, or of parameters in different units, a mean says nothing.
+    told = criterion.scaling == "relative" and size > 1
+    return f"the {name} is {quantity(100 * deviation, '%')}" if told else ""

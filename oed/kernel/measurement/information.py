@@ -19,12 +19,18 @@ from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding
 Array = npt.NDArray[np.float64]
 Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Scaling = Literal["relative", "none"] | Mapping[str, Scale]
+SCALINGS = {"relative": "relative to their nominal values", "none": "in SI units"}
 
 
 FAINT = 2e-15
 """Share of the largest change of the readings that is rounding of it."""
 CANCELLED = 1e-13
 """Share of the sum of their magnitudes to which thousands of numbers that cancel are known."""
+
+
+def scaling_text(scaling: Scaling) -> str:
+    """In what units a criterion sees the parameters, in words."""
+    return SCALINGS[scaling] if isinstance(scaling, str) else "in units of the scales given"
 
 
 def information(

@@ -14,6 +14,7 @@ import scipy.sparse
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
+from oed.foundation.text import words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.matrices import harmonic
@@ -194,3 +195,11 @@ class Measurement(Component, ABC):
         Its information need only be in proportion: searches on fewer samples correct the rest.
         """
         return None
+
+    def brief(self, samples: int) -> str:
+        """What is measured of a drive of so many samples, in words."""
+        return words(self.kind)
+
+    def sentence(self, samples: int) -> str:
+        """The same with when and how noisily, where the measurement says so."""
+        return self.brief(samples)

@@ -21,8 +21,10 @@ from pydantic import Field, model_validator
 from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Angle, Length
+from oed.foundation.text import count, given_text, listing, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.measurement.description import noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.robots.models.model import Model
 
@@ -76,6 +78,10 @@ class Moment:
     inputs: Expression
     twist: Expression
     nuisances: Mapping[str, Expression]
+
+
+MOST = 32
+"""States and inputs of a moment at which nothing is known: at least as many as any robot has."""
 
 
 class Sensor(Measurement):
@@ -142,6 +148,41 @@ class Sensor(Measurement):
         last = samples + 1 if self.when == "at samples" else samples
         return list(range(0, last, self.every))
 
+    @property
+    def subject(self) -> str:
+        """What is read, in words."""
+        return f"the {words(self.kind)}"
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units of a reading's entries; () where the sensor does not say."""
+        return ()
+
+    @property
+    def noise_text(self) -> str:
+        """The noise of one reading, in words."""
+        whole = self.joint_whitening
+        if whole is not None:
+            return noise_text(ca.DM(whole), self.units * (len(whole) // max(1, len(self.units))))
+        own = {nuisance.name: ca.SX.sym(nuisance.name) for nuisance in self.nuisances}
+        pose, inputs, twist = (ca.SX.sym(name, MOST) for name in ("pose", "inputs", "twist"))
+        return noise_text(self.whitening(Moment(pose, inputs, twist, own)), self.units)
+
+    @property
+    def remark(self) -> str:
+        """What else there is to say of the readings, to follow their noise; "" for nothing."""
+        return ""
+
+    def brief(self, samples: int) -> str:
+        """What is read on a drive of so many samples, and how often."""
+        return f"{count(len(self.columns(samples)), 'reading')} of the {words(self.kind)}"
+
+    def sentence(self, samples: int) -> str:
+        """What is read on a drive of so many samples, when, how noisily and from where."""
+        when = when_text("sample" if self.when == "at samples" else "period", self.every)
+        times = count(len(self.columns(samples)), "time")
+        return f"{self.subject} {when} ({times}) with {self.noise_text}{self.remark}"
+
 
 class PlacedSensor(Sensor):
     """A sensor that follows a point of the robot.
@@ -169,6 +210,20 @@ class PlacedSensor(Sensor):
             Nuisance("lever_arm.x", arm.x, "m", arm.deviation),
             Nuisance("lever_arm.y", arm.y, "m", arm.deviation),
         )
+
+    @property
+    def remark(self) -> str:
+        """Where the point is, unless it is the robot's origin."""
+        sides = (
+            (self.lever_arm.x, "ahead of", "behind"),
+            (self.lever_arm.y, "to the left of", "to the right of"),
+        )
+        parts = [
+            f"{given_text(abs(offset), 'm')} {plus if offset > 0 else minus}"
+            for offset, plus, minus in sides
+            if offset
+        ]
+        return f", taken {listing(parts)} the robot's origin" if parts else ""
 
     def position(self, moment: Moment) -> tuple[Expression, Expression]:
         """Where the point is: x, y [m]."""

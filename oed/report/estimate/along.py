@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import quantity, significant, unit_text, words
 from oed.report.estimate.gist import offset_clocks
 from oed.report.estimate.numbers import error_text, known, own_unit, to_error, unit_for
 from oed.report.estimate.reading import MOST_ROWS, Data, clock_label, clocks, entries
 from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table, significant
-from oed.report.parts.wording import quantity, unit_text, words
+from oed.report.parts.tables import MISSING, Cell, Column, Table
 
 PLACES = {
     "sensor_x": "pose sensor ahead of the robot's origin",

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import fixed, listing, significant, unit_text, words
 from oed.report.estimate.numbers import error_text, known, own_unit, scaled, sized
 from oed.report.estimate.reading import Data, asked, by_windows, entries, segment_text
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import listing, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 
 KINDS = ("information", "sandwich", "bootstrap")
 """Ways to a covariance, the most trusting first."""

@@ -24,8 +24,7 @@ from oed.report.estimate.residuals import (
     thinned,
 )
 from oed.report.figures.panels import WIDTH, new_grid
-from oed.report.figures.plots import FAINT, INK
-from oed.report.parts.wording import as_drawn
+from oed.report.figures.plots import FAINT, INK, as_drawn
 
 SHADES = ("#123f6d", "#8fa9c2")
 """Of logs one after the other."""

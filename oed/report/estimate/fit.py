@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from oed.foundation.text import count, significant, slug, words
 from oed.report.estimate.numbers import known, probability
 from oed.report.estimate.reading import Data, entries, in_signs
 from oed.report.estimate.residuals import Residuals, residuals_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import MISSING, Column, Table, significant
-from oed.report.parts.wording import count, slug, words
+from oed.report.parts.tables import MISSING, Column, Table
 
 TESTS = {
     "whiteness": "residuals are white",

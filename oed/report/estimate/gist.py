@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import count, listing, quantity
 from oed.report.estimate.numbers import known, unit_for
 from oed.report.estimate.reading import (
     Data,
@@ -17,7 +18,6 @@ from oed.report.estimate.reading import (
     left_out_runs,
     means,
 )
-from oed.report.parts.wording import count, listing, quantity
 
 GAINS = (
     ("drift over 1 m of path", "drift_position", "m"),

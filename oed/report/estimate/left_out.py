@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import count, significant, unit_text, words
 from oed.report.estimate.numbers import known, scaled, sized, to_error
 from oed.report.estimate.reading import (
     MOST_ROWS,
@@ -18,8 +19,7 @@ from oed.report.estimate.reading import (
     units,
 )
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, significant
-from oed.report.parts.wording import count, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 
 MEASURES = (
     ("position", "rmse_position", "m"),

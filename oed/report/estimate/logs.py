@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import fixed, whole, words
 from oed.report.estimate.gist import findings
 from oed.report.estimate.numbers import known, scaled, sized
 from oed.report.estimate.reading import MOST_ROWS, Data, clocks, entries, in_signs
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, whole
-from oed.report.parts.wording import words
+from oed.report.parts.tables import Cell, Column, Table
 
 Log = Mapping[str, Any]
 

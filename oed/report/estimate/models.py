@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import count, fixed, listing, significant, unit_text, whole, words
 from oed.report.estimate.numbers import error_text, known, own_unit, scaled, size_text, sized, to_error
 from oed.report.estimate.reading import Data, asked
 from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table, fixed, significant, whole
-from oed.report.parts.wording import count, listing, unit_text, words
+from oed.report.parts.tables import MISSING, Cell, Column, Table
 
 Model = Mapping[str, Any]
 

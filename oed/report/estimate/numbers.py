@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from oed.report.parts.tables import MISSING, Cell, Column, fixed, significant
-from oed.report.parts.wording import DEGREES, Unit, quantity, unit_text
+from oed.foundation.text import DEGREES, Unit, fixed, quantity, significant, unit_text
+from oed.report.parts.tables import MISSING, Cell, Column
 
 LADDERS: dict[str, tuple[tuple[str, float, float], ...]] = {
     "m": (("m", 1.0, 1.0), ("mm", 1e3, 1e-4), ("µm", 1e6, 0.0)),

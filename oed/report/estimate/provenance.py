@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from oed.foundation.text import words
 from oed.report.estimate.reading import Data, study_of
 from oed.report.parts.section import Section
 from oed.report.parts.tables import Column, Table
-from oed.report.parts.wording import words
 
 
 def provenance(data: Data) -> Section:

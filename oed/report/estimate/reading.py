@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
+from oed.foundation.text import Unit, count, words
 from oed.report.estimate.numbers import known, own_unit
-from oed.report.parts.wording import Unit, count, words
 
 Data = Mapping[str, Any]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.text import unit_text, words
 from oed.report.estimate.numbers import known, unit_for
 from oed.report.estimate.reading import Data, by_windows, entries
-from oed.report.parts.wording import unit_text, words
 
 Array = npt.NDArray[np.float64]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.report.estimate.gist import gains, notes, warnings
 from oed.report.estimate.numbers import (
     decimals_of,
@@ -18,8 +19,7 @@ from oed.report.estimate.numbers import (
 )
 from oed.report.estimate.reading import Data, entries, held_out_runs, logs_text, robot_text
 from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table, significant
-from oed.report.parts.wording import count, listing, unit_text, words
+from oed.report.parts.tables import MISSING, Cell, Column, Table
 
 METHODS = {
     "joint": "by nonlinear least squares on all poses together",

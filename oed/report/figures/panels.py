@@ -19,10 +19,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from oed.foundation.shown import page_text
+from oed.foundation.text import unit_text
 from oed.report.figures import plots as figures
+from oed.report.figures.plots import as_drawn
 from oed.report.parts.inputs import Series
 from oed.report.parts.reading import Cloud
-from oed.report.parts.wording import as_drawn, unit_text
 
 WIDTH = 7.2
 """Width of a report's column [inch]."""

@@ -18,9 +18,8 @@ from matplotlib.transforms import Bbox
 from oed.report.figures import path_figures
 from oed.report.figures.driven import Bundle, Path
 from oed.report.figures.panels import BEYOND, WIDTH, Grid, legend_columns, new_grid
-from oed.report.figures.plots import INK
+from oed.report.figures.plots import INK, as_drawn
 from oed.report.parts.rooms import Room, Shape
-from oed.report.parts.wording import as_drawn
 
 HANDLE = 0.45
 """Width of what stands before an entry of the legend, and of the gap after it [inch]."""

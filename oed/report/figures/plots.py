@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from oed.foundation.shown import shown_lines
+from oed.foundation.text import unit_text
 from oed.report.parts.inputs import Series
 from oed.report.parts.reading import Cloud
-from oed.report.parts.wording import as_drawn, unit_text
 
 INK = "#222222"
 FAINT = "#767676"
@@ -22,6 +23,11 @@ LINES = (
     {"color": "#b0588f", "linestyle": (0, (1, 1.3)), "linewidth": 1.7},
 )
 """Styles of a drive's inputs: told apart by dashes and by brightness, not by hue alone."""
+
+
+def as_drawn(text: str) -> str:
+    """Text as figures are given it: a dollar sign begins no formula, and nothing steers."""
+    return shown_lines(text).replace("$", r"\$")
 
 
 def line_style(index: int) -> Mapping[str, Any]:

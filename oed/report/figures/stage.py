@@ -17,10 +17,9 @@ from matplotlib.ticker import MaxNLocator
 
 from oed.report.figures.driven import Array
 from oed.report.figures.path_figures import END, START, plot_room
-from oed.report.figures.plots import FAINT, INK
+from oed.report.figures.plots import FAINT, INK, as_drawn
 from oed.report.figures.scene import Cast, Scene
 from oed.report.film.frame import Frame
-from oed.report.parts.wording import as_drawn
 
 DPI = 100
 WIDTHS = {1: 5.6, 2: 8.0}

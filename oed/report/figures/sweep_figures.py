@@ -13,8 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter, NullLocator
 
 from oed.report.figures.panels import HANDLE, WIDTH, legend_columns, new_grid
-from oed.report.figures.plots import INK, line_style
-from oed.report.parts.wording import as_drawn
+from oed.report.figures.plots import INK, as_drawn, line_style
 from oed.report.sweep import DECADE, Chart
 
 MARKERS = ("o", "s", "^", "D", "v", "P")

@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from oed.report.figures import panels
 from oed.report.figures import plots as figures
-from oed.report.parts.wording import as_drawn
+from oed.report.figures.plots import as_drawn
 
 Array = npt.NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.text import listing, words
 from oed.records.record import FILE, Record, load_record
 from oed.report.figures.scene import cast_of, scene_of
 from oed.report.film import FPS, require_format, require_length, usual_rate, write_frames
 from oed.report.film.frame import Frame
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Film, Section
-from oed.report.parts.wording import listing, words
 
 if TYPE_CHECKING:
     from oed.report.figures.stage import Stage

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.text import in_degrees, words
+from oed.kernel.limit import InputLimit
 from oed.records.record import Record, drive_of
 from oed.report.parts.reading import Entry, heading
-from oed.report.parts.wording import DEGREES, words
+from oed.robots.models.model import Input
+from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
 Array = npt.NDArray[np.float64]
 Bounds = tuple[float, float]
@@ -20,10 +21,6 @@ PER_SAMPLE = 4
 """Points drawn per sample of a smooth input."""
 MOST_POINTS = 1500
 """Points drawn per input at most."""
-WHEELS = ("wheel_speed_right", "wheel_speed_left")
-"""The inputs of robots whose records do not name them."""
-RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
-"""Quantity of an input -> name of its rate, and of the limit on that."""
 JUST_BEFORE = 1 - 1e-12
 """Where a run ends, as a share of the time at which the next one begins."""
 
@@ -49,28 +46,29 @@ class Group:
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    table = record.data.get("inputs") or _unnamed(count)
+    table = _inputs(record, count)
     return [
-        _pair(quantity, [(column, one) for column, one in enumerate(table) if one["quantity"] == quantity])
-        for quantity in dict.fromkeys(str(one["quantity"]) for one in table)
+        _pair([(column, one) for column, one in enumerate(table) if one.quantity == quantity])
+        for quantity in dict.fromkeys(one.quantity for one in table)
     ]
 
 
-def _unnamed(count: int) -> list[dict[str, str]]:
-    if count == len(WHEELS):
-        return [{"name": name, "quantity": "wheel_speed", "unit": "rad/s"} for name in WHEELS]
-    return [{"name": f"input_{index + 1}", "quantity": "input", "unit": ""} for index in range(count)]
+def _inputs(record: Record, count: int) -> list[Input]:
+    named = record.data.get("inputs")
+    if named:
+        return [Input(str(one["name"]), str(one["quantity"]), str(one["unit"])) for one in named]
+    if count == len(TWO_WHEEL_SPEEDS):
+        return list(TWO_WHEEL_SPEEDS)
+    return [Input(f"input_{index + 1}", "input", "") for index in range(count)]
 
 
-def _pair(quantity: str, inputs: list[tuple[int, Mapping[str, Any]]]) -> tuple[Group, Group]:
-    columns, names = tuple(column for column, _ in inputs), tuple(str(one["name"]) for _, one in inputs)
-    unit = str(inputs[0][1]["unit"])
+def _pair(inputs: list[tuple[int, Input]]) -> tuple[Group, Group]:
+    columns, names = tuple(column for column, _ in inputs), tuple(one.name for _, one in inputs)
+    first = inputs[0][1]
     # Angles that someone sets are in degrees, speeds of wheels in rad/s, as data sheets have them.
-    shown, factor = ("deg", DEGREES) if unit == "rad" else (unit, 1.0)
-    rate = RATES.get(quantity, f"rate_of_{quantity}")
-    return Group(quantity, columns, names, shown, factor), Group(
-        rate, columns, names, _per_second(shown), factor
-    )
+    shown, factor = in_degrees(first.unit) if first.unit == "rad" else (first.unit, 1.0)
+    values = Group(first.quantity, columns, names, shown, factor)
+    return values, replace(values, limit=first.rate, unit=_per_second(shown))
 
 
 def _per_second(unit: str) -> str:
@@ -85,16 +83,12 @@ def limit_bounds(record: Record, group: Group) -> Bounds | None:
 
 def own_bounds(record: Record, group: Group) -> dict[str, Bounds]:
     """Bounds (min, max) of every input of a group that has some, as shown."""
-    limit = record.data["study"]["limits"].get(group.limit)
-    if limit is None:
+    limit = getattr(record.study.limits, group.limit, None)
+    if not isinstance(limit, InputLimit):
         return {}
-    common = limit.get("bounds")
-    pairs = dict.fromkeys(group.names, common) if common else limit.get("each") or {}
-    return {
-        name: (group.factor * pairs[name][0], group.factor * pairs[name][1])
-        for name in group.names
-        if name in pairs
-    }
+    own = [name for name in group.names if not limit.each or name in limit.each]
+    bounds = {name: limit.bounds_of(name) for name in own}
+    return {name: (group.factor * low, group.factor * high) for name, (low, high) in bounds.items()}
 
 
 def short_names(group: Group) -> list[str]:

@@ -7,40 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from oed.kernel.criteria import CRITERIA
+from oed.foundation.text import listing, quantity, words
+from oed.kernel.criteria import CRITERIA, Criterion, E
+from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
-from oed.report.parts.reading import Entry, is_regression, solver_options
-from oed.report.parts.wording import count, deviation_text, listing, quantity, words
-
-KINDS = {
-    name: criterion.model_construct(kind=name)
-    for criterion in CRITERIA
-    if (name := str(criterion.model_fields["kind"].default))
-}
-"""Criteria by kind, for what does not depend on their options."""
+from oed.report.parts.reading import Entry, is_regression, solver_of
 
 SINGULAR = 1e-9
 """Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
-
-NUMBERS = {"E": "λ_min", "D": "log det F", "A": "-tr F⁻¹", "modified_E": "-cond(F)"}
-"""What a criterion's number is, in short."""
-
-MEANINGS = {
-    "E": "the smallest eigenvalue of the information",
-    "D": "the logarithm of the information's determinant",
-    "A": "minus the sum of the variances",
-    "modified_E": "minus the condition number of the information",
-}
-"""What a criterion's number is, in words; G and I speak of their test drive."""
-
-EFFICIENCIES = {
-    "E": "λ_min/λ_min,best (the worst-determined combination of the parameters)",
-    "D": "(det F/det F_best)^(1/p), p = {size} (the volume of the confidence ellipsoid)",
-    "A": "tr F_best⁻¹/tr F⁻¹ (the mean variance of the parameters)",
-    "G": "the best drive's largest variance of what is predicted for the test drive over this one's",
-    "I": "the best drive's mean variance of what is predicted for the test drive over this one's",
-}
-"""What an efficiency by a criterion is; the information F is the drive's, F_best the best drive's."""
 
 
 @dataclass(frozen=True)
@@ -48,18 +22,18 @@ class Aim:
     """A criterion that was searched for.
 
     Attributes:
-        kind: of the criterion.
+        criterion: itself.
         label: its kind, and in what else it differs from the study's.
         size: number of parameters that it judges.
     """
 
-    kind: str
+    criterion: Criterion
     label: str
     size: int
 
     def efficiency(self, value: float, best: float) -> float | None:
         """Share of the best design that a design is worth; None for criteria that know no such share."""
-        return KINDS[self.kind].efficiency(value, best, self.size)
+        return self.criterion.efficiency(value, best, self.size)
 
     def change(self, value: float, best: float) -> float:
         """How much more `value` is than `best` [%]: in efficiency, or else of the number itself."""
@@ -69,13 +43,26 @@ class Aim:
     @property
     def number(self) -> str:
         """What its objectives are: `D (log det F)`."""
-        return f"{self.label} ({NUMBERS[self.kind]})" if self.kind in NUMBERS else self.label
+        short = self.criterion.number
+        return f"{self.label} ({short})" if short else self.label
+
+    @property
+    def share(self) -> str:
+        """What its efficiency is, in words."""
+        return self.criterion.share.format(size=self.size)
 
 
 def study_aim(record: Record) -> Aim:
     """The study's own criterion."""
-    kind = record.data["study"]["criterion"]["kind"]
-    return Aim(kind, words(kind), len(judged(record)))
+    return plain_aim(record, record.study.criterion.kind)
+
+
+def plain_aim(record: Record, kind: str) -> Aim:
+    """The study's parameters judged by a kind of criterion, for what does not depend on its options."""
+    own = record.study.criterion
+    kinds = {str(one.model_fields["kind"].default): one for one in CRITERIA}
+    criterion = own if own.kind == kind else kinds[kind].model_construct(kind=kind, scaling=own.scaling)
+    return Aim(criterion, words(kind), len(judged(record)))
 
 
 def aim_of(record: Record, entry: Entry) -> Aim:
@@ -83,18 +70,16 @@ def aim_of(record: Record, entry: Entry) -> Aim:
     own, kind = study_aim(record), entry.get("criterion")
     if kind is None:
         return own
-    given = solver_options(record, entry).get("criterion") or {"kind": kind}
-    study = record.data["study"]["criterion"]
-    subset = given.get("subset")
-    notes = [words(kind)]
-    if subset != study.get("subset"):
+    study = own.criterion
+    given = getattr(solver_of(record, entry), "criterion", None) or plain_aim(record, kind).criterion
+    subset, notes = given.subset, [words(kind)]
+    if subset != study.subset:
         notes.append(f"of {listing([words(name) for name in subset]) if subset else 'all parameters'}")
-    scaling = given.get("scaling", study["scaling"])
-    if scaling != study["scaling"] and kind != "D":  # whose optimum no scaling changes
-        notes.append(f"with the parameters {scaling_text(scaling)}")
-    if kind == own.kind and given.get("test_drive") != study.get("test_drive"):
+    if given.scaling != study.scaling and given.conceded != "determinant":  # whose optimum no scaling changes
+        notes.append(f"with the parameters {scaling_text(given.scaling)}")
+    if kind == study.kind and getattr(given, "test_drive", None) != getattr(study, "test_drive", None):
         notes.append("of another test drive")
-    return Aim(kind, " ".join(notes), len(subset or record.data["parameters"]))
+    return Aim(given, " ".join(notes), len(subset or record.data["parameters"]))
 
 
 def by_aim(record: Record, searches: Sequence[Entry]) -> list[tuple[Aim, list[Entry]]]:
@@ -143,23 +128,12 @@ def repeatable(record: Record) -> bool:
     return any(share is not None for share in shares) and not record.data["study"].get("prior")
 
 
-def scaling_text(scaling: Any) -> str:
-    """In what units a criterion sees the parameters."""
-    known = {"relative": "relative to their nominal values", "none": "in SI units"}
-    return known[scaling] if isinstance(scaling, str) else "in units of the scales given"
-
-
 def meaning(record: Record) -> str:
     """The study's criterion: its name, and in other than the founding paper's case, what it is."""
-    criterion = record.data["study"]["criterion"]
-    kind, scaling = str(criterion["kind"]), criterion["scaling"]
-    if kind in ("G", "I"):
-        of = "largest" if kind == "G" else "mean"
-        legs = count(len(criterion["test_drive"]), "leg")
-        return f"{kind}, minus the {of} variance of the {criterion['quantity']} predicted after {legs} driven"
-    if kind == "E" and scaling == "none" and is_regression(record):
-        return kind
-    return f"{words(kind)}, {MEANINGS[kind]}, the parameters taken {scaling_text(scaling)}"
+    criterion = record.study.criterion
+    if isinstance(criterion, E) and criterion.scaling == "none" and is_regression(record):
+        return criterion.kind
+    return f"{words(criterion.kind)}, {criterion.meaning}"
 
 
 def precision(record: Record, entry: Entry) -> list[str]:
@@ -167,7 +141,7 @@ def precision(record: Record, entry: Entry) -> list[str]:
     if singular(entry) or not entry["lambda_min"]:
         untold = "some combination of the parameters cannot be told"
         return [untold] if useless(entry) else [untold, *_by_criterion(record, entry)]
-    scaling = record.data["study"]["criterion"]["scaling"]
+    scaling = record.study.criterion.scaling
     worst = entry["lambda_min"] ** -0.5
     size = f"{quantity(100 * worst, '%')} of nominal" if scaling == "relative" else quantity(worst, "")
     names = [words(parameter["name"]) for parameter in judged(record)]
@@ -179,19 +153,8 @@ def precision(record: Record, entry: Entry) -> list[str]:
 
 
 def _by_criterion(record: Record, entry: Entry) -> list[str]:
-    criterion, objective = record.data["study"]["criterion"], objective_of(entry)
-    kind, size = criterion["kind"], len(judged(record))
+    objective = objective_of(entry)
     if objective is None or not math.isfinite(objective):
         return []
-    if kind in ("G", "I"):
-        unit = {"position": "m", "heading": "rad"}[criterion["quantity"]]
-        of = "largest" if kind == "G" else "root mean square of the"
-        deviation = deviation_text(math.sqrt(-objective), unit)
-        return [f"the {of} standard deviation of a predicted {criterion['quantity']} is {deviation}"]
-    if criterion["scaling"] != "relative" or kind not in ("D", "A") or size == 1:
-        return []
-    if kind == "D":
-        name, mean = "geometric mean of those along the ellipsoid's axes", math.exp(-objective / 2 / size)
-    else:
-        name, mean = "root mean square of those of the parameters", math.sqrt(-objective / size)
-    return [f"the {name} is {quantity(100 * mean, '%')}"]
+    told = record.study.criterion.deviation(objective, len(judged(record)))
+    return [told] if told else []

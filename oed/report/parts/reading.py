@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.component import Component
+from oed.foundation.text import Unit, common_units, words
 from oed.records.record import Record
-from oed.report.parts.wording import Unit, common_units, words
+from oed.robots.sensors import Displacements
+from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]
@@ -51,20 +54,14 @@ def on_the_spot(entry: Entry) -> bool:
 
 def is_regression(record: Record) -> bool:
     """Whether the displacements of segments are measured, the paper's way, rather than sensors read."""
-    return str(record.data["study"]["measurement"]["kind"]) == "displacements"
-
-
-def sensors(record: Record) -> list[Mapping[str, Any]]:
-    """The sensors that are read; [] where displacements are measured."""
-    measurement = record.data["study"]["measurement"]
-    if is_regression(record):
-        return []
-    return list(measurement["sensors"]) if measurement["kind"] == "several" else [measurement]
+    return isinstance(record.study.measurement, Displacements)
 
 
 def beacons(record: Record) -> Array:
     """Positions (n, 2) [m] of all beacons that distances are measured to."""
-    found = [place for sensor in sensors(record) for place in sensor.get("beacons", [])]
+    found = [
+        place for sensor in sensors_of(record.study.measurement) for place in getattr(sensor, "beacons", ())
+    ]
     return np.array(found, dtype=float).reshape(-1, 2)
 
 
@@ -91,9 +88,8 @@ def duration_text(record: Record) -> str:
 
 def segments(record: Record, samples: int) -> int | None:
     """Number of segments P of a displacement measurement of a run of that many samples."""
-    measurement = record.data["study"]["measurement"]
-    given = measurement.get("segments")
-    return samples if given == "samples" else given
+    measurement = record.study.measurement
+    return measurement.segment_count(samples) if isinstance(measurement, Displacements) else None
 
 
 def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
@@ -103,10 +99,10 @@ def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
     return common_units({name: known.get(name) for name in units}, units)
 
 
-def solver_options(record: Record, entry: Entry) -> Mapping[str, Any]:
-    """The study's options of the search that made a result; {} for anything but a search."""
-    solvers = [] if entry["kind"] == "baseline" else record.data["study"]["solvers"]
-    return next((one for one in solvers if (one.get("name") or one["kind"]) == entry["name"]), {})
+def solver_of(record: Record, entry: Entry) -> Component | None:
+    """The search that made a result; None for anything but a search."""
+    solvers = () if entry["kind"] == "baseline" else record.study.solvers
+    return next((one for one in solvers if one.label == entry["name"]), None)
 
 
 @dataclass(frozen=True)

@@ -2,49 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from oed.foundation.text import Form, significant
+
 Cell = float | str | bool | None
-Form = Callable[[float], str]
 
 MISSING = "–"
-
-
-def significant(digits: int) -> Form:
-    """Writes a number with that many significant digits, in powers of ten where it is very large or small."""
-
-    def write(value: float) -> str:
-        if value == 0 or not math.isfinite(value):
-            return _special(value)
-        exponent = math.floor(math.log10(abs(value)))
-        if -4 <= exponent < 6:
-            return f"{value:.{max(0, digits - 1 - exponent)}f}"
-        mantissa, power = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}e{int(power)}"
-
-    return write
-
-
-def fixed(decimals: int) -> Form:
-    """Writes a number with that many decimals; never "-0"."""
-
-    def write(value: float) -> str:
-        return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else _special(value)
-
-    return write
-
-
-def whole(value: float) -> str:
-    """A count."""
-    return fixed(0)(value)
-
-
-def _special(value: float) -> str:
-    if value == 0:
-        return "0"
-    return "undefined" if math.isnan(value) else "∞" if value > 0 else "-∞"
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from oed.foundation.text import fixed, significant, whole
 from oed.records.record import Record
-from oed.report.parts.judging import EFFICIENCIES, Aim, objective_of, repeatable, study_aim, useless
+from oed.report.parts.judging import Aim, objective_of, repeatable, study_aim, useless
 from oed.report.parts.reading import Entry, value, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
+from oed.report.parts.tables import Cell, Column, Table
 
 NOTHING = 1e-6
 """Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""
@@ -39,7 +40,7 @@ def _row(record: Record, entry: Entry, shares: bool) -> tuple[Cell, ...]:
     efficiency = None if repetitions is None else 100.0 / repetitions
     searched = bool(entry.get("history"))
     # What is 0 or infinite but for rounding is shown so.
-    nothing = 0.0 if study_aim(record).kind == "E" else -math.inf
+    nothing = 0.0 if study_aim(record).criterion.proportional else -math.inf
     return (
         str(entry["name"]),
         nothing if useless(entry) else objective_of(entry),
@@ -81,12 +82,10 @@ def _reading(record: Record) -> tuple[str, ...]:
 def _worth(record: Record, aim: Aim) -> str:
     best = record.best
     against = f"`{best['name']}`" if best is not None else "the best drive"
-    if aim.kind == "E":
+    share, about = f"{aim.share}, against {against}", aim.criterion.asks_about
+    if aim.criterion.proportional:
         share = f"the objective as a share of that of {against}"
-        tells = "tell the worst-determined combination of parameters as well as one such drive"
-    else:
-        share = f"{EFFICIENCIES[aim.kind].format(size=aim.size)}, against {against}"
-        tells = "are worth one such drive"
+    tells = f"tell {about} as well as one such drive" if about else "are worth one such drive"
     apart = ", each evaluated with unknowns of its own," if record.data.get("nuisances") else ""
     return (
         f"Efficiency is {share}. Information adds up over repetitions{apart or ','} so its inverse is how "

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import significant
 from oed.records.record import Record
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table, significant
+from oed.report.parts.tables import Column, Table
 
 
 def certificate(record: Record) -> Section | None:

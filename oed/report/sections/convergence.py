@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from oed.foundation.text import listing, quantity, significant, whole
 from oed.records.record import Record
 from oed.report.parts.judging import Aim, by_aim
 from oed.report.parts.reading import Entry
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, significant, whole
-from oed.report.parts.wording import listing, quantity
+from oed.report.parts.tables import Cell, Column, Table
 
 TARGETS = (0.9, 0.99, 0.999)
 """Shares of the best objective whose times are listed."""

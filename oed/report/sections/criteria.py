@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 
+from oed.foundation.text import fixed, listing, quantity, significant
+from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.report.parts.judging import (
-    EFFICIENCIES,
-    NUMBERS,
     Aim,
     aim_of,
-    judged,
+    plain_aim,
     rounded,
-    scaling_text,
     study_aim,
 )
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""
@@ -33,12 +31,12 @@ def criteria(record: Record) -> Section | None:
     kinds = list(dict.fromkeys(kind for entry in entries for kind in entry["criteria"]))
     if not kinds or len(entries) < 2:
         return None
-    aims = [Aim(kind, words(kind), len(judged(record))) for kind in kinds]
-    best = {aim.kind: _best(entries, aim.kind) for aim in aims}
+    aims = [plain_aim(record, kind) for kind in kinds]
+    best = {aim.label: _best(entries, aim) for aim in aims}
     columns = (
         Column("result"),
         Column("searched for"),
-        *(_column(aim, best[aim.kind]) for aim in aims),
+        *(_column(aim, best[aim.label]) for aim in aims),
         Column("keeps every limit"),
     )
     rows = tuple(_row(record, entry, aims, best) for entry in entries)
@@ -46,24 +44,24 @@ def criteria(record: Record) -> Section | None:
     return Section("Criteria", paragraphs=tuple(filter(None, paragraphs)), tables=(Table(columns, rows),))
 
 
-def _value(entry: Entry, kind: str) -> float | None:
+def _value(entry: Entry, aim: Aim) -> float | None:
     # JSON holds no infinite number: null is that of a drive that leaves something undetermined.
-    if kind not in entry["criteria"]:
+    if aim.criterion.kind not in entry["criteria"]:
         return None
-    number = entry["criteria"][kind]
-    return -math.inf if number is None or (rounded(entry) and kind != "E") else float(number)
+    number, zero = entry["criteria"][aim.criterion.kind], aim.criterion.proportional
+    return -math.inf if number is None or (rounded(entry) and not zero) else float(number)
 
 
-def _best(entries: list[Entry], kind: str) -> float | None:
+def _best(entries: list[Entry], aim: Aim) -> float | None:
     # Of the drives that keep every limit; of all where none does.
     kept = [entry for entry in entries if entry["feasible"]] or entries
-    found = [number for entry in kept if (number := _value(entry, kind)) is not None]
+    found = [number for entry in kept if (number := _value(entry, aim)) is not None]
     largest = max(found, default=-math.inf)
     return largest if math.isfinite(largest) else None
 
 
 def _share(entry: Entry, aim: Aim, best: float | None) -> float | None:
-    number = _value(entry, aim.kind)
+    number = _value(entry, aim)
     if number is None or best is None:
         return None
     share = aim.efficiency(number, best)
@@ -83,7 +81,7 @@ def _column(aim: Aim, best: float | None) -> Column:
 def _row(record: Record, entry: Entry, aims: list[Aim], best: dict[str, float | None]) -> tuple[Cell, ...]:
     searched = None if entry["kind"] in ("baseline", "path") else aim_of(record, entry).label
     numbers = [
-        _share(entry, aim, best[aim.kind]) if _has_share(aim, best[aim.kind]) else _value(entry, aim.kind)
+        _share(entry, aim, best[aim.label]) if _has_share(aim, best[aim.label]) else _value(entry, aim)
         for aim in aims
     ]
     return (str(entry["name"]), searched, *numbers, bool(entry["feasible"]))
@@ -91,16 +89,16 @@ def _row(record: Record, entry: Entry, aims: list[Aim], best: dict[str, float | 
 
 def _reading(record: Record, aims: list[Aim], best: dict[str, float | None]) -> str:
     shares = [
-        f"{aim.label}-efficiency is {EFFICIENCIES[aim.kind].format(size=aim.size)}"
+        f"{aim.label}-efficiency is {aim.share}"
         for aim in aims
-        if aim.kind in EFFICIENCIES and _has_share(aim, best[aim.kind])
+        if aim.share and _has_share(aim, best[aim.label])
     ]
     plain = [
-        f"{aim.label} is {NUMBERS[aim.kind]}, larger is better"
+        f"{aim.label} is {aim.criterion.number}, larger is better"
         for aim in aims
-        if aim.kind in NUMBERS and not _has_share(aim, best[aim.kind])
+        if aim.criterion.number and not _has_share(aim, best[aim.label])
     ]
-    scaling = scaling_text(record.data["study"]["criterion"]["scaling"])
+    scaling = scaling_text(record.study.criterion.scaling)
     prior = bool(record.data["study"].get("prior"))
     repeated = (
         "F holds what was known beforehand, so a share is not one of repetitions."
@@ -117,7 +115,7 @@ def _verdict(record: Record, aims: list[Aim], best: dict[str, float | None]) -> 
     winner = record.best
     if winner is None or not winner.get("criteria"):
         return ""
-    found = [(aim, _share(winner, aim, best[aim.kind])) for aim in aims]
+    found = [(aim, _share(winner, aim, best[aim.label])) for aim in aims]
     shares = [(aim, share) for aim, share in found if share is not None]
     if shares and all(share > LEVEL for _, share in shares):
         return f"The design {winner['name']} is the best here by {listing([aim.label for aim, _ in shares])}."

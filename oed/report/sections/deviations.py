@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import fixed, listing, quantity, readable, significant, unit_text, words
 from oed.records.record import Record
 from oed.report.parts.measured import along_text, prior_of, prior_text, readings_text
 from oed.report.parts.reading import Entry, deviation_units, is_regression, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import listing, quantity, readable, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Parameter = Mapping[str, Any]
 

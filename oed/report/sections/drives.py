@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from oed.foundation.text import count, listing, unit_text, words
 from oed.records.record import Record
 from oed.report.figures.driven import Path, path_of, paths_of
 from oed.report.parts.inputs import (
@@ -20,7 +21,6 @@ from oed.report.parts.inputs import (
 from oed.report.parts.reading import on_the_spot, runs_of, segments, with_drive
 from oed.report.parts.rooms import Room, body_text, room_of, surroundings_text
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.wording import count, listing, unit_text, words
 
 DASHES = ("solid", "dashed", "dash-dotted", "dotted")
 """How the lines of a panel are drawn, in their order."""

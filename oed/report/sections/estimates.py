@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation.text import Unit, common_units, readable, unit_text, words
 from oed.records.record import Record
 from oed.report.parts.reading import Cloud
 from oed.report.parts.section import Picture
-from oed.report.parts.wording import Unit, common_units, readable, unit_text, words
 
 Outcome = Mapping[str, Any]
 Pair = tuple[str, str]

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from oed.foundation.text import Unit, fixed, in_degrees, quantity, unit_text, words
 from oed.records.record import Record
 from oed.report.parts.reading import Entry, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed
-from oed.report.parts.wording import DEGREES, quantity, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
+from oed.robots.limits import LIMITS
 
 CONDITIONS = ("duration", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""
-IN_DEGREES = ("steering_angle", "steering_rate", "trailer_angle", "end_heading", "yaw_rate")
-"""Limits whose angles are shown in degrees; those of wheels stay in rad/s, as data sheets have them."""
 MOST_COLUMNS = 7
 """Limits beyond which a table of all drives names only those that a drive touches."""
 
@@ -61,11 +60,11 @@ def _row(margin: Mapping[str, Any]) -> tuple[Cell, ...]:
     )
 
 
-def _unit(margin: Mapping[str, Any]) -> tuple[str, float]:
+def _unit(margin: Mapping[str, Any]) -> Unit:
     # As shown, and its factor from SI.
     unit = str(margin["unit"])
-    degrees = margin["limit"] in IN_DEGREES and unit.startswith("rad")
-    return (unit.replace("rad", "deg", 1), DEGREES) if degrees else (unit, 1.0)
+    degrees = getattr(LIMITS.get(margin["limit"]), "in_degrees", False)
+    return in_degrees(unit) if degrees else (unit, 1.0)
 
 
 def _size(margin: Mapping[str, Any], factor: float) -> str | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from oed.foundation.text import readable, significant
+from oed.kernel.criteria import E
+from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
-from oed.report.parts.judging import scaling_text
 from oed.report.parts.reading import Entry, blocks, is_regression, value, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, significant
-from oed.report.parts.wording import readable
+from oed.report.parts.tables import Cell, Column, Table
 
 RESPONSES = {"position": "m", "heading": "rad"}
 """SI unit of the measurement y of each block."""
@@ -84,14 +85,14 @@ def _reading(record: Record, unit: str | None) -> tuple[str, ...]:
 
 
 def _bound(record: Record) -> str:
-    study = record.data["study"]
-    if study["measurement"].get("noise_model", "increments") == "absolute":
+    study = record.study
+    if getattr(study.measurement, "noise_model", "increments") == "absolute":
         return (
             "The bound σ/s_min(W) on the standard deviations [Choi, eq. 18] takes independent displacements; "
             "here neighbours share the error of the pose between them, which only F knows."
         )
     bound = "The parameters' standard deviations are at most σ/s_min(W) [Choi, eq. 18]"
-    aimed = study["criterion"]["kind"] == "E"
+    aimed = isinstance(study.criterion, E)
     return f"{bound}, so a large s_min is what a drive is designed for." if aimed else f"{bound}."
 
 

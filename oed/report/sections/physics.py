@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation.text import count, fixed, listing, quantity, significant, words
 from oed.records.record import Record
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import count, listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Entry = Mapping[str, Any]
 

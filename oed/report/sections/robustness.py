@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation.text import fixed, given_text, listing, quantity, significant, whole, words
 from oed.records.record import NOMINAL, Record
 from oed.report.figures.driven import Bundle, poses_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.rooms import Room, room_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
-from oed.report.parts.wording import given_text, listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Entry = Mapping[str, Any]
 

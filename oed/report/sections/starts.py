@@ -6,12 +6,12 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from oed.foundation.text import count, fixed, listing, quantity, significant, whole, words
 from oed.records.record import Record
-from oed.report.parts.judging import EFFICIENCIES, Aim, aim_of, study_aim
-from oed.report.parts.reading import Entry, solver_options
+from oed.report.parts.judging import Aim, aim_of, study_aim
+from oed.report.parts.reading import Entry, solver_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant, whole
-from oed.report.parts.wording import count, listing, quantity, words
+from oed.report.parts.tables import Cell, Column, Table
 
 Search = tuple[Aim, Entry]
 
@@ -87,18 +87,17 @@ def _reached(aim: Aim, objective: float | None, before: float | None) -> str:
     if not before:
         return text
     change = aim.change(objective, before)
-    of = " in efficiency" if aim.kind == "D" else ""
+    of = "" if aim.criterion.conceded == "objective" else " in efficiency"
     return f"{text} ({'no change' if abs(change) < 0.0005 else f'{change:+.3g} %{of}'})"
 
 
 def _purpose(record: Record, aim: Aim, entry: Entry) -> str:
-    options = solver_options(record, entry)
-    purpose = SECOND_STAGES.get(options.get("second_stage", ""), "")
+    solver = solver_of(record, entry)
+    purpose = SECOND_STAGES.get(getattr(solver, "second_stage", ""), "")
     if "second_stage" not in entry["stages"] or not purpose:
         return ""
-    what = "determinant" if aim.kind == "D" else "objective"
-    share = f"{100 * options['second_stage_share']:g} %"
-    return f": {purpose.format(share=share, what=what)}"
+    share = f"{100 * getattr(solver, 'second_stage_share', 1.0):g} %"
+    return f": {purpose.format(share=share, what=aim.criterion.conceded)}"
 
 
 def _figures(searches: list[Search], apart: bool) -> tuple[Picture, ...]:
@@ -116,7 +115,7 @@ def _figures(searches: list[Search], apart: bool) -> tuple[Picture, ...]:
     caption = (
         "Objective of every start, against the best start of its search. Dots in the band are within 1 %."
     )
-    if any(aim.kind in EFFICIENCIES and aim.kind != "E" for aim, _ in searches):
+    if any(aim.share and not aim.criterion.proportional for aim, _ in searches):
         caption += " Percentages are of efficiency by the criterion searched for."
     alt = f"Objectives of the starts, sorted, of {listing([str(entry['name']) for _, entry in shown])}"
     return (Picture("starts", alt, caption, partial(_draw, spreads)),)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
+from oed.foundation.text import Unit, deviation_text, listing, quantity, words
 from oed.records.record import Record
 from oed.report.figures.driven import poses_of
 from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim, useless
@@ -20,7 +21,6 @@ from oed.report.parts.reading import (
     runs_of,
 )
 from oed.report.parts.section import Section
-from oed.report.parts.wording import Unit, deviation_text, listing, quantity, words
 from oed.report.sections.candidates import repetitions_of
 
 
@@ -38,11 +38,10 @@ def _question(record: Record) -> str:
     which = f"in {duration_text(record)}" if runs_of(record) > 1 else f"of {duration_text(record)}"
     robot = words(study["robot"]["kind"])
     names = [words(parameter["name"]) for parameter in judged(record)]
-    measured = measured_as(record)
-    how = f", measured as {measured}" if measured else ""
     question = (
-        f"Which drive {which} tells {listing(names)} of this {robot} robot best{how}? The criterion is "
-        f"{meaning(record)}, where a larger objective is a better drive."
+        f"Which drive {which} tells {listing(names)} of this {robot} robot best, measured as "
+        f"{measured_as(record)}? The criterion is {meaning(record)}, where a larger objective is a "
+        "better drive."
     )
     more = (_not_judged(record), along_text(record), prior_text(record))
     return " ".join(filter(None, [question, *more]))
@@ -119,9 +118,8 @@ def _needed(record: Record, chosen: Entry) -> str:
     repetitions, aim = repetitions_of(record, chosen), study_aim(record)
     if repetitions is None:
         return ""
-    told = "tell the worst-determined combination of parameters as well"
-    if aim.kind != "E":
-        told = f"be worth as much by {aim.label}"
+    about = aim.criterion.asks_about
+    told = f"tell {about} as well" if about else f"be worth as much by {aim.label}"
     if repetitions == math.inf:
         return f" No number of them would {told}."
     return f" {quantity(repetitions, '', 2)} of them would be needed to {told}."

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from oed.foundation.text import fixed, listing, readable, significant, unit_text, words
 from oed.records.record import Record
 from oed.report.parts.measured import nuisance_names
 from oed.report.parts.reading import is_regression
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, fixed, significant
-from oed.report.parts.wording import listing, readable, unit_text, words
+from oed.report.parts.tables import Cell, Column, Table
 from oed.report.sections.estimates import clouds, units_of
 
 Outcome = Mapping[str, Any]

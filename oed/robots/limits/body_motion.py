@@ -88,6 +88,7 @@ class YawRate(MotionLimit):
     """The yaw rate within `bounds` [rad/s], to the left positive."""
 
     name: ClassVar[str] = "yaw_rate"
+    in_degrees: ClassVar[bool] = True
     bounds: Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
 
     def rows_at(self, motion: Expression, model: Model) -> Rows:

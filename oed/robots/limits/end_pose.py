@@ -64,6 +64,7 @@ class EndHeading(Limit):
     """Every run ends facing `at` [rad], or as it began, within `tolerance` [rad]; full turns do not count."""
 
     name: ClassVar[str] = "end_heading"
+    in_degrees: ClassVar[bool] = True
     looks_at: ClassVar[Literal["run"]] = "run"
     at: Angle | Literal["start"]
     tolerance: Annotated[Angle, Field(gt=0)] = radians(1.0)

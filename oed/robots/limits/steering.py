@@ -19,6 +19,7 @@ class SteeringAngle(InputLimit):
     """Every steering angle within its bounds [rad]."""
 
     name: ClassVar[str] = "steering_angle"
+    in_degrees: ClassVar[bool] = True
     quantity: ClassVar[str] = "steering_angle"
     unit: ClassVar[str] = "rad"
     bounds: AnglePair | None = None
@@ -57,6 +58,7 @@ class SteeringRate(InputLimit):
     """The rate of every steering angle within its bounds [rad/s]."""
 
     name: ClassVar[str] = "steering_rate"
+    in_degrees: ClassVar[bool] = True
     quantity: ClassVar[str] = "steering_angle"
     unit: ClassVar[str] = "rad/s"
     bounds: RatePair | None = None

@@ -19,6 +19,7 @@ class TrailerAngle(BareLimit, PathLimit):
     """The trailer's angle within `bounds` [rad]: 0 straight behind, before the trailer jackknifes."""
 
     name: ClassVar[str] = "trailer_angle"
+    in_degrees: ClassVar[bool] = True
     bounds: Annotated[tuple[float, float], TwoSided("rad", "60 deg")]
 
     def rows_at(self, path: Expression, model: Model) -> Rows:

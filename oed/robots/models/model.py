@@ -28,6 +28,8 @@ from oed.robots.models.own_code import in_words
 Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
 
+RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
+"""Quantity of an input -> name of its rate, where that has one of its own."""
 ROUNDING = 1e-12
 """Share of the largest coefficient of its row below which one is rounding of the geometry."""
 
@@ -47,6 +49,11 @@ class Input:
     quantity: str
     unit: str
     below: float = inf
+
+    @property
+    def rate(self) -> str:
+        """What its derivative is called, by which limits on that are named."""
+        return RATES.get(self.quantity, f"rate_of_{self.quantity}")
 
     @property
     def drives(self) -> bool:

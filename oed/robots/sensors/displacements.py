@@ -14,6 +14,7 @@ from pydantic import Field
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Length
+from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
@@ -21,6 +22,13 @@ from oed.robots.models.model import Model, nominal_coefficients
 
 Regressor = Literal["position", "heading", "both"]
 NoiseModel = Literal["increments", "absolute"]
+
+WORDS: dict[Regressor, str] = {
+    "position": "displacements",
+    "heading": "turns",
+    "both": "displacements and turns",
+}
+"""What of the segments is measured, by the regressor."""
 
 
 class PoseNoise(Component):
@@ -84,6 +92,10 @@ class Displacements(Measurement):
             )
             return [Flaw(("measurement", "segments"), text)]
         return []
+
+    def brief(self, samples: int) -> str:
+        """What is measured of how many segments."""
+        return f"the {WORDS[self.regressor]} of {count(self.segment_count(samples), 'segment')}"
 
     def segment_count(self, samples: int) -> int:
         """P for a drive of that many samples."""

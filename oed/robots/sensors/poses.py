@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -12,13 +13,16 @@ from pydantic import Field, field_validator, model_validator
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
+from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.description import deviations_text
 from oed.kernel.measurement.sensor import Moment, PlacedSensor
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
+UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
 AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
 
 
@@ -75,6 +79,45 @@ class AbsoluteNoise(Component):
         """The k_w there, SI."""
         return self.heading_per_yaw_rate if quantity == "heading" else self.position_per_yaw_rate
 
+    def text(self, quantities: tuple[Quantity, ...]) -> str:
+        """The noise of one reading of such quantities, in words."""
+        if self.covariance is not None:
+            of = "one reading" if len(self.covariance) == len(quantities) else "all readings together"
+            alone = [math.sqrt(self.covariance[place][place]) for place in range(len(quantities))]
+            text = listing(list(map(_sized, quantities, alone)))
+            return f"correlated noise, its covariance given for {of} (standard deviations {text})"
+        sizes = {name: self.deviation(name) or 0.0 for name in quantities}
+        alike = {"x", "y"} <= sizes.keys() and sizes["x"] == sizes["y"]
+        told = [f"{given_text(sizes['x'], 'm')} per coordinate"] if alike else []
+        told += [_sized(name, size) for name, size in sizes.items() if name == "heading" or not alike]
+        return f"{deviations_text(*told)}{self._growth(quantities)}"
+
+    def _growth(self, quantities: tuple[Quantity, ...]) -> str:
+        # How the variance grows with the speed V and the yaw rate Omega.
+        causes = (
+            (self.per_speed, "the speed V", "(kV)²", "k", "m/s"),
+            (self.per_yaw_rate, "the yaw rate Ω", "(k'Ω)²", "k'", "rad/s"),
+        )
+        grown: list[tuple[str, str, str]] = []
+        for rate, cause, term, factor, unit in causes:
+            # One for x and y.
+            rates = {"heading" if name == "heading" else "position": rate(name) for name in quantities}
+            found = [
+                f"{given_text(rates[name], UNITS[name])} per {unit} in {name}"
+                for name in ("position", "heading")
+                if rates.get(name)
+            ]
+            if found:
+                grown.append((cause, term, f"{factor} = {listing(found)}"))
+        if not grown:
+            return ""
+        named, terms, factors = zip(*grown, strict=True)
+        return f", growing with {listing(named)} as √(σ² + {' + '.join(terms)}), {', '.join(factors)}"
+
+
+def _sized(name: Quantity, size: float) -> str:
+    return f"{given_text(size, UNITS[name])} in {name}"
+
 
 class Poses(PlacedSensor):
     """Absolute x, y [m] and heading [rad], or some of them, at every n-th sample.
@@ -119,6 +162,28 @@ class Poses(PlacedSensor):
         """The inverse Cholesky factor of a covariance of all readings."""
         given = self.noise.covariance
         return None if given is None or len(given) == len(self.quantities) else _inverse_factor(given)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the quantities."""
+        return tuple(UNITS[name] for name in self.quantities)
+
+    @property
+    def subject(self) -> str:
+        """The quantities."""
+        return listing(self.quantities)
+
+    @property
+    def noise_text(self) -> str:
+        """Quantity by quantity, and how it grows."""
+        return self.noise.text(self.quantities)
+
+    def brief(self, samples: int) -> str:
+        """How many are read, and what of them."""
+        given = set(self.quantities)
+        noun = "pose" if len(given) == 3 else "heading" if given == {"heading"} else "position"
+        times = count(len(self.columns(samples)), noun)
+        return times if noun == "heading" else f"{times} ({listing(self.quantities)})"
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """Quantities without noise or given twice, a covariance of another size."""

@@ -8,11 +8,14 @@ import casadi as ca
 from pydantic import Field
 
 from oed.foundation.quantities import Length
+from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import Moment, PlacedSensor
 
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off, so that it has derivatives at the beacon itself."""
+MOST_PLACES = 6
+"""Beacons beyond which they are counted, not listed."""
 
 
 class Ranges(PlacedSensor):
@@ -36,3 +39,22 @@ class Ranges(PlacedSensor):
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma for every beacon."""
         return ca.SX.eye(len(self.beacons)) / self.noise
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of every distance."""
+        return ("m",) * len(self.beacons)
+
+    @property
+    def subject(self) -> str:
+        """The distances, to beacons at their places."""
+        places = [f"({x:g}, {y:g}) m" for x, y in self.beacons]
+        return f"{self._distances}{f' at {listing(places)}' if len(places) <= MOST_PLACES else ''}"
+
+    @property
+    def _distances(self) -> str:
+        return f"the distances to {count(len(self.beacons), 'beacon')}"
+
+    def brief(self, samples: int) -> str:
+        """The distances, and how often."""
+        return f"{self._distances} at {count(len(self.columns(samples)), 'time')}"

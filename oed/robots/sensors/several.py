@@ -8,6 +8,7 @@ from pydantic import Field
 
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw
+from oed.foundation.text import listing
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement
 from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
@@ -58,6 +59,14 @@ class Several(Measurement):
         """The sensors' own."""
         sensors = [sensor.coarser(times) for sensor in self.sensors]
         return None if None in sensors else self.model_copy(update={"sensors": tuple(sensors)})
+
+    def brief(self, samples: int) -> str:
+        """What is read by each sensor."""
+        return listing([sensor.brief(samples) for sensor in self.sensors])
+
+    def sentence(self, samples: int) -> str:
+        """What each sensor says of itself."""
+        return "; ".join(sensor.sentence(samples) for sensor in self.sensors)
 
 
 def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle
+from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import InitialPose, Moment, Sensor
@@ -58,6 +59,25 @@ class TrailerAngle(Sensor):
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma."""
         return ca.SX(1 / self.noise)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the reading."""
+        return ("rad",)
+
+    @property
+    def subject(self) -> str:
+        """The angle."""
+        return "the trailer's angle"
+
+    @property
+    def remark(self) -> str:
+        """That there is no bias, where that is known."""
+        return " and no bias" if self.bias == "known" else ""
+
+    def brief(self, samples: int) -> str:
+        """How many are read."""
+        return count(len(self.columns(samples)), "trailer angle")
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """A robot without a trailer."""

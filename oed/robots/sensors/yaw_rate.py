@@ -8,6 +8,7 @@ import casadi as ca
 from pydantic import Field
 
 from oed.foundation.quantities import AngularSpeed
+from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor
@@ -41,3 +42,17 @@ class YawRate(Sensor):
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma."""
         return ca.SX(1 / self.noise)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the reading."""
+        return ("rad/s",)
+
+    @property
+    def remark(self) -> str:
+        """That there is no bias, where that is known."""
+        return " and no bias" if self.bias == "known" else ""
+
+    def brief(self, samples: int) -> str:
+        """How many are read."""
+        return count(len(self.columns(samples)), "yaw rate")

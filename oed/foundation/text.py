@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-
-from oed.foundation.shown import shown_lines
-from oed.report.parts.tables import significant
+from collections.abc import Callable, Mapping, Sequence
 
 READABLE_UNITS = {"m": ("cm", 100.0)}
 """SI unit -> unit in which parameters are shown, and its factor."""
@@ -28,6 +25,42 @@ LEAST = {"": 0.01}
 """The same of the coarsest unit, where that is another."""
 
 Unit = tuple[str, float]
+Form = Callable[[float], str]
+
+
+def significant(digits: int) -> Form:
+    """Writes a number with that many significant digits, in powers of ten where it is very large or small."""
+
+    def write(value: float) -> str:
+        if value == 0 or not math.isfinite(value):
+            return _special(value)
+        exponent = math.floor(math.log10(abs(value)))
+        if -4 <= exponent < 6:
+            return f"{value:.{max(0, digits - 1 - exponent)}f}"
+        mantissa, power = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}e{int(power)}"
+
+    return write
+
+
+def fixed(decimals: int) -> Form:
+    """Writes a number with that many decimals; never "-0"."""
+
+    def write(value: float) -> str:
+        return f"{round(value, decimals) + 0.0:.{decimals}f}" if math.isfinite(value) else _special(value)
+
+    return write
+
+
+def whole(value: float) -> str:
+    """A count."""
+    return fixed(0)(value)
+
+
+def _special(value: float) -> str:
+    if value == 0:
+        return "0"
+    return "undefined" if math.isnan(value) else "∞" if value > 0 else "-∞"
 
 
 def readable(value: float, unit: str) -> tuple[float, str]:
@@ -78,6 +111,11 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{significant(digits)(value)} {unit_text(unit)}".strip()
 
 
+def in_degrees(unit: str) -> Unit:
+    """The unit in which an angle, or its rate, is shown in degrees, and its factor from SI."""
+    return unit.replace("rad", "deg", 1), DEGREES if unit.startswith("rad") else 1.0
+
+
 def unit_text(unit: str) -> str:
     """A unit with raised exponents: rad/s^2 -> rad/s²."""
     return unit.replace("^2", "²").replace("^3", "³")
@@ -86,11 +124,6 @@ def unit_text(unit: str) -> str:
 def words(identifier: str) -> str:
     """wheel_speed -> wheel speed."""
     return identifier.replace("_", " ")
-
-
-def as_drawn(text: str) -> str:
-    """Text as figures are given it: a dollar sign begins no formula, and nothing steers."""
-    return shown_lines(text).replace("$", r"\$")
 
 
 def listing(items: Sequence[str]) -> str:

@@ -1,0 +1,58 @@
+"""Sensors in words: when they read, and how noisy that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.text import given_text, listing
+from oed.kernel.dynamics.expression import Expression
+
+Array = npt.NDArray[np.float64]
+
+ENDINGS = {1: "st", 2: "nd", 3: "rd"}
+UNCORRELATED = 1e-9
+"""Correlation below which errors are independent but for rounding."""
+
+
+def when_text(unit: str, every: int) -> str:
+    """`at every 5th sample`, `in every period`."""
+    where = "in" if unit == "period" else "at"
+    return f"{where} every {unit}" if every == 1 else f"{where} every {_ordinal(every)} {unit}"
+
+
+def _ordinal(number: int) -> str:
+    ending = "th" if number % 100 in (11, 12, 13) else ENDINGS.get(number % 10, "th")
+    return f"{number}{ending}"
+
+
+def noise_text(whitening: Expression, units: Sequence[str]) -> str:
+    """The noise of one reading: `a standard deviation of 5 cm`.
+
+    Args:
+        whitening: A (q, q) with A R A' = 1, as it is at any moment.
+        units: SI units of a reading's entries, (q,); () where nobody says.
+    """
+    if ca.symvar(ca.SX(whitening)):
+        return "a standard deviation that depends on the drive"
+    inverse = np.linalg.inv(np.asarray(ca.evalf(whitening), dtype=float))
+    covariance = inverse @ inverse.T
+    sizes = np.sqrt(np.diag(covariance))
+    told = deviations_text(*dict.fromkeys(_sizes(sizes, units)))
+    shared = covariance / np.outer(sizes, sizes) - np.eye(len(sizes))
+    return f"correlated noise ({told})" if np.abs(shared).max() > UNCORRELATED else told
+
+
+def deviations_text(*told: str) -> str:
+    """Standard deviations, each in words: `a standard deviation of 5 cm`."""
+    text = listing(told)
+    return f"standard deviations of {text}" if " and " in text else f"a standard deviation of {text}"
+
+
+def _sizes(sizes: Array, units: Sequence[str]) -> list[str]:
+    if not units:
+        return [f"{size:.4g} in SI units" for size in sizes]
+    return [given_text(size, unit) for size, unit in zip(sizes, units, strict=True)]
