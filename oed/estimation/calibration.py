@@ -22,8 +22,8 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
 from oed.estimation.assessment.left_out import HeldOut, held_out, leave_out
 from oed.estimation.assessment.untold import untold
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
-from oed.estimation.methods.joint import Fit
 from oed.estimation.methods.segmenting import Segmenting
 from oed.estimation.preprocessing.ready import ReadyLogs, ready
 from oed.estimation.preprocessing.thinning import thinned, thinning_notes

@@ -22,7 +22,8 @@ from windowed import (
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.assessment.left_out import values_without
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.setup.noise import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)

@@ -21,7 +21,8 @@ from windowed import (
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.left_out import values_without
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.seen import Seen, seen_robot
 from oed.estimation.setup.noise import Noise
 from oed.foundation.errors import ProblemError

@@ -10,16 +10,17 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import Fit, JointSearch, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
 from oed.estimation.methods.window_fit import window_fit
 from oed.estimation.prediction.layout import Layout, cut
-from oed.estimation.prediction.segments import PLACE
 from oed.estimation.preprocessing.ready import ReadyLogs
 from oed.estimation.setup.noise import Noise, group_of
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.stated import Mount, stated_mount, stated_noise
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.log import Log

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import HALVINGS, NEAR, STEPS, Knowledge, inverse_of_sum
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.methods.joint import HALVINGS, NEAR, STEPS
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 
 Array = npt.NDArray[np.float64]
 
@@ -61,20 +61,14 @@ def solved(rows: Rows, start: Array, scale: Array, known: Knowledge, clocks: int
     return point.values, False
 
 
-def no_knowledge(unknowns: Unknowns) -> Knowledge:
-    """Of nothing."""
-    return Knowledge(np.zeros((unknowns.size,) * 2), np.zeros(unknowns.size))
-
-
 def _point(rows: Rows, values: Array, known: Knowledge) -> _Point:
     residuals, slopes = rows(values)
-    off = known.centre - values
-    return _Point(values, residuals, slopes, float(residuals @ residuals + off @ known.information @ off))
+    return _Point(values, residuals, slopes, float(residuals @ residuals) + known.misfit(values))
 
 
 def _step(point: _Point, known: Knowledge, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
     # Of the free unknowns, the others held; and the inverse of their information.
-    gradient = point.slopes.T @ point.residuals + known.information @ (known.centre - point.values)
+    gradient = point.slopes.T @ point.residuals + known.score(point.values)
     own = np.ix_(free, free)
     inverse = np.zeros((len(free),) * 2)
     inverse[own] = inverse_of_sum((point.slopes.T @ point.slopes)[own], known.information[own])

@@ -15,8 +15,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import ROUGH, Fit, Knowledge, inverse_of_told
-from oed.estimation.methods.search import no_knowledge, solved
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.joint import ROUGH
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
+from oed.estimation.methods.search import solved
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.seen import Seen, seen_robot
 from oed.estimation.setup.noise import Noise
@@ -88,7 +90,7 @@ class TwoStage:
 
     @cached_property
     def _known(self) -> Knowledge:
-        return self.known or no_knowledge(self.windows.unknowns)
+        return self.known or Knowledge.nothing(self.windows.unknowns.size)
 
     @cached_property
     def _seen_known(self) -> Knowledge:
@@ -123,8 +125,7 @@ class TwoStage:
             slopes = self._slopes(stage, whole(part))
             return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
 
-        own = np.ix_(stage.columns, stage.columns)
-        known = Knowledge(self._seen_known.information[own], self._seen_known.centre[stage.columns])
+        known = self._seen_known.on(stage.columns)
         found, _ = solved(rows, values[stage.columns], self._seen.unknowns.scale[stage.columns], known)
         return whole(found)
 
@@ -132,8 +133,7 @@ class TwoStage:
         return self._seen.motions(values).slopes[:, stage.rows][..., stage.columns]
 
     def _rows(self, stage: _Stage, values: Array, size: float) -> tuple[Array, Array]:
-        own = np.ix_(stage.columns, stage.columns)
-        return self._slopes(stage, values), self._seen_known.information[own] * size**2
+        return self._slopes(stage, values), self._seen_known.on(stage.columns).information * size**2
 
     def _size(self, stage: _Stage, values: Array) -> float:
         # The standard deviation of a row: of what is left, or as stated for the poses at both ends.

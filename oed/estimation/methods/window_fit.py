@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeighedWindows
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows, usual_seconds
 from oed.estimation.prediction.layout import Layout

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segmenting import FEWEST
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings

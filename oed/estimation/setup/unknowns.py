@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.segments import PLACE
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
+PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
+PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
+"""Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
+[rad]."""
 PLACE_SIZE = 0.1
 """Size of a sensor's place [m, rad] and of a clock's offset [s], for scaling only."""
 
