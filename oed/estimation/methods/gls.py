@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import LeastSquares
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
-from oed.estimation.methods.search import solved
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
 from oed.estimation.setup.noise import Noise
@@ -76,7 +76,8 @@ class WeighedWindows:
             return white[:, 0], white[:, 1:]
 
         unknowns = self.windows.unknowns
-        return solved(rows, values, unknowns.scale, self._known, unknowns.clocks)
+        search = LeastSquares(rows, unknowns.scale, self._known, clocks=unknowns.clocks)
+        return search.solved(values)
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
         # The parts of the variance, and the motions' covariance as a band.

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import NEAR, STEPS, downhill
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.losses import robust_loss
 from oed.estimation.prediction.layout import Layout
@@ -25,17 +26,10 @@ from oed.robots.models.model import Integration
 
 Array = npt.NDArray[np.float64]
 
-STEPS = 40
-"""Gauss-Newton steps at most."""
 SETTLING = 15
 """Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
-NEAR = 0.05
-"""Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
-piecewise linear in a clock's offset, and the least squares may lie in a corner."""
-HALVINGS = 8
-"""How often a step that makes the misfit worse is halved."""
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 RANK = 1e-12
@@ -49,6 +43,7 @@ class _State:
     fit: Fit
     slopes: Array
     own: Array
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -132,14 +127,14 @@ class JointSearch:
     def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
         residuals, slopes, own, rates = self._linearised(values, starts)
         fit = self._fit(values, starts, noises, residuals, slopes, own, rates)
-        return _State(fit, slopes, own)
+        return _State(fit, slopes, own, self._misfit(fit))
 
     def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
         # The same with another noise: the drive is as it was.
         fit = state.fit
         rates = fit.speeds, fit.yaw_rates
         found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, rates)
-        return replace(state, fit=found)
+        return replace(state, fit=found, misfit=self._misfit(found))
 
     def _fit(
         self,
@@ -246,14 +241,12 @@ class JointSearch:
         return bool(np.all(np.abs(step) <= NEAR * errors))
 
     def _advanced(self, state: _State) -> _State:
-        step, starts = self._step(state)
-        fit, before = state.fit, self._misfit(state.fit)
-        for halving in range(HALVINGS):
-            share = 0.5**halving
-            tried = self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
-            if self._misfit(tried.fit) <= before * (1 + 1e-12):
-                return tried
-        return state
+        (step, starts), fit = self._step(state), state.fit
+
+        def after(share: float) -> _State:
+            return self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
+
+        return downhill(state, after)
 
     def _step(self, state: _State) -> tuple[Array, Array]:
         # Of the unknowns, and of the starts that go along with it.

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import LeastSquares
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
-from oed.estimation.methods.search import solved
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.seen import Seen, seen_robot
 from oed.estimation.setup.noise import Noise
@@ -126,7 +126,8 @@ class TwoStage:
             return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
 
         known = self._seen_known.on(stage.columns)
-        found, _ = solved(rows, values[stage.columns], self._seen.unknowns.scale[stage.columns], known)
+        search = LeastSquares(rows, self._seen.unknowns.scale[stage.columns], known)
+        found, _ = search.solved(values[stage.columns])
         return whole(found)
 
     def _slopes(self, stage: _Stage, values: Array) -> Array:
@@ -159,7 +160,7 @@ class TwoStage:
             return root @ (estimates - found), root @ slopes
 
         unknowns = self.windows.unknowns
-        return solved(rows, unknowns.nominal, unknowns.scale, self._known_of_parameters)
+        return LeastSquares(rows, unknowns.scale, self._known_of_parameters).solved(unknowns.nominal)
 
     @property
     def _known_of_parameters(self) -> Knowledge:
