@@ -23,6 +23,7 @@ from oed.estimation.setup.stated import Mount, stated_mount, stated_noise
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model
 
@@ -33,8 +34,6 @@ LOOSE = 1.0
 search in bounds where the logs tell nothing, and is nothing beside what they tell."""
 LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
-TOLD = 1e-8
-"""Share of what is told of a parameter alone, below which the sensor's place hides it."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 
@@ -173,11 +172,8 @@ def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
 def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
     # Coordinates of the sensor that exactly make up for parameters: c21, c22 and a sensor off to the side.
     count, names = len(fit.unknowns.parameters), fit.unknowns.place
-    matrix = fit.information.sum(axis=0)
-    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    unit = matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(unit)
-    lost = vectors[:, values < TOLD]
+    root = SquareRoot.of_matrix(fit.information.sum(axis=0))
+    lost = root.directions[:, ~root.identifiable]
     if not np.any(np.abs(lost[:count]) > 1e-3):
         return ()
     shares = np.abs(lost[count : count + len(names)]).max(axis=1, initial=0.0)

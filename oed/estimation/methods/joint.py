@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import NEAR, STEPS, downhill
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum, inverse_of_told
 from oed.estimation.methods.losses import robust_loss
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
@@ -32,8 +32,6 @@ CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
-RANK = 1e-12
-"""Share of the largest eigenvalue below which a start's direction is not told by its segment."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +254,7 @@ class JointSearch:
         root = (np.sqrt(fit.weights) / size)[..., None]
         rest = (fit.residuals - state.slopes @ step)[..., None]
         beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]
-        normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+        normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
         return step, (normal @ (beside.transpose(0, 2, 1) @ misfit[..., None]))[..., 0]
 
     def _misfit(self, state: Fit) -> float:
@@ -276,7 +274,7 @@ def _flat(rows: Array) -> Array:
 
 def _projected(rows: Array, beside: Array) -> tuple[Array, Array]:
     # Rows with what their segment's start explains taken out, and how much of each that is.
-    normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+    normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
     across = beside @ normal
     explained = across @ (beside.transpose(0, 2, 1) @ rows)
     return rows - explained, np.einsum("sia,sia->si", across, beside)

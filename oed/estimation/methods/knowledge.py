@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,7 @@ class Knowledge:
         """Of as many unknowns."""
         return cls(np.zeros((size, size)), np.zeros(size))
 
-    def on(self, columns: Sequence[int] | Indices) -> Knowledge:
+    def on(self, columns: Indices) -> Knowledge:
         """That of some of the unknowns, the others held where they are known to be."""
         return Knowledge(self.information[np.ix_(columns, columns)], self.centre[columns])
 
@@ -41,9 +40,9 @@ class Knowledge:
 
 
 def inverse_of_told(matrix: Array) -> Array:
-    """The inverse of an information matrix on what it tells; 0 in directions that it does not."""
+    """The inverse of information (..., q, q) on what it tells; 0 in directions that it does not."""
     factor = SquareRoot.of_matrix(matrix).factor
-    return np.asarray(factor @ factor.T)
+    return np.asarray(factor @ np.swapaxes(factor, -1, -2))
 
 
 def inverse_of_sum(information: Array, known: Array) -> Array:
