@@ -24,7 +24,7 @@ from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.assessment.left_out import values_without
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.setup.noise import Noise
+from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
 

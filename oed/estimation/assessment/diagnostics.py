@@ -10,8 +10,9 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.setup.noise import Noise, groups, places_of
+from oed.estimation.setup.noise import groups, places_of
 from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

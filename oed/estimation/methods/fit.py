@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.setup.noise import Noise
 from oed.estimation.setup.unknowns import Unknowns
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

@@ -17,15 +17,15 @@ from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
 from oed.estimation.methods.window_fit import window_fit
 from oed.estimation.prediction.layout import Layout, cut
 from oed.estimation.preprocessing.ready import ReadyLogs
-from oed.estimation.setup.noise import Noise, group_of
+from oed.estimation.setup.noise import group_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.stated import Mount, stated_mount, stated_noise
-from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model
+from oed.robots.sensors.logged import Mount, Noise
 
 Array = npt.NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Fitting:
 
     @cached_property
     def _mount(self) -> Mount:
-        return stated_mount(self.measurement)
+        return specified_mount(self.measurement)
 
     def _unknowns(self, ready: ReadyLogs) -> Unknowns:
         mount = self._mount
@@ -143,7 +143,7 @@ class Fitting:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        stated = stated_noise(self.measurement, log.averaged)
+        stated = specified_noise(self.measurement, log.averaged)
         missing = [name for name in log.quantities if group_of(name) not in stated]
         if missing:
             text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"

@@ -19,10 +19,11 @@ from oed.estimation.methods.losses import robust_loss
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.prediction.starts import first_starts, further_starts
-from oed.estimation.setup.noise import Noise, deviations, estimated, groups, jumps, places_of
+from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
 from oed.robots.models.model import Integration
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

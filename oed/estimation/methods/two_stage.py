@@ -21,8 +21,8 @@ from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.seen import Seen, seen_robot
-from oed.estimation.setup.noise import Noise
 from oed.foundation.errors import Flaw, ProblemError
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

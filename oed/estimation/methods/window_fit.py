@@ -14,11 +14,11 @@ from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows, usual_seconds
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.setup.noise import Noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import Flaw, ProblemError
 from oed.robots.models.model import Integration
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

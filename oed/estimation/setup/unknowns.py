@@ -8,7 +8,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from oed.kernel.measurement.measurement import Measurement
 from oed.robots.models.model import Model
+from oed.robots.sensors.logged import LoggedSensor, Mount
+from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 
@@ -95,3 +98,9 @@ class Unknowns:
     @property
     def _each(self) -> range:
         return range(self.clocks)
+
+
+def specified_mount(measurement: Measurement) -> Mount:
+    """Where the first sensor sits that says so; at the robot's origin if none does."""
+    logged = (sensor for sensor in sensors_of(measurement) if isinstance(sensor, LoggedSensor))
+    return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())
