@@ -18,11 +18,8 @@ if TYPE_CHECKING:
     from oed.estimation.calibration import calibrate as calibrate
     from oed.estimation.setup.alternatives import Alternative as Alternative
     from oed.estimation.setup.alternatives import alternative_flaws as alternative_flaws
-    from oed.estimation.setup.noise import Noise as Noise
     from oed.estimation.setup.options import CalibrationOptions as CalibrationOptions
-    from oed.estimation.setup.stated import Mount as Mount
-    from oed.estimation.setup.stated import stated_mount as stated_mount
-    from oed.estimation.setup.stated import stated_noise as stated_noise
+    from oed.robots.sensors.logged import Noise as Noise
 
 _HOMES = {
     "oed.estimation.setup.alternatives": (
@@ -44,17 +41,12 @@ _HOMES = {
         "correlations",
     ),
     "oed.estimation.assessment.left_out": ("HeldOut",),
-    "oed.estimation.setup.noise": ("Noise",),
     "oed.estimation.setup.options": ("CalibrationOptions",),
     "oed.estimation.assessment.reckoning": (
         "Reckoning",
         "reckoned",
     ),
-    "oed.estimation.setup.stated": (
-        "Mount",
-        "stated_mount",
-        "stated_noise",
-    ),
+    "oed.robots.sensors.logged": ("Noise",),
 }
 __getattr__ = loader(__name__, _HOMES)
 
@@ -67,7 +59,6 @@ __all__ = [
     "Covariance",
     "Diagnostic",
     "HeldOut",
-    "Mount",
     "Noise",
     "Reckoning",
     "Score",
@@ -75,6 +66,4 @@ __all__ = [
     "calibrate",
     "correlations",
     "reckoned",
-    "stated_mount",
-    "stated_noise",
 ]

@@ -22,14 +22,14 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
 from oed.estimation.assessment.left_out import HeldOut, held_out, leave_out
 from oed.estimation.assessment.untold import untold
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
-from oed.estimation.methods.joint import Fit
 from oed.estimation.methods.segmenting import Segmenting
 from oed.estimation.preprocessing.ready import ReadyLogs, ready
 from oed.estimation.preprocessing.thinning import thinned, thinning_notes
 from oed.estimation.setup.alternatives import alternative_flaws
+from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.stated import stated_noise
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.problem import Problem, prior_of
 from oed.logs.log import Log
@@ -198,7 +198,7 @@ class _Work:
             covariances=covariances,
             segmenting=segmenting,
             logs=logs,
-            diagnostics=diagnostics(fit, stated_noise(self.problem.measurement, logs[0].averaged)),
+            diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             untold=untold(fit, covariances[0].matrix),
             left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),

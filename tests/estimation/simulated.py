@@ -16,7 +16,9 @@ import numpy as np
 from builders import make_problem
 
 from oed.estimation import CalibrationOptions
-from oed.estimation.methods.joint import Fit, JointSearch, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.layout import Layout, cut
 from oed.estimation.setup.unknowns import Unknowns
 from oed.kernel.criteria import E

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
 
-from oed.estimation import Calibration, calibrate, stated_mount, stated_noise
+from oed.estimation import Calibration, calibrate
+from oed.estimation.setup.noise import specified_noise
+from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import LeverArm
-from oed.robots.sensors import Displacements, Poses
+from oed.robots.models import TractorTrailer
+from oed.robots.sensors import Displacements, Poses, Several, TrailerAngle
+from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
@@ -62,7 +66,7 @@ class TestOptions:
     @pytest.mark.slow
     def test_noise_as_stated(self):
         found = found_by(noise="stated")
-        assert dict(found.fit.noises) == stated_noise(problem_of().measurement)
+        assert dict(found.fit.noises) == specified_noise(problem_of().measurement)
         assert within(found)
 
     def test_noise_that_is_not_stated(self):
@@ -70,6 +74,16 @@ class TestOptions:
         problem = problem_of(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
         with pytest.raises(ProblemError, match=r"calibration\.noise: .*states no noise of x, y; use noise"):
             found_by(problem=problem, noise="stated")
+
+    def test_every_sensor_states_the_noise_of_what_it_reads(self):
+        model = TractorTrailer(wheel_radius=0.05, track=0.2, hitch_offset=0.1, trailer_length=0.4)
+        both = Several(sensors=(Poses(noise=STATED), TrailerAngle(noise=0.004)))
+        quantities = ("x", "y", "heading", "trailer_angle")
+        log = log_of(course(model, np.array(model.nominal), seconds=4.0), noise=NOISE, quantities=quantities)
+        found = found_by([log], problem_of(model, measurement=both), noise="stated")
+        assert found.fit.noises["trailer_angle"] == Noise(0.004)
+        judged = {one.about for one in found.diagnostics if one.name == "stated_noise"}
+        assert judged == {"position", "heading", "trailer_angle"}
 
     @pytest.mark.slow
     def test_block(self):
@@ -140,7 +154,7 @@ class TestOptions:
     @pytest.mark.slow
     def test_a_lever_arm_that_the_study_gives(self):
         measurement = Poses(noise=STATED, lever_arm=LeverArm(x=0.1, y=-0.05))
-        assert stated_mount(measurement).sits == (0.1, -0.05, 0.0)
+        assert specified_mount(measurement).sits == (0.1, -0.05, 0.0)
         found = found_by(problem=problem_of(measurement=measurement))
         assert found.fit.unknowns.place == ("sensor_heading",)
         assert within(found)
@@ -153,8 +167,8 @@ class TestOptions:
         assert found.standard_deviations["track"] == pytest.approx(1e-6, rel=0.01)
 
     def test_displacements_state_no_place(self):
-        assert stated_mount(Displacements(segments=4)).sits == (0.0, 0.0, 0.0)
-        assert stated_noise(Displacements(segments=4)) == {}
+        assert specified_mount(Displacements(segments=4)).sits == (0.0, 0.0, 0.0)
+        assert specified_noise(Displacements(segments=4)) == {}
 
 
 class TestOddLogs:

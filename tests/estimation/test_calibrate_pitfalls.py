@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
 
-from oed.estimation import calibrate, stated_mount
+from oed.estimation import calibrate
 from oed.estimation.preprocessing.motion import Moves
 from oed.estimation.preprocessing.suspicion import frozen
-from oed.estimation.setup.noise import Noise
+from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError
 from oed.kernel.measurement.sensor import LeverArm
 from oed.robots.sensors import Poses
+from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
@@ -89,7 +90,7 @@ def test_a_short_log_that_drifts_says_that_its_error_bars_are_too_small():
     ],
 )
 def test_the_sensor_sits_where_the_study_says(arm, sits, fixed):
-    mount = stated_mount(Poses(noise=AbsoluteNoise(position=0.01, heading=0.01), lever_arm=arm))
+    mount = specified_mount(Poses(noise=AbsoluteNoise(position=0.01, heading=0.01), lever_arm=arm))
     assert (mount.sits, mount.fixed) == (sits, fixed)
     assert mount.deviations == ({"sensor_x": 0.01, "sensor_y": 0.01} if arm.deviation else {})
 
@@ -114,7 +115,7 @@ def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
 
 
 def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
-    from oed.estimation.methods.joint import inverse_of_sum
+    from oed.estimation.methods.knowledge import inverse_of_sum
 
     told, known = np.diag([1e18, 0.0]), np.diag([1.0, 4.0])
     np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)

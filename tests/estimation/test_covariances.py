@@ -38,7 +38,8 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
 from oed.estimation.assessment.left_out import leave_out, values_without
 from oed.estimation.assessment.untold import untold
-from oed.estimation.methods.joint import Fit, Knowledge, inverse_of_told
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
 from oed.estimation.methods.segmenting import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.robots.models import SkidSteer, SkidSteerSlip

@@ -27,7 +27,6 @@ from simulated import (
 )
 
 from oed.estimation import calibrate
-from oed.estimation.setup.noise import Noise
 from oed.robots.models import (
     Ackermann,
     Mecanum,
@@ -39,6 +38,7 @@ from oed.robots.models import (
     TractorTrailer,
     Tricycle,
 )
+from oed.robots.sensors.logged import Noise
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.11, -0.06, 0.15)

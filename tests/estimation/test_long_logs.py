@@ -11,7 +11,7 @@ from simulated import ROBOT, TRUTH, course, log_of, options, problem_of
 from oed.estimation import calibrate
 from oed.estimation.preprocessing import thinning
 from oed.estimation.preprocessing.thinning import BRIEF, PIECES, thinned, thinning_notes
-from oed.estimation.setup.stated import stated_noise
+from oed.estimation.setup.noise import specified_noise
 from oed.logs.log import Log
 
 NOISE = (0.002, 0.005)
@@ -82,7 +82,7 @@ class TestThinned:
 
     def test_stated_noise_is_that_of_the_means(self):
         measurement = problem_of().measurement
-        one, nine = stated_noise(measurement), stated_noise(measurement, 9)
+        one, nine = specified_noise(measurement), specified_noise(measurement, 9)
         assert nine["position"].at_rest == pytest.approx(one["position"].at_rest / 3)
 
 

@@ -17,7 +17,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
 from oed.estimation.methods import Estimate, Loss, Nonlinear
-from oed.estimation.methods.nonlinear import loss_moments, robust_loss
+from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory

@@ -22,8 +22,9 @@ from windowed import (
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.assessment.left_out import values_without
-from oed.estimation.methods.joint import Fit, Knowledge
-from oed.estimation.setup.noise import Noise
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
+from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
 

@@ -21,11 +21,12 @@ from windowed import (
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.left_out import values_without
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.seen import Seen, seen_robot
-from oed.estimation.setup.noise import Noise
 from oed.foundation.errors import ProblemError
 from oed.robots.models.model import CoefficientRobot, coefficient_values
+from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
 COEFFICIENTS = CoefficientRobot(base=ROBOT)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from simulated import ORIGIN, Course, arcs, loosely, truth_of, twists_of, unknowns_of
 
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeighedWindows
-from oed.estimation.methods.joint import Fit
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import cut

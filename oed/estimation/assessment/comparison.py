@@ -22,7 +22,7 @@ import scipy
 from oed.estimation.assessment.covariance import LEVEL, Covariance
 from oed.estimation.assessment.left_out import HeldOut
 from oed.estimation.assessment.likelihood import Likelihood, Way
-from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.fit import Fit
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]

@@ -18,8 +18,8 @@ from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.left_out import leave_out
 from oed.estimation.assessment.likelihood import Readings, inflation
 from oed.estimation.assessment.untold import left_open
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import LOOSE, Fitting
-from oed.estimation.methods.joint import Fit
 from oed.estimation.preprocessing.ready import ReadyLogs
 from oed.estimation.setup.alternatives import Alternative
 from oed.estimation.setup.options import CalibrationOptions

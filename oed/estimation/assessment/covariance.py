@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.options import CovarianceName
 
 Array = npt.NDArray[np.float64]

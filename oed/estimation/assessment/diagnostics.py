@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.estimation.methods.joint import Fit
-from oed.estimation.setup.noise import Noise, groups, places_of
+from oed.estimation.methods.fit import Fit
+from oed.estimation.setup.noise import groups, places_of
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 
@@ -18,8 +20,6 @@ ALPHA = 0.01
 """Level of the tests."""
 LAGS = 10
 """Correlations between successive residuals that whiteness is judged by."""
-RANK = 1e-10
-"""Share of its information below which a log is taken to tell nothing of a combination."""
 FAR = 4.0
 """Residuals beyond that many standard deviations are outliers."""
 
@@ -139,13 +139,13 @@ def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
 
 def _agreement(fit: Fit) -> Diagnostic:
     # Do the logs' own scores differ more than noise would make them?
-    owner, scale, statistic, freedom = fit.layout.owner, fit.unknowns.scale, 0.0, 0
+    owner, statistic, freedom = fit.layout.owner, 0.0, 0
     for log in np.unique(owner):
         own = owner == log
-        score = fit.scores[own].sum(axis=0) * scale
-        matrix = fit.swing * fit.information[own].sum(axis=0) * np.outer(scale, scale)
-        statistic += float(score @ np.linalg.pinv(matrix, rcond=RANK, hermitian=True) @ score)
-        freedom += int((np.linalg.eigvalsh(matrix) > RANK * max(np.trace(matrix), 1e-300)).sum())
+        score, matrix = fit.scores[own].sum(axis=0), fit.swing * fit.information[own].sum(axis=0)
+        root = SquareRoot.of_matrix(matrix)
+        statistic += float(((score @ root.factor) ** 2).sum())
+        freedom += int(root.identifiable.sum())
     freedom = max(freedom - fit.unknowns.size, 1)
     p_value, ratio = float(scipy.stats.chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
     passed = p_value > ALPHA

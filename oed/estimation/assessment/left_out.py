@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.assessment.reckoning import Reckoning, reckoned
-from oed.estimation.methods.joint import Fit, inverse_of_sum
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model
 

@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import blocks_of, information, judgeable, sandwich
 from oed.estimation.assessment.diagnostics import correlations
-from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.window_noise import OF_POSES, PARTS
-from oed.estimation.setup.noise import LEAST, Noise, greatest, groups, places_of
+from oed.estimation.setup.noise import LEAST, greatest, groups, places_of
 from oed.estimation.setup.options import CalibrationOptions
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

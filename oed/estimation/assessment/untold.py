@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.fit import Fit
 
 Array = npt.NDArray[np.float64]
 

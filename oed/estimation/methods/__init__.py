@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
-from oed.estimation.methods.nonlinear import Loss, Nonlinear
+from oed.estimation.methods.nonlinear import Nonlinear
 from oed.estimation.methods.regression import METHODS, Heading, Regression, missing_noise
+from oed.estimation.setup.options import Loss
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement

@@ -10,20 +10,22 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import Fit, JointSearch, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
 from oed.estimation.methods.window_fit import window_fit
 from oed.estimation.prediction.layout import Layout, cut
-from oed.estimation.prediction.segments import PLACE
 from oed.estimation.preprocessing.ready import ReadyLogs
-from oed.estimation.setup.noise import Noise, group_of
+from oed.estimation.setup.noise import group_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.stated import Mount, stated_mount, stated_noise
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model
+from oed.robots.sensors.logged import Mount, Noise
 
 Array = npt.NDArray[np.float64]
 
@@ -32,8 +34,6 @@ LOOSE = 1.0
 search in bounds where the logs tell nothing, and is nothing beside what they tell."""
 LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
-TOLD = 1e-8
-"""Share of what is told of a parameter alone, below which the sensor's place hides it."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 
@@ -92,7 +92,7 @@ class Fitting:
 
     @cached_property
     def _mount(self) -> Mount:
-        return stated_mount(self.measurement)
+        return specified_mount(self.measurement)
 
     def _unknowns(self, ready: ReadyLogs) -> Unknowns:
         mount = self._mount
@@ -143,7 +143,7 @@ class Fitting:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        stated = stated_noise(self.measurement, log.averaged)
+        stated = specified_noise(self.measurement, log.averaged)
         missing = [name for name in log.quantities if group_of(name) not in stated]
         if missing:
             text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
@@ -172,11 +172,8 @@ def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
 def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
     # Coordinates of the sensor that exactly make up for parameters: c21, c22 and a sensor off to the side.
     count, names = len(fit.unknowns.parameters), fit.unknowns.place
-    matrix = fit.information.sum(axis=0)
-    scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    unit = matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(unit)
-    lost = vectors[:, values < TOLD]
+    root = SquareRoot.of_matrix(fit.information.sum(axis=0))
+    lost = root.directions[:, ~root.identifiable]
     if not np.any(np.abs(lost[:count]) > 1e-3):
         return ()
     shares = np.abs(lost[count : count + len(names)]).max(axis=1, initial=0.0)

@@ -13,11 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
-from oed.estimation.methods.joint import ROUGH, Fit, Knowledge, inverse_of_sum
-from oed.estimation.methods.search import no_knowledge, solved
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.joint import ROUGH
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
-from oed.estimation.setup.noise import Noise
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 
@@ -74,7 +76,8 @@ class WeighedWindows:
             return white[:, 0], white[:, 1:]
 
         unknowns = self.windows.unknowns
-        return solved(rows, values, unknowns.scale, self._known, unknowns.clocks)
+        search = LeastSquares(rows, unknowns.scale, self._known, clocks=unknowns.clocks)
+        return search.solved(values)
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
         # The parts of the variance, and the motions' covariance as a band.
@@ -88,19 +91,18 @@ class WeighedWindows:
             variances = pose_variances(self.stated, *self.windows.rates(motions.path))
             parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
         known = self._known
-        pull = known.information @ (known.centre - values) * scale
         likelihood = Likelihood(
             parts,
             fixed,
             np.column_stack([motions.residuals.ravel(), _flat(motions.slopes) * scale]),
-            (known.information * np.outer(scale, scale), pull),
+            (known.information * np.outer(scale, scale), known.score(values) * scale),
         )
         found = likelihood.greatest(first)
         return found, likelihood.covariance(found)
 
     @cached_property
     def _known(self) -> Knowledge:
-        return self.known or no_knowledge(self.windows.unknowns)
+        return self.known or Knowledge.nothing(self.windows.unknowns.size)
 
     def _fit(self, values: Array, root: Array, variances: Array, converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)

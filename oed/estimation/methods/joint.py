@@ -12,119 +12,27 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods import Loss
-from oed.estimation.methods.nonlinear import robust_loss
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import NEAR, STEPS, downhill
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum, inverse_of_told
+from oed.estimation.methods.losses import robust_loss
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.prediction.starts import first_starts, further_starts
-from oed.estimation.setup.noise import Noise, deviations, estimated, groups, jumps, places_of
+from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
+from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
-from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Integration
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 
-STEPS = 40
-"""Gauss-Newton steps at most."""
 SETTLING = 15
 """Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
-NEAR = 0.05
-"""Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
-piecewise linear in a clock's offset, and the least squares may lie in a corner."""
-HALVINGS = 8
-"""How often a step that makes the misfit worse is halved."""
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
-RANK = 1e-12
-"""Share of the largest eigenvalue below which a start's direction is not told by its segment."""
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What is known of the unknowns beforehand: information (q, q) about `centre` (q,), SI."""
-
-    information: Array
-    centre: Array
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A least-squares solution over segments.
-
-    Attributes:
-        unknowns: what was estimated.
-        values: (q,), SI; clock offsets are corrections of `offsets`.
-        offsets: of the clocks, as the search began, (clocks,) [s].
-        starts: of the segments, (S, states).
-        layout: the segments.
-        residuals: measured less predicted, SI, (S, n + 1, quantities); of no meaning beyond a segment's end.
-        white: the same in units of the noise.
-        weights: of a robust loss, (S, n + 1, quantities).
-        freedom: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
-        noises: of the readings.
-        speeds: at the readings, (S, n + 1) [m/s].
-        yaw_rates: alike [rad/s].
-        information: F of every segment with its start eliminated, SI, (S, q, q).
-        scores: J' r of every segment alike, in units of the noise, (S, q).
-        knowledge: from before, information (q, q).
-        converged: whether the last step was small.
-        motions: whether segments are windows, each of which shows but one motion, between its ends.
-        notes: what else was found, in words.
-        bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
-        swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
-        volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
-            (S,), where windows' noise is correlated; None where every reading's is its own.
-    """
-
-    unknowns: Unknowns
-    values: Array
-    offsets: Array
-    starts: Array
-    layout: Layout
-    residuals: Array
-    white: Array
-    weights: Array
-    freedom: Array
-    noises: Mapping[str, Noise]
-    speeds: Array
-    yaw_rates: Array
-    information: Array
-    scores: Array
-    knowledge: Array
-    converged: bool
-    motions: bool = False
-    notes: tuple[str, ...] = ()
-    bend: float = 1.0
-    swing: float = 1.0
-    volumes: Array | None = None
-
-    @property
-    def total(self) -> Array:
-        """F of all segments and of what was known before, SI, (q, q)."""
-        return np.asarray(self.information.sum(axis=0) + self.knowledge)
-
-    @cached_property
-    def inverse(self) -> Array:
-        """F^-1 (q, q), what was known before included."""
-        return inverse_of_sum(self.information.sum(axis=0), self.knowledge)
-
-    @property
-    def curvature(self) -> Array:
-        """Of the misfit by every segment, SI, (S, q, q): what a change of the scores is divided by."""
-        return self.bend * self.information
-
-    @cached_property
-    def response(self) -> Array:
-        """How the unknowns follow the scores, (q, q): the inverse of all curvature and prior knowledge."""
-        return inverse_of_sum(self.curvature.sum(axis=0), self.knowledge)
-
-    @property
-    def clock_offsets(self) -> Array:
-        """What the inputs' clocks show when the poses' show 0, (clocks,) [s]."""
-        own = self.values[len(self.values) - self.unknowns.clocks :]
-        return self.offsets + own if self.unknowns.clocks else self.offsets
 
 
 @dataclass(frozen=True)
@@ -134,26 +42,7 @@ class _State:
     fit: Fit
     slopes: Array
     own: Array
-
-
-def inverse_of_told(matrix: Array) -> Array:
-    """The inverse of an information matrix on what it tells; 0 in directions that it does not."""
-    factor = SquareRoot.of_matrix(matrix).factor
-    return np.asarray(factor @ factor.T)
-
-
-def inverse_of_sum(information: Array, known: Array) -> Array:
-    """(F + K)^-1 of information F and knowledge from before K, both (q, q).
-
-    Seen in units of K nothing is too small to be inverted, however much more F tells of the rest.
-    """
-    try:
-        root = np.linalg.inv(np.linalg.cholesky(known))
-    except np.linalg.LinAlgError:
-        return inverse_of_told(information + known)
-    eigenvalues, vectors = np.linalg.eigh(root @ information @ root.T)
-    back = root.T @ vectors
-    return np.asarray(back / (1 + np.clip(eigenvalues, 0.0, None)) @ back.T)
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -200,6 +89,10 @@ class JointSearch:
         return replace(state.fit, converged=converged)
 
     @cached_property
+    def _known(self) -> Knowledge:
+        return self.known or Knowledge.nothing(self.unknowns.size)
+
+    @cached_property
     def _readings(self) -> SegmentReadings:
         layout = self.layout
         return SegmentReadings(
@@ -233,14 +126,14 @@ class JointSearch:
     def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
         residuals, slopes, own, rates = self._linearised(values, starts)
         fit = self._fit(values, starts, noises, residuals, slopes, own, rates)
-        return _State(fit, slopes, own)
+        return _State(fit, slopes, own, self._misfit(fit))
 
     def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
         # The same with another noise: the drive is as it was.
         fit = state.fit
         rates = fit.speeds, fit.yaw_rates
         found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, rates)
-        return replace(state, fit=found)
+        return replace(state, fit=found, misfit=self._misfit(found))
 
     def _fit(
         self,
@@ -269,8 +162,7 @@ class JointSearch:
         across = projected.transpose(0, 2, 1)
         information = across @ projected
         scores = (across @ misfit[..., None])[..., 0]
-        known = np.zeros((self.unknowns.size,) * 2) if self.known is None else self.known.information
-        inverse = inverse_of_sum(information.sum(axis=0), known)
+        inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
         leverage = taken + np.einsum("sia,sia->si", projected @ inverse, projected)
         return Fit(
             unknowns=self.unknowns,
@@ -287,7 +179,7 @@ class JointSearch:
             yaw_rates=rates[1],
             information=information,
             scores=scores,
-            knowledge=known,
+            knowledge=self._known.information,
             converged=False,
             bend=float((bends * present).sum() / max((weights * present).sum(), 1e-300)),
             swing=1.0 if self.loss == "linear" else _mean_square(weights * white, weights, present),
@@ -348,35 +240,27 @@ class JointSearch:
         return bool(np.all(np.abs(step) <= NEAR * errors))
 
     def _advanced(self, state: _State) -> _State:
-        step, starts = self._step(state)
-        fit, before = state.fit, self._misfit(state.fit)
-        for halving in range(HALVINGS):
-            share = 0.5**halving
-            tried = self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
-            if self._misfit(tried.fit) <= before * (1 + 1e-12):
-                return tried
-        return state
+        (step, starts), fit = self._step(state), state.fit
+
+        def after(share: float) -> _State:
+            return self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
+
+        return downhill(state, after)
 
     def _step(self, state: _State) -> tuple[Array, Array]:
         # Of the unknowns, and of the starts that go along with it.
         fit = state.fit
-        gradient = fit.scores.sum(axis=0)
-        if self.known is not None:
-            gradient = gradient + self.known.information @ (self.known.centre - fit.values)
-        step = fit.inverse @ gradient
+        step = fit.inverse @ (fit.scores.sum(axis=0) + self._known.score(fit.values))
         size = deviations(fit.noises, self.layout.quantities, fit.speeds, fit.yaw_rates)
         root = (np.sqrt(fit.weights) / size)[..., None]
         rest = (fit.residuals - state.slopes @ step)[..., None]
         beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]
-        normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+        normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
         return step, (normal @ (beside.transpose(0, 2, 1) @ misfit[..., None]))[..., 0]
 
     def _misfit(self, state: Fit) -> float:
-        value = float(robust_loss(self.loss, (state.white**2).ravel())[0].sum())
-        if self.known is not None:
-            off = self.known.centre - state.values
-            value += float(off @ self.known.information @ off)
-        return value
+        losses = robust_loss(self.loss, (state.white**2).ravel())[0]
+        return float(losses.sum()) + self._known.misfit(state.values)
 
 
 def _mean_square(pulls: Array, weights: Array, present: npt.NDArray[np.bool_]) -> float:
@@ -391,7 +275,7 @@ def _flat(rows: Array) -> Array:
 
 def _projected(rows: Array, beside: Array) -> tuple[Array, Array]:
     # Rows with what their segment's start explains taken out, and how much of each that is.
-    normal = np.linalg.pinv(beside.transpose(0, 2, 1) @ beside, rcond=RANK, hermitian=True)
+    normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
     across = beside @ normal
     explained = across @ (beside.transpose(0, 2, 1) @ rows)
     return rows - explained, np.einsum("sia,sia->si", across, beside)

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from functools import cache, cached_property
-from typing import Any, Literal
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.knowledge import Knowledge
+from oed.estimation.methods.losses import loss_moments
 from oed.estimation.prediction.readings import PredictedReadings
+from oed.estimation.setup.options import Loss
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
-Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
+Indices = npt.NDArray[np.int64]
+
+CLOSE = 1e-12
+"""Change of the unknowns, in units of their size, at which the search has arrived."""
+ARRIVED = "The steps have become as small as rounding."
+ASTRAY = "No step makes the misfit smaller, or too many were needed: begin nearer, or measure more."
 
 
 class Nonlinear(Estimator):
@@ -49,11 +55,14 @@ class Nonlinear(Estimator):
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
+        self._prior = estimation.prior
         self.readings = PredictedReadings(
             problem.robot, problem.design.integration, sensors, trajectory, self.parameters
         )
         self._initial = self.readings.initial
-        self._check_rank()
+        if not SquareRoot.of_rows(self._rows(self._white_slope)).complete:
+            text = f"the drive does not tell {', '.join(self.parameters)} apart; nothing to estimate"
+            raise ProblemError([Flaw(("validation",), text)])
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -89,94 +98,65 @@ class Nonlinear(Estimator):
             raise ValueError(f"expected {len(self.predicted())} finite readings, got {len(measured)}")
         known = self._initial if before is None else before
         measured = self.readings.unwrapped(measured)
-        found = self._least_squares(measured, known)
+        values, arrived = self._least_squares(measured, known)
         count = len(self.parameters)
         return Estimate(
             parameters=self.parameters,
-            values=found.x[:count] * self._scale[:count],
-            covariance=self._covariance(self.loss, found.x * self._scale),
+            values=values[:count],
+            covariance=self._covariance(self.loss, values),
             nuisances=self.nuisances,
-            nuisance_values=found.x[count:] * self._scale[count:],
-            residuals=-np.asarray(found.fun[: len(measured)]),
-            converged=found.status > 0,
-            message=str(found.message),
+            nuisance_values=values[count:],
+            residuals=self.readings.whitener @ (measured - self.readings.response(values)),
+            converged=arrived,
+            message=ARRIVED if arrived else ASTRAY,
         )
 
     def replicate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
-        exact, size = self.predicted(), len(self.parameters)
-        gain = self._gain
+        exact, size, gain = self.predicted(), len(self.parameters), self._gain
         estimates, linear = np.empty((count, size)), np.empty((count, size))
         for index in range(count):
             white = rng.standard_normal(len(exact))
             surprise = rng.standard_normal(len(self._known))
             before = self._initial.copy()
-            before[self._known] += self._root @ surprise
+            before[self._known] += self._spread @ surprise
             measured = exact + self.readings.colour @ white
-            estimates[index] = self._least_squares(measured, before).x[:size] * self._scale[:size]
+            estimates[index] = self._least_squares(measured, before)[0][:size]
             linear[index] = self.true + (gain @ np.concatenate([white, surprise]))[:size]
         return estimates, linear
 
-    def _least_squares(self, measured: Array, before: Array) -> Any:
-        # Unknowns in units of their nominal size, so that one tolerance serves them all.
-        readings, whitener, scale = self.readings, self.readings.whitener, self._scale
-        root = np.linalg.inv(self._root) if self._known else np.zeros((0, 0))
+    def _least_squares(self, measured: Array, before: Array) -> tuple[Array, bool]:
+        readings = self.readings
 
-        def residuals(scaled: Array) -> Array:
-            unknowns = scaled * scale
-            misfit = whitener @ (readings.response(unknowns) - measured)
-            return np.concatenate([misfit, root @ (unknowns - before)[self._known]])
+        def rows(unknowns: Array) -> tuple[Array, Array]:
+            misfit = readings.whitener @ (measured - readings.response(unknowns))
+            return misfit, readings.whitener @ readings.slope(unknowns)
 
-        def jacobian(scaled: Array) -> Array:
-            rows = whitener @ readings.slope(scaled * scale)
-            chosen = np.zeros((len(self._known), len(scale)))
-            chosen[np.arange(len(self._known)), self._known] = 1.0
-            return np.asarray(np.vstack([rows, root @ chosen]) * scale)
-
-        start = self._initial / scale
-        if self.loss == "linear":
-            return scipy.optimize.least_squares(
-                residuals, start, jacobian, method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12
-            )
-        return scipy.optimize.least_squares(
-            residuals, start, jacobian, loss=self._partly_robust(len(measured)), xtol=1e-10, ftol=1e-12
-        )
-
-    def _partly_robust(self, robust: int) -> Any:
-        # Knowledge from before has no outliers.
-        def rho(squares: Array) -> Array:
-            values = np.vstack([squares, np.ones_like(squares), np.zeros_like(squares)])
-            values[:, :robust] = robust_loss(self.loss, squares[:robust])
-            return np.asarray(values)
-
-        return rho
+        known = Knowledge(self._information, before)
+        return LeastSquares(rows, self._scale, known, self.loss, close=CLOSE).solved(self._initial)
 
     def _covariance(self, loss: Loss, unknowns: Array | None = None) -> Array:
         # H^-1 M H^-1 with H = E[psi'] J'J + P and M = E[psi^2] J'J + P; F^-1 for psi(z) = z.
-        rows = self._white_slope
+        slopes = self._white_slope
         if unknowns is not None:
-            rows = self.readings.whitener @ self.readings.slope(unknowns)
-        slope, square = loss_moments(loss)
-        information, prior = rows.T @ rows, np.zeros((rows.shape[1],) * 2)
-        prior[np.ix_(self._known, self._known)] = np.linalg.inv(self._root @ self._root.T)
-        scale = np.outer(self._scale, self._scale)
-        inverse = np.linalg.inv((slope * information + prior) * scale) * scale
-        covariance = inverse @ (square * information + prior) @ inverse
-        size = len(self.parameters)
-        return np.asarray(covariance[:size, :size])
+            slopes = self.readings.whitener @ self.readings.slope(unknowns)
+        (slope, square), size = loss_moments(loss), len(self.parameters)
+        factor = SquareRoot.of_rows(self._rows(np.sqrt(slope) * slopes)).factor
+        spread = self._rows(np.sqrt(square) * slopes) @ factor @ factor.T
+        return np.asarray((spread.T @ spread)[:size, :size])
 
     @cached_property
     def _gain(self) -> Array:
         # (unknowns, M + known): linearised least squares, from standard normal noise to errors.
-        rows = np.vstack([self._white_slope, self._known_rows])
-        return np.asarray((np.linalg.pinv(rows * self._scale).T * self._scale).T)
+        rows = self._rows(self._white_slope)
+        factor = SquareRoot.of_rows(rows).factor
+        return np.asarray(factor @ (rows @ factor).T)
 
-    @property
-    def _known_rows(self) -> Array:
-        rows = np.zeros((len(self._known), len(self._initial)))
-        if self._known:
-            rows[:, self._known] = np.linalg.inv(self._root)
-        return rows
+    def _rows(self, slopes: Array) -> Array:
+        # Derivatives of readings (M, unknowns), and of what is known as if it had been read.
+        known = np.zeros((len(self._known), len(self._initial)))
+        known[:, self._known] = np.linalg.inv(self._spread)
+        return np.vstack([slopes, known])
 
     @cached_property
     def _scale(self) -> Array:
@@ -186,80 +166,25 @@ class Nonlinear(Estimator):
         return np.where(sizes > 0, sizes, 1.0)
 
     @cached_property
-    def _known(self) -> list[int]:
-        # Unknowns of which something is known from before.
-        prior = self.problem.prior
-        places = [index for index, name in enumerate(self.parameters) if prior and name in prior.names]
-        offset = len(self.parameters)
-        entries = self.readings.nuisances
-        return places + [offset + index for index, entry in enumerate(entries) if entry.deviation is not None]
+    def _information(self) -> Array:
+        # Of all unknowns, as known from before.
+        count = len(self.parameters)
+        deviations = [entry.deviation or np.inf for entry in self.readings.nuisances]
+        found = np.diag([*[0.0] * count, *(size**-2 for size in deviations)])
+        if self._prior is not None:
+            found[:count, :count] = self._prior
+        return found
 
     @cached_property
-    def _root(self) -> Array:
-        # Square root of the covariance of what is known from before.
-        blocks, prior = [], self.problem.prior
-        if prior is not None:
-            (estimation,) = self.problem.any_estimations
-            names = [name for name in self.parameters if name in prior.names]
-            places = [self.parameters.index(name) for name in names]
-            units = [estimation.units[place] for place in places]
-            precision = prior.precision(names, self.true[places], units)
-            blocks.append(np.linalg.cholesky(np.linalg.inv(precision)))
-        entries = self.readings.nuisances
-        blocks += [np.array([[entry.deviation]]) for entry in entries if entry.deviation is not None]
-        return np.asarray(scipy.linalg.block_diag(*blocks)) if blocks else np.zeros((0, 0))
+    def _known(self) -> Indices:
+        return np.flatnonzero(np.diag(self._information))
+
+    @cached_property
+    def _spread(self) -> Array:
+        # From standard normal numbers to what is known from before, (known, known).
+        own = self._information[np.ix_(self._known, self._known)]
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(own)))
 
     @cached_property
     def _white_slope(self) -> Array:
         return np.asarray(self.readings.whitener @ self.readings.slope(self._initial))
-
-    def _check_rank(self) -> None:
-        rows = np.vstack([self._white_slope, self._known_rows]) * self._scale
-        sizes = np.linalg.norm(rows, axis=0)
-        if sizes.min() == 0 or np.linalg.cond(rows / sizes) > 1e10:
-            text = f"the drive does not tell {', '.join(self.parameters)} apart; nothing to estimate"
-            raise ProblemError([Flaw(("validation",), text)])
-
-
-def robust_loss(loss: Loss, squares: Array) -> Array:
-    """Rho of squared residuals in units of the noise with its first two derivatives, (3, n), as scipy's."""
-    if loss == "linear":
-        return np.vstack([squares, np.ones_like(squares), np.zeros_like(squares)])
-    if loss == "soft_l1":
-        root = np.sqrt(1 + squares)
-        return np.vstack([2 * (root - 1), 1 / root, -0.5 / root**3])
-    if loss == "cauchy":
-        more = 1 + squares
-        return np.vstack([np.log(more), 1 / more, -1 / more**2])
-    far = squares > 1
-    safe = np.where(far, squares, 1.0)
-    root = np.sqrt(safe)
-    return np.vstack(
-        [
-            np.where(far, 2 * root - 1, squares),
-            np.where(far, 1 / root, 1.0),
-            np.where(far, -0.5 / (root * safe), 0.0),
-        ]
-    )
-
-
-@cache
-def loss_moments(loss: Loss) -> tuple[float, float]:
-    """E[psi'(z)] and E[psi(z)^2] of a standard normal residual z, with psi(z) = z rho'(z^2)."""
-
-    def slope(size: float) -> float:
-        _, first, second = robust_loss(loss, np.array([size**2])).ravel()
-        return float(first + 2 * size**2 * second)
-
-    def square(size: float) -> float:
-        return float((size * robust_loss(loss, np.array([size**2]))[1].item()) ** 2)
-
-    return _normal_mean(slope), _normal_mean(square)
-
-
-def _normal_mean(function: Callable[[float], float]) -> float:
-    # Of an even function; losses change their form at 1.
-    def weighed(size: float) -> float:
-        return 2 * function(size) * math.exp(-(size**2) / 2) / math.sqrt(2 * math.pi)
-
-    return float(scipy.integrate.quad(weighed, 0.0, 1.0)[0] + scipy.integrate.quad(weighed, 1.0, np.inf)[0])

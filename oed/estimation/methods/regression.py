@@ -22,6 +22,7 @@ from oed.estimation.prediction.regressors import Regressors
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.sensors.displacements import Displacements
 
@@ -289,7 +290,7 @@ class Regression(Estimator):
     def _check_rank(self) -> None:
         for name in self._simulated:
             design = self.regressors.nominal_designs[name]
-            if np.linalg.matrix_rank(design) < design.shape[1]:
+            if not SquareRoot.of_rows(design).complete:
                 names = ", ".join(self.regressors.names[name])
                 text = f"the drive does not tell {names} apart; nothing to simulate"
                 raise ProblemError([Flaw(("validation",), text)])

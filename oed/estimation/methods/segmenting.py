@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.estimation.methods.joint import Fit
+from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.setup.noise import LEAST, groups, places_of
 

@@ -15,12 +15,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import ROUGH, Fit, Knowledge, inverse_of_told
-from oed.estimation.methods.search import no_knowledge, solved
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.joint import ROUGH
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.seen import Seen, seen_robot
-from oed.estimation.setup.noise import Noise
 from oed.foundation.errors import Flaw, ProblemError
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -88,7 +90,7 @@ class TwoStage:
 
     @cached_property
     def _known(self) -> Knowledge:
-        return self.known or no_knowledge(self.windows.unknowns)
+        return self.known or Knowledge.nothing(self.windows.unknowns.size)
 
     @cached_property
     def _seen_known(self) -> Knowledge:
@@ -123,17 +125,16 @@ class TwoStage:
             slopes = self._slopes(stage, whole(part))
             return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
 
-        own = np.ix_(stage.columns, stage.columns)
-        known = Knowledge(self._seen_known.information[own], self._seen_known.centre[stage.columns])
-        found, _ = solved(rows, values[stage.columns], self._seen.unknowns.scale[stage.columns], known)
+        known = self._seen_known.on(stage.columns)
+        search = LeastSquares(rows, self._seen.unknowns.scale[stage.columns], known)
+        found, _ = search.solved(values[stage.columns])
         return whole(found)
 
     def _slopes(self, stage: _Stage, values: Array) -> Array:
         return self._seen.motions(values).slopes[:, stage.rows][..., stage.columns]
 
     def _rows(self, stage: _Stage, values: Array, size: float) -> tuple[Array, Array]:
-        own = np.ix_(stage.columns, stage.columns)
-        return self._slopes(stage, values), self._seen_known.information[own] * size**2
+        return self._slopes(stage, values), self._seen_known.on(stage.columns).information * size**2
 
     def _size(self, stage: _Stage, values: Array) -> float:
         # The standard deviation of a row: of what is left, or as stated for the poses at both ends.
@@ -159,7 +160,7 @@ class TwoStage:
             return root @ (estimates - found), root @ slopes
 
         unknowns = self.windows.unknowns
-        return solved(rows, unknowns.nominal, unknowns.scale, self._known_of_parameters)
+        return LeastSquares(rows, unknowns.scale, self._known_of_parameters).solved(unknowns.nominal)
 
     @property
     def _known_of_parameters(self) -> Knowledge:

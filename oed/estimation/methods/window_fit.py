@@ -8,16 +8,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeighedWindows
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows, usual_seconds
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.setup.noise import Noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import Flaw, ProblemError
 from oed.robots.models.model import Integration
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 

@@ -15,6 +15,7 @@ import scipy
 from oed.estimation.methods import bands
 from oed.estimation.methods.bands import banded, factor, product, traces, weighed, whitened
 from oed.estimation.methods.windows import TINY, Booleans, end_rates
+from oed.kernel.measurement.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
 
@@ -27,8 +28,6 @@ TURNS = (1, 5, 6)
 """Those that show in turns most of all."""
 FIRST = 0.3
 """Share of the residuals' variance that every part is thought to have at first."""
-TOLD = 1e-12
-"""Share of the largest eigenvalue below which a combination of unknowns is not told."""
 ENOUGH = 1e-6
 """Relative change of the likelihood's logarithm at which its search has arrived."""
 SPREAD = (-14.0, 7.0)
@@ -171,10 +170,9 @@ class Likelihood:
 
 def _inverse(normal: Array) -> tuple[Array, float]:
     # And the logarithm of the determinant, both of what is told: the rest has no part in this.
-    values, vectors = np.linalg.eigh(normal)
-    told = values > TOLD * max(float(values[-1]), 0.0)
-    values, vectors = values[told], vectors[:, told]
-    return (vectors / values) @ vectors.T, float(np.log(values).sum())
+    root = SquareRoot.of_matrix(normal)
+    told = root.factor[:, root.identifiable]
+    return told @ told.T, -float(np.linalg.slogdet(told.T @ told)[1])
 
 
 def _effects(motion: Array) -> tuple[Array, Array]:

@@ -13,15 +13,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.joint import Fit, Knowledge
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segmenting import FEWEST
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
-from oed.estimation.setup.noise import Noise
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import Flaw, ProblemError
 from oed.robots.models.model import Integration, follows_state
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.segments import PLACE
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.robots.models.model import Model, coefficient_values
 
 Array = npt.NDArray[np.float64]

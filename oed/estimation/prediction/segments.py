@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimation.setup.unknowns import PLACE
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import carrier
 from oed.kernel.measurement.sensor import LeverArm, Moment
@@ -21,11 +21,6 @@ from oed.robots.models.model import Integration, Model, step
 from oed.robots.sensors.poses import Poses
 
 Array = npt.NDArray[np.float64]
-
-PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
-PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
-"""Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
-[rad]."""
 
 
 @dataclass(frozen=True)

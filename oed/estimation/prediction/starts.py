@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.prediction.segments import PLACE, SegmentReadings
+from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.setup.unknowns import PLACE
 from oed.robots.models.model import Integration, Model, follows_state
 
 Array = npt.NDArray[np.float64]

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import Layout, cut
-from oed.estimation.prediction.segments import PLACE, SegmentReadings
+from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.prediction.starts import further_starts
+from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model

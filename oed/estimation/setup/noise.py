@@ -1,13 +1,17 @@
-"""How noisy readings are, judged by what the fit leaves: a part at rest, and parts that grow with motion."""
+"""How noisy readings are: as a measurement specifies, or judged by what the fit leaves."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import scipy
+
+from oed.kernel.measurement.measurement import Measurement
+from oed.robots.sensors.logged import LoggedSensor, Noise
+from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 
@@ -20,31 +24,6 @@ FROM_READING_TO_READING = 0.5
 lasts longer is no noise but the model's error, for wheels slip in turns."""
 LEAST = 1e-6
 """Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviation sqrt(at_rest^2 + (per_speed V)^2 + (per_yaw_rate Omega)^2) of a reading at speed V
-    and yaw rate Omega.
-
-    Attributes:
-        at_rest: [m] or [rad].
-        per_speed: [s] or [rad s/m].
-        per_yaw_rate: [m s/rad] or [s].
-    """
-
-    at_rest: float
-    per_speed: float = 0.0
-    per_yaw_rate: float = 0.0
-
-    def deviation(self, speeds: Array, yaw_rates: Array) -> Array:
-        """At those speeds [m/s] and yaw rates [rad/s]."""
-        growth = (self.per_speed * speeds) ** 2 + (self.per_yaw_rate * yaw_rates) ** 2
-        return np.asarray(np.sqrt(self.at_rest**2 + growth))
-
-    def divided(self, factor: float) -> Noise:
-        """All its parts smaller by a factor."""
-        return Noise(self.at_rest / factor, self.per_speed / factor, self.per_yaw_rate / factor)
 
 
 def group_of(quantity: str) -> str:
@@ -60,6 +39,21 @@ def places_of(group: str, quantities: Sequence[str]) -> list[int]:
 def groups(quantities: Sequence[str]) -> tuple[str, ...]:
     """The noises of those quantities."""
     return tuple(dict.fromkeys(map(group_of, quantities)))
+
+
+def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, Noise]:
+    """The noise that a measurement specifies of what logs hold, by kind of reading; of x and y the larger.
+
+    Means of `averaged` readings, whose noise is independent, have that much less.
+    """
+    found: dict[str, Noise] = {}
+    for sensor in sensors_of(measurement):
+        own = sensor.noises if isinstance(sensor, LoggedSensor) else {}
+        for quantity, noise in own.items():
+            group = group_of(quantity)
+            if group not in found or found[group].at_rest < noise.at_rest:
+                found[group] = noise
+    return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
 
 
 def deviations(

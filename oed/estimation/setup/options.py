@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from oed.estimation.methods import Loss
-from oed.estimation.prediction.segments import PLACE, PlaceName
 from oed.estimation.setup.alternatives import Alternative
+from oed.estimation.setup.unknowns import PLACE, PlaceName
 from oed.foundation.component import Component
 from oed.foundation.quantities import Duration
 
 Method = Literal["joint", "gls", "two_stage"]
+Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 CovarianceName = Literal["information", "sandwich", "bootstrap"]
 
 

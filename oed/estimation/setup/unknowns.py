@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.segments import PLACE
+from oed.kernel.measurement.measurement import Measurement
 from oed.robots.models.model import Model
+from oed.robots.sensors.logged import LoggedSensor, Mount
+from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 
+PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
+PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
+"""Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
+[rad]."""
 PLACE_SIZE = 0.1
 """Size of a sensor's place [m, rad] and of a clock's offset [s], for scaling only."""
 
@@ -91,3 +98,9 @@ class Unknowns:
     @property
     def _each(self) -> range:
         return range(self.clocks)
+
+
+def specified_mount(measurement: Measurement) -> Mount:
+    """Where the first sensor sits that says so; at the robot's origin if none does."""
+    logged = (sensor for sensor in sensors_of(measurement) if isinstance(sensor, LoggedSensor))
+    return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())

@@ -18,6 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.description import deviations_text
 from oed.kernel.measurement.sensor import Moment, PlacedSensor
 from oed.robots.models.model import Model
+from oed.robots.sensors.logged import Mount, Noise
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -70,6 +71,11 @@ class AbsoluteNoise(Component):
         """Standard deviation at rest, SI; None where it is not given."""
         own: float | None = getattr(self, quantity)
         return self.position if own is None and quantity != "heading" else own
+
+    def of(self, quantity: Quantity) -> Noise | None:
+        """That of one quantity; None where it is not given."""
+        size = self.deviation(quantity)
+        return None if size is None else Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
 
     def per_speed(self, quantity: Quantity) -> float:
         """The k_v of sigma^2 + (k_v V)^2 + (k_w Omega)^2, SI."""
@@ -149,12 +155,8 @@ class Poses(PlacedSensor):
                 return ca.SX.eye(len(self.quantities))
             return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
         speed, turning = moment.twist[0] ** 2 + moment.twist[1] ** 2, moment.twist[2] ** 2
-        variances = [
-            (self.noise.deviation(name) or np.inf) ** 2
-            + self.noise.per_speed(name) ** 2 * speed
-            + self.noise.per_yaw_rate(name) ** 2 * turning
-            for name in self.quantities
-        ]
+        own = [self.noise.of(name) or Noise(np.inf) for name in self.quantities]
+        variances = [noise.variance(speed, turning) for noise in own]
         return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))
 
     @property
@@ -184,6 +186,19 @@ class Poses(PlacedSensor):
         noun = "pose" if len(given) == 3 else "heading" if given == {"heading"} else "position"
         times = count(len(self.columns(samples)), noun)
         return times if noun == "heading" else f"{times} ({listing(self.quantities)})"
+
+    @property
+    def noises(self) -> dict[str, Noise]:
+        """That of each quantity; {} of a covariance."""
+        own = {name: self.noise.of(name) for name in self.quantities}
+        return {name: noise for name, noise in own.items() if noise is not None}
+
+    @property
+    def mount(self) -> Mount:
+        """The lever arm's end. An arm of 0 is one that nobody gave: a sensor seldom sits where it should."""
+        arm = self.lever_arm
+        known = {} if arm.deviation is None else dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation)
+        return Mount((arm.x, arm.y, 0.0), arm.known and bool(arm.x or arm.y), known)
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """Quantities without noise or given twice, a covariance of another size."""

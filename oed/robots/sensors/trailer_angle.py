@@ -14,6 +14,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import InitialPose, Moment, Sensor
 from oed.robots.models.model import Model
+from oed.robots.sensors.logged import Noise
 
 STATE = 3
 """Place of the trailer's angle among the states."""
@@ -78,6 +79,16 @@ class TrailerAngle(Sensor):
     def brief(self, samples: int) -> str:
         """How many are read."""
         return count(len(self.columns(samples)), "trailer angle")
+
+    @property
+    def noises(self) -> dict[str, Noise]:
+        """That of the angle."""
+        return {"trailer_angle": Noise(self.noise)}
+
+    @property
+    def mount(self) -> None:
+        """Nowhere: an angle of the robot itself."""
+        return None
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
         """A robot without a trailer."""

@@ -13,6 +13,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Unit
 from oed.logs.log import Log
+from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.poses import AbsoluteNoise, Quantity
 from oed.simulation.physics.driving import Motion
 
@@ -87,13 +88,8 @@ class Sensing(Component):
         standard = rng.normal(size=(len(speeds), len(QUANTITIES)))
         if self.noise.covariance is not None:
             return np.asarray(standard @ np.linalg.cholesky(np.array(self.noise.covariance)).T)
-        variances = [
-            (self.noise.deviation(name) or 0.0) ** 2
-            + (self.noise.per_speed(name) * speeds) ** 2
-            + (self.noise.per_yaw_rate(name) * yaw_rates) ** 2
-            for name in QUANTITIES
-        ]
-        return np.asarray(standard * np.sqrt(np.column_stack(variances)))
+        own = [self.noise.of(name) or Noise(0.0) for name in QUANTITIES]
+        return np.asarray(standard * np.column_stack([noise.deviation(speeds, yaw_rates) for noise in own]))
 
 
 def _yaw_rates(motion: Motion) -> Array:

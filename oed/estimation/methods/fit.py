@@ -1,0 +1,95 @@
+"""The result of an estimation from segments of logs, whatever the method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.methods.knowledge import inverse_of_sum
+from oed.estimation.prediction.layout import Layout
+from oed.estimation.setup.unknowns import Unknowns
+from oed.robots.sensors.logged import Noise
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A least-squares solution over segments.
+
+    Attributes:
+        unknowns: what was estimated.
+        values: (q,), SI; clock offsets are corrections of `offsets`.
+        offsets: of the clocks, as the search began, (clocks,) [s].
+        starts: of the segments, (S, states).
+        layout: the segments.
+        residuals: measured less predicted, SI, (S, n + 1, quantities); of no meaning beyond a segment's end.
+        white: the same in units of the noise.
+        weights: of a robust loss, (S, n + 1, quantities).
+        freedom: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
+        noises: of the readings.
+        speeds: at the readings, (S, n + 1) [m/s].
+        yaw_rates: alike [rad/s].
+        information: F of every segment with its start eliminated, SI, (S, q, q).
+        scores: J' r of every segment alike, in units of the noise, (S, q).
+        knowledge: from before, information (q, q).
+        converged: whether the last step was small.
+        motions: whether segments are windows, each of which shows but one motion, between its ends.
+        notes: what else was found, in words.
+        bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
+        swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
+        volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
+            (S,), where windows' noise is correlated; None where every reading's is its own.
+    """
+
+    unknowns: Unknowns
+    values: Array
+    offsets: Array
+    starts: Array
+    layout: Layout
+    residuals: Array
+    white: Array
+    weights: Array
+    freedom: Array
+    noises: Mapping[str, Noise]
+    speeds: Array
+    yaw_rates: Array
+    information: Array
+    scores: Array
+    knowledge: Array
+    converged: bool
+    motions: bool = False
+    notes: tuple[str, ...] = ()
+    bend: float = 1.0
+    swing: float = 1.0
+    volumes: Array | None = None
+
+    @property
+    def total(self) -> Array:
+        """F of all segments and of what was known before, SI, (q, q)."""
+        return np.asarray(self.information.sum(axis=0) + self.knowledge)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """F^-1 (q, q), what was known before included."""
+        return inverse_of_sum(self.information.sum(axis=0), self.knowledge)
+
+    @property
+    def curvature(self) -> Array:
+        """Of the misfit by every segment, SI, (S, q, q): what a change of the scores is divided by."""
+        return self.bend * self.information
+
+    @cached_property
+    def response(self) -> Array:
+        """How the unknowns follow the scores, (q, q): the inverse of all curvature and prior knowledge."""
+        return inverse_of_sum(self.curvature.sum(axis=0), self.knowledge)
+
+    @property
+    def clock_offsets(self) -> Array:
+        """What the inputs' clocks show when the poses' show 0, (clocks,) [s]."""
+        own = self.values[len(self.values) - self.unknowns.clocks :]
+        return self.offsets + own if self.unknowns.clocks else self.offsets

@@ -1,0 +1,59 @@
+"""What is known of unknowns beforehand, and what it adds to what readings say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.kernel.measurement.square_root import SquareRoot
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the unknowns beforehand: information (q, q) about `centre` (q,), SI."""
+
+    information: Array
+    centre: Array
+
+    @classmethod
+    def nothing(cls, size: int) -> Knowledge:
+        """Of as many unknowns."""
+        return cls(np.zeros((size, size)), np.zeros(size))
+
+    def on(self, columns: Indices) -> Knowledge:
+        """That of some of the unknowns, the others held where they are known to be."""
+        return Knowledge(self.information[np.ix_(columns, columns)], self.centre[columns])
+
+    def score(self, values: Array) -> Array:
+        """Half the slope of what it adds to the misfit, downhill, (q,)."""
+        return np.asarray(self.information @ (self.centre - values))
+
+    def misfit(self, values: Array) -> float:
+        """What it adds to the sum of squares."""
+        off = self.centre - values
+        return float(off @ self.information @ off)
+
+
+def inverse_of_told(matrix: Array) -> Array:
+    """The inverse of information (..., q, q) on what it tells; 0 in directions that it does not."""
+    factor = SquareRoot.of_matrix(matrix).factor
+    return np.asarray(factor @ np.swapaxes(factor, -1, -2))
+
+
+def inverse_of_sum(information: Array, known: Array) -> Array:
+    """(F + K)^-1 of information F and knowledge from before K, both (q, q).
+
+    Seen in units of K nothing is too small to be inverted, however much more F tells of the rest.
+    """
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(known))
+    except np.linalg.LinAlgError:
+        return inverse_of_told(information + known)
+    eigenvalues, vectors = np.linalg.eigh(root @ information @ root.T)
+    back = root.T @ vectors
+    return np.asarray(back / (1 + np.clip(eigenvalues, 0.0, None)) @ back.T)
