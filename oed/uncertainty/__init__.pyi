@@ -1,0 +1,4 @@
+from .departures import Leaving as Leaving
+from .departures import leaving as leaving
+from .robust import Robust as Robust
+from .uncertainty import Uncertainty as Uncertainty
