@@ -27,7 +27,7 @@ SCATTER_GOAL = 0.5
 SQUARE_GOAL, CIRCLE_GOAL = 0.5, 0.1
 """Held-out error of an optimal drive over that of a square and of a circle, at most."""
 BEST_GOAL = 1.0
-"""The same of the best optimal drive and model over the best everyday path and model."""
+"""The same of the best optimal drive and model over the best baseline and model."""
 
 
 @dataclass(frozen=True)
@@ -94,14 +94,14 @@ class Floor:
     scales: Mapping[str, Array]
 
     @property
-    def everyday(self) -> tuple[str, ...]:
-        """Names of the everyday paths."""
+    def baselines(self) -> tuple[str, ...]:
+        """Names of the usual drives."""
         return tuple(name for name in self.drives if name not in self.optimal.values())
 
     @property
     def squares(self) -> tuple[str, ...]:
         """Those of them that are squares."""
-        return tuple(name for name in self.everyday if name.endswith("square"))
+        return tuple(name for name in self.baselines if name.endswith("square"))
 
     def cells(self, drives: Sequence[str]) -> list[Cell]:
         """Of some drives with any fit."""
@@ -157,7 +157,7 @@ def _floor(trial: Mapping[str, Any], floor: Mapping[str, Any]) -> Floor:
 
 def goals(floor: Floor) -> list[Goal]:
     """Every goal with the ratio found on a floor; none where there is nothing to compare."""
-    if not floor.optimal or not floor.everyday:
+    if not floor.optimal or not floor.baselines:
         return []
     return [*_scatter_goals(floor), *_error_goals(floor), *_best_goal(floor)]
 
@@ -193,7 +193,7 @@ def resampled_pair(
 
 def _error_goals(floor: Floor) -> Iterator[Goal]:
     aims = [(name, SQUARE_GOAL) for name in floor.squares]
-    aims += [(name, CIRCLE_GOAL) for name in floor.everyday if name == "circle"]
+    aims += [(name, CIRCLE_GOAL) for name in floor.baselines if name == "circle"]
     for model, drive in floor.optimal.items():
         for other, most in aims:
             one, another = (drive, model), (other, model)
@@ -203,10 +203,10 @@ def _error_goals(floor: Floor) -> Iterator[Goal]:
 
 
 def _best_goal(floor: Floor) -> Iterator[Goal]:
-    designed, everyday = floor.cells(list(floor.optimal.values())), floor.cells(floor.everyday)
-    one, other = (min(cells, key=floor.median) for cells in (designed, everyday))
+    designed, baselines = floor.cells(list(floor.optimal.values())), floor.cells(floor.baselines)
+    one, other = (min(cells, key=floor.median) for cells in (designed, baselines))
     if np.isfinite(floor.median(other)):
-        yield Goal("best", floor.friction, one, other, floor.ratio(designed, everyday), BEST_GOAL)
+        yield Goal("best", floor.friction, one, other, floor.ratio(designed, baselines), BEST_GOAL)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -307,7 +307,7 @@ def test_type_checkers_know_the_public_names(tmp_path: Path):
     user.write_text("from oed import Problem, nonsense, moved\n")
     options = ("--strict", "--follow-imports=skip", f"--cache-dir={tmp_path}")
     command = [sys.executable, "-m", "mypy", *options, str(user), str(PACKAGE / "__init__.pyi")]
-    told = subprocess.run(command, capture_output=True, text=True, cwd=PACKAGE.parent).stdout
-    assert told.count("error:") == 2, told
-    assert 'Module "oed" has no attribute "nonsense"' in told
-    assert 'Module "oed" has no attribute "moved"' in told
+    output = subprocess.run(command, capture_output=True, text=True, cwd=PACKAGE.parent).stdout
+    assert output.count("error:") == 2, output
+    assert 'Module "oed" has no attribute "nonsense"' in output
+    assert 'Module "oed" has no attribute "moved"' in output
