@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,60 +12,120 @@ from benchmarks.figure import Figure, seconds
 from benchmarks.forms import FORMS, problem_of
 from benchmarks.plain import Plain, multiple_shooting, single_shooting
 from oed.kernel.problem import Problem
-from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.local import Local, LocalSearch, Settings
 
 COMPARED = (200, 1000)
+"""Samples of drives that a search looks at all of, as the plain programs do."""
 LONGER = (5000, 20_000)
+"""Samples of drives that a search looks at some of, on the coarse grid that it takes by itself."""
 ITERATIONS = 20
 REPEATED = 3
+ENOUGH = 500
+"""Iterations in which a search converges."""
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A search's program.
+
+    Attributes:
+        search: that has built it.
+        start: z that it was solved from.
+        building: how long that took [s].
+        iteration: how long one of Ipopt's takes [s].
+    """
+
+    search: LocalSearch
+    start: np.ndarray
+    building: float
+    iteration: float
 
 
 def figures() -> list[Figure]:
     """Per form and number of samples: an iteration, and building in units of 20 iterations."""
-    found = []
-    for form in FORMS:
-        short = 0.0
-        for samples in (*COMPARED, *LONGER):
-            problem = problem_of(form, samples)
-            building, iteration, search, z = _ours(problem)
-            short = short or iteration
-            name = f"{form} form, N = {samples}"
-            if samples in COMPARED:
-                found.append(_compared(name, problem, iteration, search, z))
-            else:
-                found.append(_growth(name, samples, iteration, short))
-            found.append(
-                Figure(
-                    f"{name}: building",
-                    seconds(building),
-                    f"{seconds(ITERATIONS * iteration)} for {ITERATIONS} iterations",
-                    building / (ITERATIONS * iteration),
-                    1,
-                    "most",
-                )
-            )
-    return found
+    return [figure for form in FORMS for figure in _of_form(form)]
 
 
-def _ours(problem: Problem) -> tuple[float, float, LocalSearch, np.ndarray]:
+def _of_form(form: str) -> Iterator[Figure]:
+    short = 0.0
+    for samples in COMPARED:
+        problem, name = problem_of(form, samples), f"{form} form, N = {samples}"
+        timed = _timed(problem, samples)
+        short = short or timed.iteration
+        yield _compared(name, problem, timed)
+        yield _building(name, timed)
+        grid = _samples(_search(problem, ITERATIONS))
+        if grid < samples:
+            yield _saved(f"{name}, on a grid of {grid}", problem)
+    for samples in LONGER:
+        timed = _timed(problem_of(form, samples))
+        name = f"{form} form, N = {samples}, on a grid of {_samples(timed.search)}"
+        yield _growth(name, samples, timed.iteration, short)
+        yield _building(name, timed)
+
+
+def _search(problem: Problem, iterations: int, samples: int | None = None) -> LocalSearch:
+    # On so many samples, or those that a search takes by itself.
+    return LocalSearch(problem, Settings(iterations, 1e-8, None, "none", samples))
+
+
+def _samples(search: LocalSearch) -> int:
+    # Of a run, that a search looks at.
+    return search.design.problem.design.samples
+
+
+def _timed(problem: Problem, samples: int | None = None) -> Timed:
     began = time.perf_counter()
-    search = LocalSearch(problem, Settings(ITERATIONS, 1e-8, None, "none"))
-    z = 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.size)
+    search = _search(problem, ITERATIONS, samples)
+    z = _start(search)
     program, nothing = search.program, search.grid.no_correction
     search.solved(program, z, nothing)
     whole = time.perf_counter() - began
     iteration = _per_iteration(lambda: search.solved(program, z, nothing).iterations)
     # The first solve both builds and solves.
-    return max(whole - ITERATIONS * iteration, 0.0), iteration, search, z
+    return Timed(search, z, max(whole - ITERATIONS * iteration, 0.0), iteration)
 
 
-def _compared(name: str, problem: Problem, ours: float, search: LocalSearch, z: np.ndarray) -> Figure:
-    single = _plain_iteration(single_shooting(problem, z, search.scale, ITERATIONS))
+def _start(search: LocalSearch) -> np.ndarray:
+    return 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.size)
+
+
+def _compared(name: str, problem: Problem, ours: Timed) -> Figure:
+    assert _samples(ours.search) == problem.design.samples, "plain programs look at every sample"
+    single = _plain_iteration(single_shooting(problem, ours.start, ours.search.scale, ITERATIONS))
     told = f"{seconds(single)} by single shooting, SX"
     if "joint" not in name:
-        multiple = _plain_iteration(multiple_shooting(problem, z, search.scale, ITERATIONS))
+        multiple = _plain_iteration(multiple_shooting(problem, ours.start, ours.search.scale, ITERATIONS))
         told += f"; {seconds(multiple)} by multiple shooting"
-    return Figure(f"{name}: an Ipopt iteration", seconds(ours), told, single / ours, 3, "least")
+    ratio = single / ours.iteration
+    return Figure(f"{name}: an Ipopt iteration", seconds(ours.iteration), told, ratio, 3, "least")
+
+
+def _building(name: str, ours: Timed) -> Figure:
+    solving = ITERATIONS * ours.iteration
+    told = f"{seconds(solving)} for {ITERATIONS} iterations"
+    return Figure(f"{name}: building", seconds(ours.building), told, ours.building / solving, 1, "most")
+
+
+def _saved(name: str, problem: Problem) -> Figure:
+    # What a coarse grid brings: to a search as a whole, with building and corrections by all samples.
+    (every, all_seconds), (coarse, coarse_seconds) = (
+        _searched(problem, samples) for samples in (problem.design.samples, None)
+    )
+    return Figure(
+        f"{name}: a search from one start",
+        f"{seconds(coarse_seconds)}, objective {coarse.objective:.6g}",
+        f"{seconds(all_seconds)} on all samples, objective {every.objective:.6g}",
+        all_seconds / coarse_seconds,
+        1,
+    )
+
+
+def _searched(problem: Problem, samples: int | None) -> tuple[Local, float]:
+    began = time.perf_counter()
+    search = _search(problem, ENOUGH, samples)
+    found = search.maximise(_start(search))
+    return found, time.perf_counter() - began
 
 
 def _growth(name: str, samples: int, ours: float, short: float) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -154,7 +155,7 @@ def test_this_test_sees_imports():
 
 def test_the_top_level_holds_rooms_and_the_public_names():
     found = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
-    assert found == {*HOUSE, "__init__.py", "__main__.py", "py.typed"}
+    assert found == {*HOUSE, "__init__.py", "__init__.pyi", "__main__.py", "py.typed"}
 
 
 def breaches() -> set[tuple[str, str]]:
@@ -221,7 +222,7 @@ def test_matplotlib_is_imported_by_reports_only(module: str):
 @pytest.mark.parametrize(
     ("module", "unloaded"),
     [
-        ("oed", {"casadi", "matplotlib", "pymoo", "numpy"}),
+        ("oed", {"casadi", "matplotlib", "pymoo", "numpy", "inspect", "importlib.abc"}),
         ("oed.cli.program", {"casadi", "matplotlib", "pymoo"}),
         ("oed.study.study", {"matplotlib", "pymoo", "pint", "rich", "scipy.stats", "scipy.interpolate"}),
     ],
@@ -271,11 +272,33 @@ def test_every_public_name_is_documented(module: str):
     assert not list(undocumented(MODULES[module].body, module))
 
 
-def test_every_public_name_of_the_package_exists():
+@pytest.mark.parametrize("stub", sorted(PACKAGE.rglob("*.pyi")), ids=module_name)
+def test_every_public_name_exists(stub: Path):
+    package = importlib.import_module(module_name(stub))
+    listed = [alias.asname for node in ast.parse(stub.read_text()).body for alias in node.names]
+    assert package.__all__ == dir(package) == sorted(set(listed))
+    assert len(listed) == len(set(listed))
+    assert all(getattr(package, name) is not None for name in listed)
+
+
+def test_a_public_name_that_does_not_exist_is_refused():
     import oed
 
-    assert sorted(oed.__all__) == sorted(set(oed.__all__))
-    for name in oed.__all__:
-        assert getattr(oed, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+    with pytest.raises(AttributeError, match=r"^module 'oed' has no attribute 'nonsense'$"):
         oed.nonsense  # noqa: B018
+    with pytest.raises(AttributeError) as error:
+        oed.Problm  # noqa: B018
+    # What Python takes its "Did you mean: 'Problem'?" from.
+    assert (error.value.name, error.value.obj) == ("Problm", oed)
+
+
+def test_type_checkers_know_the_public_names(tmp_path: Path):
+    pytest.importorskip("mypy")
+    user = tmp_path / "user.py"
+    user.write_text("from oed import Problem, nonsense, moved\n")
+    options = ("--strict", "--follow-imports=skip", f"--cache-dir={tmp_path}")
+    command = [sys.executable, "-m", "mypy", *options, str(user), str(PACKAGE / "__init__.pyi")]
+    output = subprocess.run(command, capture_output=True, text=True, cwd=PACKAGE.parent).stdout
+    assert output.count("error:") == 2, output
+    assert 'Module "oed" has no attribute "nonsense"' in output
+    assert 'Module "oed" has no attribute "moved"' in output

@@ -5,17 +5,18 @@ new one.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from importlib.machinery import ModuleSpec
+    from types import ModuleType
 
 ROOMS = {
     "cli": "commands",
     "cli.terminal": "console messages streams",
     "estimation.prediction": "readings regressors segments",
-    "foundation": "component errors extras files lazy names quantities shown",
+    "foundation": "component errors extras files names quantities shown",
     "foundation.work": "folders locks signals",
     "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
     "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
@@ -39,8 +40,10 @@ RENAMED = {
 """The same of those that have another name there."""
 
 
-class Moved(MetaPathFinder):
-    """Says where a module is that was elsewhere."""
+class Moved:
+    """A finder of `sys.meta_path` that says where a module is that was elsewhere."""
+
+    # No heir of importlib.abc.MetaPathFinder: that module takes longer to load than all else here.
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None

@@ -26,7 +26,7 @@ from simulated import (
     unknowns_of,
 )
 
-from oed.estimation import Noise, calibrate, correlations
+from oed.estimation import calibrate, correlations
 from oed.estimation.assessment.covariance import (
     Blocks,
     Covariance,
@@ -43,6 +43,7 @@ from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
 from oed.estimation.methods.segmenting import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.robots.models import SkidSteer, SkidSteerSlip
+from oed.robots.sensors.logged import Noise
 
 NOISE = (0.003, 0.006)
 LOGS = several(6, noise=NOISE)

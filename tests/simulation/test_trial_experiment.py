@@ -10,6 +10,7 @@ import pytest
 from oracle import advance
 from trials import STUDY, small_trial, study_of, tried
 
+from benchmarks.acceptance import floors_of, goals
 from oed.foundation.errors import UserMistake
 from oed.optimize import Silent
 from oed.records.record import Record
@@ -62,7 +63,7 @@ def test_everything_is_recorded():
             assert entry["value"] == pytest.approx(np.median(entry["each"]), abs=1e-6)
             assert entry["low"] <= entry["value"] <= entry["high"]
             assert entry["along"] > 0
-    assert [goal["kind"] for goal in floor["goals"]] == ["error", "error", "best"]
+    assert set(floor) == {"friction", "done", "drawn", "errors", "scatter", "paths"}
     assert set(floor["paths"]) == set(DRIVES)
 
 
@@ -148,8 +149,8 @@ def test_an_optimal_drive_calibrates_a_slipping_robot_better_than_everyday_paths
     text = text.replace("[circle, random]", "[circle, slow_square]").replace("methods: [two_stage]", "")
     text = "".join(line for line in text.splitlines(keepends=True) if "models" not in line)
     text = "".join(line for line in text.splitlines(keepends=True) if "skid_steer_slip" not in line)
-    (floor,) = run(parse_study(text)).data["physics"]["floors"]
-    ratios = {(goal["kind"], goal["other_drive"]): goal["ratio"] for goal in floor["goals"]}
+    (floor,) = floors_of(run(parse_study(text)).data["physics"])
+    ratios = {(goal.kind, goal.other[0]): goal.found.value for goal in goals(floor)}
     assert ratios["scatter", "slow square"] <= 0.5
     assert ratios["error", "slow square"] < 1
     assert ratios["error", "circle"] <= 0.1

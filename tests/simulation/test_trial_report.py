@@ -1,4 +1,4 @@
-"""The report's section on a trial: tables with the best marked, verdicts that follow the numbers, figures."""
+"""The report's section on a trial: tables with the best marked, figures."""
 
 from __future__ import annotations
 
@@ -27,32 +27,6 @@ def shown() -> Section:
     return section
 
 
-def goal(kind: str, ratio: float | None, most: float, **other: Any) -> dict[str, Any]:
-    """Of which the interval is a tenth either way."""
-    found = {
-        "kind": kind,
-        "friction": 0.6,
-        "drive": "optimal for lag",
-        "model": "lag",
-        "other_drive": "square",
-        "other_model": "lag",
-        "ratio": ratio,
-        "interval": [None, None] if ratio is None else [0.9 * ratio, 1.1 * ratio],
-        "most": most,
-        "met": ratio is not None and ratio <= most,
-        "sure": ratio is not None and 1.1 * ratio <= most,
-    }
-    return {**found, **other}
-
-
-def verdicts_of(*goals: dict[str, Any]) -> str:
-    data = copy.deepcopy(small_trial())
-    data["floors"][0]["goals"] = list(goals)
-    section = section_of(data)
-    assert section is not None
-    return "\n".join(section.paragraphs[2:])
-
-
 def test_records_without_a_trial_have_no_section():
     assert section_of(None) is None
     assert physics(Record({"results": [], "study": {}})) is None
@@ -76,25 +50,12 @@ def test_scatter_stands_beside_what_noise_alone_would_make_of_it(shown: Section)
     assert rows["circle"][-1] is None
 
 
-def test_verdicts_follow_the_numbers():
-    assert "The aim, at most 0.5 times, is reached." in verdicts_of(goal("scatter", 0.3, 0.5))
-    assert "though not by all of the interval" in verdicts_of(goal("scatter", 0.48, 0.5))
-    assert "0.70 times (0.63 to 0.77)" in verdicts_of(goal("error", 0.7, 0.5))
-    assert "(not reached)" in verdicts_of(goal("error", 0.7, 0.5))
-    assert "∞" in verdicts_of(goal("error", None, 0.5))
-    two = verdicts_of(goal("error", 0.3, 0.5), goal("error", 0.7, 0.5, friction=0.9))
-    assert "not reached at friction 0.9" in two
-    best = verdicts_of(goal("best", 0.8, 1.0, other_model="differential drive"))
-    assert "optimal for lag with lag against square with differential drive 0.80 times" in best
-    assert verdicts_of() == ""
-
-
 def test_an_interrupted_trial_says_so():
     data = {**small_trial(), "interrupted": True}
     section = section_of(data)
     assert section is not None
     assert "interrupted; of 3 robots each, 3 at friction 0.6 had driven" in section.notices[0]
-    empty = {"friction": 0.6, "done": 0, "errors": [], "scatter": [], "goals": []}
+    empty = {"friction": 0.6, "done": 0, "errors": [], "scatter": []}
     section = section_of({**data, "floors": [empty]})
     assert section is not None
     assert section.tables == ()
@@ -121,5 +82,5 @@ def test_two_floors_are_shown_side_by_side():
     other = {**copy.deepcopy(data["floors"][0]), "friction": 0.9}
     section = section_of({**data, "floors": [*data["floors"], other]})
     assert section is not None
-    assert len(section.tables) == 4
+    assert len(section.tables) == 3
     assert "friction 0.9" in svg_text(section.figures[0].draw)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from oed.records.stored.parts import (
     Count,
-    Interval,
     Line,
     Number,
     Numbers,
@@ -95,22 +94,6 @@ class Scatter(Stored):
     each: list[Numbers]
 
 
-class Goal(Stored):
-    """A ratio that an aim is set for."""
-
-    kind: Literal["scatter", "error", "best"]
-    friction: Positive
-    drive: str
-    model: str
-    other_drive: str
-    other_model: str
-    ratio: Number | None
-    interval: Interval
-    most: Number
-    met: bool
-    sure: bool
-
-
 class StoredFloor(Stored):
     """What was found on one floor."""
 
@@ -118,7 +101,6 @@ class StoredFloor(Stored):
     done: Count
     errors: list[Error]
     scatter: list[Scatter]
-    goals: list[Goal]
     drawn: Numbers = Field(default_factory=list)
     paths: dict[str, Line] = Field(default_factory=dict)
 

@@ -29,19 +29,19 @@ DRIVES = {
 
 
 def physics(record: Record) -> Section | None:
-    """Held-out errors of every drive and model, scatter of the estimates, verdicts and true paths."""
+    """Held-out errors of every drive and model, scatter of the estimates and true paths."""
     data = record.data.get("physics")
     if not data:
         return None
     floors = [floor for floor in data["floors"] if floor["errors"]]
     return Section(
         "Drives of a simulated robot with slip",
-        paragraphs=(_intro(record, data), _drives(data), *_verdicts(data, floors)),
+        paragraphs=(_intro(record, data), _drives(data)),
         notices=tuple(_notices(data, floors)),
         figures=_figures(data, floors) if floors else (),
         tables=(
             *(_error_table(data, floor) for floor in floors),
-            *([_scatter_table(data, floors), _goal_table(floors)] if floors else ()),
+            *([_scatter_table(data, floors)] if floors else ()),
         ),
     )
 
@@ -89,76 +89,6 @@ def _notices(data: Entry, floors: Sequence[Entry]) -> Iterator[str]:
     refused = sum(entry["refused"] for floor in floors for entry in floor["errors"])
     if refused:
         yield f"{count(refused, 'calibration')} of a drive were refused; they count as infinitely wrong."
-
-
-def _verdicts(data: Entry, floors: Sequence[Entry]) -> list[str]:
-    goals = [goal for floor in floors for goal in floor["goals"]]
-    by_kind = {kind: [one for one in goals if one["kind"] == kind] for kind in ("scatter", "error", "best")}
-    own = data["models"][0]["name"]
-    aware = [one for one in by_kind["error"] if one["model"] != own] or by_kind["error"]
-    others = list(dict.fromkeys(goal["other_drive"] for goal in aware))
-    texts = [_scatter_verdict(goals) for goals in _by(by_kind["scatter"], "other_drive")]
-    texts += [_error_verdict([one for one in aware if one["other_drive"] == other]) for other in others]
-    return texts + ([_best_verdict(by_kind["best"])] if by_kind["best"] else [])
-
-
-def _scatter_verdict(goals: Sequence[Entry]) -> str:
-    first = goals[0]
-    return (
-        f"From its optimal drive the estimates of {first['model']} scatter {_ratios(goals)} as much as from "
-        f"{first['other_drive']}, over robots and noise. The aim, at most {first['most']:g} times, is "
-        f"{_reached(goals)}."
-    )
-
-
-def _error_verdict(goals: Sequence[Entry]) -> str:
-    # Of every model but the study's own, from its own optimal drive.
-    first = goals[0]
-    apart = _by(goals, "model")
-    told = [f"{one[0]['model']} {_ratios(one)} ({_reached(one)})" for one in apart]
-    return (
-        f"Held-out error of a model from its own optimal drive, against that of the same model from "
-        f"{first['other_drive']}: {'; '.join(told)}. The aim is at most {first['most']:g} times."
-    )
-
-
-def _best_verdict(goals: Sequence[Entry]) -> str:
-    pairs = [
-        f"{one['drive']} with {one['model']} against {one['other_drive']} with {one['other_model']} "
-        f"{_ratios([one])}"
-        for one in goals
-    ]
-    return (
-        "The best optimal drive and model against the best everyday path and model, both chosen after the "
-        f"fact: {'; '.join(pairs)}. The aim, at most {goals[0]['most']:g} times, is {_reached(goals)}."
-    )
-
-
-def _by(goals: Sequence[Entry], key: str) -> list[list[Entry]]:
-    names = list(dict.fromkeys(goal[key] for goal in goals))
-    return [[goal for goal in goals if goal[key] == name] for name in names]
-
-
-def _ratios(goals: Sequence[Entry]) -> str:
-    return listing([f"{_ratio(goal)} at friction {goal['friction']:g}" for goal in goals])
-
-
-def _ratio(goal: Entry) -> str:
-    low, high = (_number(end) for end in goal["interval"])
-    return f"{_number(goal['ratio'])} times ({low} to {high})"
-
-
-def _number(value: float | None) -> str:
-    return "∞" if value is None else significant(2)(value)
-
-
-def _reached(goals: Sequence[Entry]) -> str:
-    missed = [f"{goal['friction']:g}" for goal in goals if not goal["met"]]
-    if len(missed) == len(goals):
-        return "not reached"
-    if missed:
-        return f"not reached at friction {listing(missed)}"
-    return "reached" if all(goal["sure"] for goal in goals) else "reached, though not by all of the interval"
 
 
 def _error_table(data: Entry, floor: Entry) -> Table:
@@ -226,39 +156,6 @@ def _scatter_cells(entry: Entry, own: Entry, promised: Mapping[str, float | None
         None if total["value"] is None else 100 * total["value"],
         f"{100 * (total['low'] or 0):.3f} to {100 * (total['high'] or 0):.3f}",
         noise,
-    )
-
-
-def _goal_table(floors: Sequence[Entry]) -> Table:
-    columns = (
-        Column("friction"),
-        Column("ratio of"),
-        Column("drive"),
-        Column("model"),
-        Column("against"),
-        Column("with"),
-        Column("ratio", "", significant(3)),
-        Column("interval"),
-        Column("aim", "at most", fixed(1)),
-        Column("reached"),
-    )
-    rows = tuple(_goal_row(goal) for floor in floors for goal in floor["goals"])
-    return Table(columns, rows, "Every ratio that an aim is set for")
-
-
-def _goal_row(goal: Entry) -> tuple[Cell, ...]:
-    low, high = (_number(end) for end in goal["interval"])
-    return (
-        f"{goal['friction']:g}",
-        "scatter" if goal["kind"] == "scatter" else "held-out error",
-        goal["drive"],
-        goal["model"],
-        goal["other_drive"],
-        goal["other_model"],
-        goal["ratio"],
-        f"{low} to {high}",
-        goal["most"],
-        goal["met"],
     )
 
 

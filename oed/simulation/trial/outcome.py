@@ -14,7 +14,6 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
 from oed.simulation.trial.candidates import Candidate
 from oed.simulation.trial.experiment import Found
-from oed.simulation.trial.goals import Floor, goals, plain
 from oed.simulation.trial.options import Trial
 from oed.simulation.trial.statistics import Interval, Repeats, interval, scatter, total
 
@@ -45,6 +44,25 @@ class Planned:
         """The drive, where it keeps the limits."""
         evaluation = self.solution.evaluation
         return self.solution.trajectory if evaluation is not None and evaluation.feasible else None
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What was found on one floor.
+
+    Attributes:
+        drives: names.
+        fits: names of models, or of a model by a further method.
+        repeats: held-out errors, (repeats, drives, fits) [m].
+        values: estimates by (drive, fit), (repeats, p), SI; where none was refused.
+        scales: of the parameters, by fit.
+    """
+
+    drives: tuple[str, ...]
+    fits: tuple[str, ...]
+    repeats: Repeats
+    values: Mapping[tuple[str, str], Array]
+    scales: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -87,26 +105,23 @@ class Outcome:
     def _floor_data(self, number: int, friction: float) -> dict[str, Any]:
         done = [found for (floor, _), found in sorted(self.found.items()) if floor == number]
         if len(done) < 2:
-            return {"friction": friction, "done": len(done), "errors": [], "scatter": [], "goals": []}
-        floor = self._floor(friction, done)
+            return {"friction": friction, "done": len(done), "errors": [], "scatter": []}
+        floor = self._floor(done)
         return {
             "friction": friction,
             "done": len(done),
             "drawn": [round(one.friction, 6) for one in done],
             "errors": [self._error_data(floor, done, *cell) for cell in _each(floor)],
             "scatter": [_scatter_data(floor, *cell) for cell in floor.values],
-            "goals": goals(floor),
             "paths": {name: _drawn(path) for name, path in done[0].paths.items()},
         }
 
-    def _floor(self, friction: float, done: list[Found]) -> Floor:
+    def _floor(self, done: list[Found]) -> Floor:
         drives = tuple(done[0].paths)
         each = np.array([np.median(one.end, axis=-1) for one in done])
         cells = [(drive, fit) for drive in drives for fit in self.fits]
         return Floor(
-            friction=friction,
             drives=drives,
-            optimal={one.model.name: one.name for one in self.planned if one.model and one.name in drives},
             fits=tuple(self.fits),
             repeats=Repeats(each, self.trial.resamples, self.seed),
             values={
@@ -118,7 +133,7 @@ class Outcome:
         )
 
     def _error_data(self, floor: Floor, done: list[Found], drive: str, fit: str) -> dict[str, Any]:
-        row, column = floor.cell(drive, fit)
+        row, column = floor.drives.index(drive), floor.fits.index(fit)
         each = floor.repeats.errors[:, row, column]
         along = [np.median(one.along[row, column]) for one in done]
         misfit = [one.misfit[row, column] for one in done]
@@ -126,10 +141,10 @@ class Outcome:
             "drive": drive,
             "fit": fit,
             **_interval_data(floor.repeats.median(row, column)),
-            "along": plain(float(np.median(along))),
-            "misfit": plain(float(np.median(misfit))),
+            "along": _plain(float(np.median(along))),
+            "misfit": _plain(float(np.median(misfit))),
             "refused": int(np.sum(~np.isfinite(each))),
-            "each": [plain(round(value, 7)) for value in each],
+            "each": [_plain(round(value, 7)) for value in each],
         }
 
 
@@ -157,7 +172,7 @@ def _scatter_data(floor: Floor, drive: str, fit: str) -> dict[str, Any]:
 
 
 def _interval_data(found: Interval) -> dict[str, float | None]:
-    return {"value": plain(found.value), "low": plain(found.low), "high": plain(found.high)}
+    return {"value": _plain(found.value), "low": _plain(found.low), "high": _plain(found.high)}
 
 
 def _model_data(one: Candidate) -> dict[str, Any]:
@@ -193,10 +208,15 @@ def _planned_data(one: Planned) -> dict[str, Any]:
         "path_length": None if evaluation is None else evaluation.path_length,
         "fastest": None if trajectory is None else float(np.abs(trajectory.inputs).max()),
         "wall_seconds": round(one.solution.wall_seconds, 3),
-        "promised": None if one.told is None else {name: plain(size) for name, size in one.told.items()},
+        "promised": None if one.told is None else {name: _plain(size) for name, size in one.told.items()},
         "path": None if evaluation is None else _drawn(evaluation.poses[:, :2]),
         "inputs": None if trajectory is None else np.round(trajectory.inputs, 6).tolist(),
     }
+
+
+def _plain(value: float) -> float | None:
+    # As JSON has it: none where it is infinite or no number.
+    return float(value) if np.isfinite(value) else None
 
 
 def _drawn(path: Array) -> list[list[float]]:

@@ -1,8 +1,7 @@
-"""What repeats say: medians, scatter and ratios, with intervals by the bootstrap over repeats."""
+"""What repeats say: medians and scatter, with intervals by the bootstrap over repeats."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Cells = Sequence[tuple[int, int]]
 
 COVERED = (2.5, 97.5)
 """Percentiles that an interval lies between."""
@@ -61,17 +59,6 @@ class Repeats:
         """The median error of one drive and fit [m]."""
         return interval(self.medians[drive, fit], self.resampled[:, drive, fit])
 
-    def ratio(self, one: Cells, other: Cells) -> Interval:
-        """The least median of some (drive, fit) over the least of others, chosen anew in every resample."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value = float(_least(self.medians, one) / _least(self.medians, other))
-            resampled = _least(self.resampled, one) / _least(self.resampled, other)
-        return interval(value, resampled)
-
-    def best(self, cells: Cells) -> tuple[int, int]:
-        """The (drive, fit) of least median."""
-        return min(cells, key=lambda cell: float(self.medians[cell]))
-
 
 def interval(value: float, resampled: Array) -> Interval:
     """A number with the percentiles of its resamples."""
@@ -98,23 +85,3 @@ def scatter(values: Array, scales: Array) -> Array:
 def total(relative: Array) -> Array:
     """Root mean square over the parameters (..., p) of their relative scatter."""
     return np.asarray(np.sqrt(np.mean(relative**2, axis=-1)))
-
-
-def resampled_pair(
-    one: Array, other: Array, picks: npt.NDArray[np.int64], judged: Callable[[Array], Array]
-) -> Interval:
-    """The ratio of a statistic of two sets of estimates (repeats, p) by the same repeats.
-
-    Args:
-        one: estimates.
-        other: those to compare with.
-        picks: repeats of every resample.
-        judged: what is compared, of estimates (..., repeats, p).
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return interval(float(judged(one) / judged(other)), judged(one[picks]) / judged(other[picks]))
-
-
-def _least(medians: Array, cells: Cells) -> Array:
-    drives, fits = np.transpose(np.array(cells))
-    return np.asarray(medians[..., drives, fits].min(axis=-1))

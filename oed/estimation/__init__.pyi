@@ -1,0 +1,14 @@
+from .assessment.comparison import Compared as Compared
+from .assessment.comparison import Comparison as Comparison
+from .assessment.comparison import Score as Score
+from .assessment.covariance import Covariance as Covariance
+from .assessment.diagnostics import Diagnostic as Diagnostic
+from .assessment.diagnostics import correlations as correlations
+from .assessment.left_out import HeldOut as HeldOut
+from .assessment.reckoning import Reckoning as Reckoning
+from .assessment.reckoning import reckoned as reckoned
+from .calibration import Calibration as Calibration
+from .calibration import calibrate as calibrate
+from .setup.alternatives import Alternative as Alternative
+from .setup.alternatives import alternative_flaws as alternative_flaws
+from .setup.options import CalibrationOptions as CalibrationOptions
