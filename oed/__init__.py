@@ -123,8 +123,6 @@ if TYPE_CHECKING:
     from oed.simulation import Validation as Validation
     from oed.simulation import validate as validate
     from oed.study.study import Study as Study
-    from oed.study.study import load_study as load_study
-    from oed.study.study import parse_study as parse_study
     from oed.uncertainty.departures import Leaving as Leaving
     from oed.uncertainty.departures import leaving as leaving
     from oed.uncertainty.robust import Robust as Robust
@@ -283,8 +281,8 @@ _HOMES = {
         "Solver",
         "solve",
     ),
-    "oed.study.study": (
-        "Study",
+    "oed.study.study": ("Study",),
+    "oed.workflow.studies": (
         "load_study",
         "parse_study",
     ),

@@ -34,8 +34,6 @@ HOUSE: dict[str, str] = {
 """The rooms of the package, from the bottom up, and which others each may import."""
 
 BREACHES: dict[str, str] = {
-    "cli.terminal.console": "optimize",
-    "exporters.request": "study.study",
     "kernel.between.excess": "robots.models.model",
     "kernel.between.periods": "robots.models.model",
     "kernel.between.search": "robots.models.model uncertainty.robust",
@@ -64,10 +62,6 @@ BREACHES: dict[str, str] = {
     "optimize.terms.pieces": "robots.limits.body_motion robots.sensors.displacements robots.sensors.several",
     "optimize.terms.totals": "robots.sensors.displacements robots.sensors.several",
     "optimize.transcription.starts": "robots.limits.workspace",
-    "records.path_file": "robots.models.model",
-    "records.recorded_study": "logs robots.models robots.models.python_robot",
-    "report.film.physics_film": "optimize study.study",
-    "study.study": "records.path_file records.record",
     "uncertainty.robust": "robots.models.model",
     "uncertainty.uncertainty": "robots.coefficient_robot robots.models.model",
 }
@@ -193,7 +187,7 @@ def test_imports_never_go_up():
 
 
 def test_no_module_imports_itself_in_a_circle():
-    graph = {module: imported(module, lazy=False) & MODULES.keys() - {module} for module in MODULES}
+    graph = {module: imported(module, lazy=True) & MODULES.keys() - {module} for module in MODULES}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:

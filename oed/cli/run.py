@@ -19,8 +19,8 @@ def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_certificate, print_results, progress
     from oed.cli.terminal.messages import print_json, say, tell
     from oed.report import write_report
-    from oed.study.study import load_study
     from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)

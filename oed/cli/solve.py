@@ -18,8 +18,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_results, progress
     from oed.cli.terminal.messages import print_json, say
-    from oed.study.study import load_study
     from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
 
     study = load_study(options.study)
     workers = workers_of(options)

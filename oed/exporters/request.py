@@ -16,10 +16,10 @@ from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.files import inside
 from oed.foundation.names import file_stem
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
 from oed.records.record import FILE, Record, drive_of
 from oed.records.recorded_study import recorded_file, recorded_study
 from oed.robots.models import PythonRobot
-from oed.study.study import Study, StudyFile
 
 MOST = 1_000_000
 """Commands of one run; more are a mistyped rate."""
@@ -50,26 +50,22 @@ class Request:
     trust: bool = False
 
     @cached_property
-    def study(self) -> Study:
-        """The record's study.
+    def problem(self) -> Problem:
+        """The problem of the record's study.
 
         Raises:
             RecordError: it names code that is not trusted.
         """
-        return recorded_study(self.record, trust=self.trust)
-
-    @cached_property
-    def file(self) -> StudyFile:
-        """The record's study as it was written, without anybody's code."""
-        return recorded_file(self.record)
+        return recorded_study(self.record, trust=self.trust).problem
 
     @cached_property
     def vehicle(self) -> Vehicle:
         """What drives: as its model says, or of code that is not trusted as the record says."""
-        if not isinstance(self.file.robot, PythonRobot):
-            return vehicle_of(self.file.robot)
+        robot = recorded_file(self.record).robot
+        if not isinstance(robot, PythonRobot):
+            return vehicle_of(robot)
         if self.trust or self.record.file is None:
-            return vehicle_of(self.study.problem.model)
+            return vehicle_of(self.problem.model)
         return recorded_vehicle(self.record, self.entry)
 
     @cached_property
@@ -116,8 +112,9 @@ class Request:
         if self.rate is not None and self.rate * drive.duration / drive.runs > MOST:
             text = f"{self.rate:g} Hz would be more than {MOST} commands in {drive.duration / drive.runs:g} s"
             raise UserMistake(f"rate: {text}")
-        model, rule = self.vehicle.model, self.file.trajectory.integration
+        model = self.vehicle.model
         if model is not None:
+            rule = recorded_file(self.record).trajectory.integration
             return modelled(model, rule, drive, self.rate)
         motions = motions_of(self.record.data, self.entry, drive.period)
         return recorded(self.vehicle.inputs, motions, drive, self.rate)

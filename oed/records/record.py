@@ -21,6 +21,7 @@ from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.solution import Solution, Start
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_object
+from oed.records.stored.echo import checked_echo
 from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StudyRecord
 from oed.simulation import Validation
@@ -30,8 +31,6 @@ REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 RESULTS = (FILE, "estimate.json", "sweep.json")
 """Names of the files that hold what a run, an estimate and a sweep found."""
-NOMINAL = "nominal"
-"""Name of the result of a robust study's search without any reserve."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +121,6 @@ def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RecordError: as `load_record` does.
     """
-    # Imported late: studies take priors from records.
-    from oed.records.recorded_study import checked_echo
-
     known = checked(StudyRecord, data, path).plain()
     known["study"] = checked_echo(known["study"], path)
     require_one_study(known, path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from oed.foundation.errors import UserMistake
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
+from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
 from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
-from oed.records.recorded_study import recorded_study, refuse_outside
-from oed.study.study import Study, parse_study
+from oed.records.recorded_study import TRUST, recorded_file, recorded_study
+from oed.study.study import Study, read_study
+from oed.study.yaml_source import parse_yaml
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
 from oed.workflow.saving import RunFolder, outdated, run_folder
@@ -106,7 +108,7 @@ def next_drive(
     """
     study = recorded_study(saved, trust=trust)
     if not trust:
-        refuse_outside(saved, logs)
+        _refuse_outside(saved, logs)
     _require_own_parameters(study)
     with run_folder(out) as folder:
         aims = _aims(study, targets or {})
@@ -122,6 +124,18 @@ def next_drive(
             return _saved(NextDrive(found, None, None, precision, None, True, reason), folder)
         record = run(following, folder.draft, seed=seed, workers=workers, progress=progress)
         return _saved(_decided(found, following, record, wanted, least_gain), folder)
+
+
+def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
+    # A record from a file must not have poses read from elsewhere than beside the logs.
+    form = recorded_file(record).log
+    if record.file is None or not isinstance(form, CsvForm):
+        return
+    for log in map(Path, logs):
+        found = form.poses.beside(log)
+        if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
+            text = f"leads to {found}, out of the folder of the log; {TRUST}"
+            raise RecordError([FileFlaw(str(record.file), 0, 0, "study.log.poses.file", text)])
 
 
 def _decided(
@@ -201,7 +215,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     _stretch(data["trajectory"], duration)
     data.pop("validation", None)
     data.pop("physics", None)
-    return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
+    return read_study(parse_yaml(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY))
 
 
 def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:

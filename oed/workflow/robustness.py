@@ -10,9 +10,9 @@ import numpy as np
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
+from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import Progress, Workers, solve
-from oed.records.record import NOMINAL, finite, rounded
+from oed.records.record import finite, rounded
 from oed.study.study import Study
 from oed.uncertainty.departures import leaving, left, path_limits, paths
 

@@ -30,6 +30,7 @@ from oed.study.study import PathFile, Study
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
+from oed.workflow.studies import own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -67,7 +68,7 @@ def run(
     """
     chosen, listener = study.seed if seed is None else seed, progress or Silent()
     # What would fail at the end is better known before the work is done.
-    paths = study.own_paths()
+    paths = own_paths(study)
     with run_folder(out) as folder:
         work = _Run(study, paths, chosen, workers, listener, folder)
         if search_only:

@@ -12,8 +12,9 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, Status
 from oed.records.record import result_data
 from oed.robots.models import Model
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.runner import record
+from oed.workflow.studies import parse_study
 
 TEXT = """\
 format: 1

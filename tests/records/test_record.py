@@ -27,8 +27,9 @@ from oed.records.record import (
     validation_data,
 )
 from oed.simulation import validate
-from oed.study.study import ValidationOptions, parse_study
+from oed.study.study import ValidationOptions
 from oed.workflow.runner import record
+from oed.workflow.studies import parse_study
 
 STUDY = parse_study(SMALL)
 PROBLEM = STUDY.problem

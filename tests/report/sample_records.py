@@ -11,8 +11,9 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.problem_tables import parameter_table
 from oed.records.record import Record, result_data
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.runner import record as record_of
+from oed.workflow.studies import parse_study
 
 TEXT = """\
 format: 1

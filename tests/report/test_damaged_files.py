@@ -27,9 +27,9 @@ from oed.report.figures.panels import svg_text
 from oed.report.film.animation import animate
 from oed.report.page import sections_of, write_report
 from oed.report.sections.drives import paths
-from oed.study.study import parse_study
 from oed.workflow.experiments import validated, validation_options
 from oed.workflow.next_drive import next_drive
+from oed.workflow.studies import parse_study
 from oed.workflow.sweep import load_sweep
 
 FLAGSHIP = REPORTS / "choi_skid_steer"

@@ -12,10 +12,11 @@ from oed.foundation.errors import LogError
 from oed.kernel.evaluation import evaluate
 from oed.logs import Log
 from oed.records.record import Record, drive_of
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.uncertainty.departures import leaving
 from oed.workflow.driven import driven_parts, score_logs, score_path
 from oed.workflow.runner import run
+from oed.workflow.studies import parse_study
 
 STUDY = f"{ROOM_STUDY}solvers: []\nbaselines: [square, figure_eight]\nlog: {{}}\n"
 

@@ -16,12 +16,13 @@ from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.record import Record, drive_of, load_record
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.uncertainty.departures import leaving
 from oed.workflow.driven import score_logs
 from oed.workflow.next_drive import next_drive
 from oed.workflow.robustness import safe
 from oed.workflow.runner import run
+from oed.workflow.studies import parse_study
 
 WITHIN = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %, x: 1 cm}"
 ROBUST = "{confidence: 0.98, draws: 400}"
