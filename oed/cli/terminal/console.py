@@ -15,7 +15,7 @@ from rich.text import Text
 
 from oed.cli.terminal.messages import tell
 from oed.foundation.shown import shown
-from oed.optimize import Progress, Silent
+from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
     import argparse
