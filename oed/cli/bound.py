@@ -38,7 +38,7 @@ def _run(options: argparse.Namespace) -> int:
     if found is None:
         raise Failure(f"{options.study}: {certificate.method}")
     if options.json:
-        print_json(found)
+        print_json(found.plain())
     else:
         print_certificate(found)
     return DONE

@@ -30,7 +30,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.data)
     else:
-        print_results([one.entry for one in found.paths], found.robustness)
+        print_results([one.result for one in found.paths], found.robustness)
         print_worth(found)
     for name, one in found.findings:
         say(f"{name}: {one.message}")

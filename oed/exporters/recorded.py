@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.records.stored.result import Drive
+
 Array = npt.NDArray[np.float64]
 
 LATERAL = 0.01
@@ -69,15 +71,14 @@ def _turned(vectors: Array, angles: Array) -> Array:
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def motions_of(data: Mapping[str, Any], entry: Mapping[str, Any], period: float) -> list[RecordedMotion]:
-    """The motion in every run of a result that has a drive.
+def motions_of(study: Mapping[str, Any], drive: Drive, period: float) -> list[RecordedMotion]:
+    """The motion in every run of a drive.
 
     Args:
-        data: the record's.
-        entry: the result.
+        study: the record's, as plain data.
+        drive: the drive.
         period: of its samples [s].
     """
-    drive = entry["drive"]
-    arcs = data["study"]["trajectory"]["integration"] == "arc"
-    runs = np.split(np.array(drive["poses"], dtype=float), drive["runs"])
+    arcs = study["trajectory"]["integration"] == "arc"
+    runs = np.split(np.array(drive.poses, dtype=float), drive.runs)
     return [RecordedMotion(states, period, arcs) for states in runs]

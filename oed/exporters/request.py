@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from oed.exporters.commands import Commands, modelled, recorded
 from oed.exporters.recorded import motions_of
@@ -17,8 +15,9 @@ from oed.foundation.files import inside
 from oed.foundation.names import file_stem
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.records.record import FILE, Record, drive_of
+from oed.records.record import FILE, Record
 from oed.records.recorded_study import recorded_file, recorded_study
+from oed.records.stored.result import Drive, Result
 from oed.robots.models import PythonRobot
 
 MOST = 1_000_000
@@ -66,11 +65,11 @@ class Request:
             return vehicle_of(robot)
         if self.trust or self.record.file is None:
             return vehicle_of(self.problem.model)
-        return recorded_vehicle(self.record, self.entry)
+        return recorded_vehicle(self.record, self._drive)
 
     @cached_property
-    def entry(self) -> Mapping[str, Any]:
-        """The result's entry in the record.
+    def entry(self) -> Result:
+        """The result in the record.
 
         Raises:
             RecordError: no such result; the names of those there are, are listed.
@@ -78,14 +77,14 @@ class Request:
         found = self.record.result(self.result)
         if found is None:
             asked = "no feasible result" if self.result is None else f"no result {self.result!r}"
-            names = ", ".join(str(one["name"]) for one in self.record.results) or "none"
+            names = ", ".join(one.name for one in self.record.results) or "none"
             raise self._flaw(f"{asked}; the record has {names}")
         return found
 
     @property
     def name(self) -> str:
         """The result's name."""
-        return str(self.entry["name"])
+        return self.entry.name
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -94,9 +93,13 @@ class Request:
         Raises:
             RecordError: no such result, or one that is no drive.
         """
-        drive = drive_of(self.entry)
+        return self._drive.trajectory
+
+    @property
+    def _drive(self) -> Drive:
+        drive = self.entry.drive
         if drive is None:
-            names = ", ".join(str(one["name"]) for one in self.record.results if one["drive"] is not None)
+            names = ", ".join(one.name for one in self.record.results if one.drive is not None)
             raise self._flaw(f"the result {self.name} holds no drive; those that do: {names or 'none'}")
         return drive
 
@@ -116,7 +119,7 @@ class Request:
         if model is not None:
             rule = recorded_file(self.record).trajectory.integration
             return modelled(model, rule, drive, self.rate)
-        motions = motions_of(self.record.data, self.entry, drive.period)
+        motions = motions_of(self.record.study, self._drive, drive.period)
         return recorded(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:

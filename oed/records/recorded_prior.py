@@ -20,16 +20,16 @@ def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
         saved = load_record(folder / wanted.record)
     except RecordError as error:
         raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
-    entry = saved.result(wanted.result)
-    if entry is None:
-        names = ", ".join(str(one["name"]) for one in saved.results) or "none"
+    result = saved.result(wanted.result)
+    if result is None:
+        names = ", ".join(one.name for one in saved.results) or "none"
         asked = wanted.result or "a feasible result"
         raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {asked}")])
-    found = [one for one in entry.get("covariances", []) if _all_known(one["covariance"])]
+    found = [one for one in result.covariances if _all_known(one.covariance)]
     if len(found) != 1:
-        text = f"the record's {entry['name']} predicts no covariance of all parameters together"
+        text = f"the record's {result.name} predicts no covariance of all parameters together"
         raise ProblemError([Flaw(("prior", "record"), text)])
-    return Prior(parameters=found[0]["parameters"], covariance=found[0]["covariance"])
+    return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
 
 
 def _all_known(covariance: list[list[float | None]]) -> bool:

@@ -33,7 +33,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     place, trusted = record.file or Path("record"), trust or record.file is None
     if not trusted:
         _refuse_code(recorded_file(record), place)
-    source = PlainSource(str(place), str(record.data.get("study_text", "")), record.data["study"])
+    source = PlainSource(str(place), str(record.data.get("study_text", "")), record.study)
     try:
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
@@ -42,7 +42,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
 
 def recorded_file(record: Record) -> StudyFile:
     """The study of a record as it was written; nobody's code is run, and robots of code cannot move."""
-    return unmade(record.data["study"])
+    return unmade(record.study)
 
 
 def _refuse_code(file: StudyFile, place: Path) -> None:

@@ -60,7 +60,7 @@ class NextDrive:
     @property
     def data(self) -> dict[str, Any]:
         """Plain data."""
-        best = None if self.record is None or self.record.best is None else self.record.best["name"]
+        best = None if self.record is None or self.record.best is None else self.record.best.name
         return {
             "stop": self.stop,
             "reason": self.reason,
@@ -143,7 +143,7 @@ def _decided(
 ) -> NextDrive:
     predicted = _predicted(record, found)
     precision = _precision(found, wanted, predicted)
-    if record.data["interrupted"]:
+    if record.interrupted:
         reason = "the search was interrupted; run it again"
         return NextDrive(found, study, record, precision, None, False, reason)
     if not predicted:
@@ -250,13 +250,13 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     tell as much less as these logs did.
     """
     best = record.best
-    if best is None or not best["covariances"]:
+    if best is None or not best.covariances:
         return {}
     names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
     told = np.zeros_like(known)
-    for one in best["covariances"]:
-        places = [names.index(name) for name in one["parameters"]]
-        own, then = np.ix_(places, places), np.array(one["covariance"], dtype=float)
+    for one in best.covariances:
+        places = [names.index(name) for name in one.parameters]
+        own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
         told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
     after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
     return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
@@ -304,5 +304,5 @@ def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:
     # A design from before must not pass for the next drive.
     target = folder.draft.target
     drop = {STUDY, FILE} | outdated(target, found.record) | pages(target, ESTIMATE)
-    interrupted = found.record is not None and bool(found.record.data["interrupted"])
+    interrupted = found.record is not None and found.record.interrupted
     return replace(found, folder=folder.put(files, found, drop, interrupted=interrupted))

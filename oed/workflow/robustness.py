@@ -12,9 +12,11 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import Progress, Workers, solve
-from oed.records.record import finite, rounded
+from oed.records.numbers import finite, rounded
+from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
 from oed.uncertainty.departures import leaving, left, path_limits, paths
+from oed.uncertainty.uncertainty import Spread
 
 UNRESERVED = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
 BUNDLE = 40
@@ -76,62 +78,59 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
     ]
 
 
-def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[str, Any] | None:
+def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> StoredRobustness | None:
     """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
     problem, robust = study.problem, study.problem.robust
     spread = problem.spread
     if robust is None or spread is None:
         return None
     drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
-    return {
-        "kind": robust.kind,
-        "confidence": robust.confidence,
-        "objective": robust.objective,
-        "limits": [limit.name for limit in path_limits(problem)],
-        "uncertain": [
-            {
-                "name": name,
-                "unit": unit,
-                "nominal": float(nominal),
-                "low": float(low),
-                "high": float(high),
-                "uniform": bool(uniform),
-            }
-            for name, unit, nominal, low, high, uniform in zip(
-                spread.names,
-                spread.units,
-                spread.nominal,
-                spread.low,
-                spread.high,
-                spread.uniform,
-                strict=True,
-            )
-        ],
-        "results": [_entry(solution) for solution in drives],
-        "bundles": _bundles(problem, drives, seed),
-    }
+    return StoredRobustness.model_construct(
+        kind=robust.kind,
+        confidence=robust.confidence,
+        objective=robust.objective,
+        limits=[limit.name for limit in path_limits(problem)],
+        uncertain=_uncertain(spread),
+        results=[_tried(solution) for solution in drives],
+        bundles=_bundles(problem, drives, seed),
+    )
 
 
-def _entry(solution: Solution) -> dict[str, Any]:
+def _uncertain(spread: Spread) -> list[Uncertain]:
+    columns = (spread.names, spread.units, spread.nominal, spread.low, spread.high, spread.uniform)
+    return [
+        Uncertain.model_construct(
+            name=name,
+            unit=unit,
+            nominal=float(nominal),
+            low=float(low),
+            high=float(high),
+            uniform=bool(uniform),
+        )
+        for name, unit, nominal, low, high, uniform in zip(*columns, strict=True)
+    ]
+
+
+def _tried(solution: Solution) -> Tried:
     evaluation, found = solution.evaluation, solution.leaving
     assert evaluation is not None
     assert found is not None
-    return {
-        "name": solution.name,
-        "probability": found.probability,
-        "interval": list(found.interval),
-        "draws": found.draws,
-        "seed": found.seed,
-        "by_limit": found.by_limit,
-        "farthest": finite(found.farthest),
-        "checked_at_points": list(found.checked_at_points),
-        "objective": finite(evaluation.objective),
-        "reserve": None if solution.robust is None else solution.robust.reach,
-        "kept": None if solution.robust is None else len(solution.robust.kept),
-    }
+    return Tried.model_construct(
+        name=solution.name,
+        probability=found.probability,
+        interval=list(found.interval),
+        draws=found.draws,
+        seed=found.seed,
+        by_limit=dict(found.by_limit),
+        farthest=finite(found.farthest),
+        checked_at_points=list(found.checked_at_points),
+        objective=finite(evaluation.objective),
+        reserve=None if solution.robust is None else solution.robust.reach,
+        kept=None if solution.robust is None else len(solution.robust.kept),
+    )
 
 
-def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[dict[str, Any]]:
+def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[Paths]:
     # Of the searches' own drives only: where robots with other parameters go.
     assert problem.spread is not None
     values = problem.spread.draws(BUNDLE, seed, BUNDLE_STREAM)
@@ -144,6 +143,9 @@ def _bundles(problem: Problem, drives: Sequence[Solution], seed: int) -> list[di
         each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
         leave = left(problem, solution.trajectory, values)
-        bundle = {"leaves": leave.tolist(), "paths": rounded(each[:, :, chosen], 4)}
-        bundles.append({"name": solution.name, **bundle})
+        bundles.append(
+            Paths.model_construct(
+                name=solution.name, leaves=leave.tolist(), paths=rounded(each[:, :, chosen], 4)
+            )
+        )
     return bundles

@@ -80,10 +80,10 @@ class TestPriorOfARecord:
 
     def test_is_its_covariance_as_numbers(self, folder: Path):
         study = self.study(folder, "{record: earlier}")
-        (told,) = load_record(folder / "earlier").results[0]["covariances"]
+        (told,) = load_record(folder / "earlier").results[0].covariances
         prior = study.problem.prior
         assert prior is not None
-        assert prior.model_dump(mode="json", exclude_defaults=True) == told
+        assert prior.model_dump(mode="json", exclude_defaults=True) == told.plain()
         assert study.echo()["prior"] == prior.model_dump(mode="json", exclude_none=True)
 
     def test_of_no_record_is_named_by_file_line_and_key(self, folder: Path):
