@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from oed.records.record import Record
 from oed.records.stored.result import Drive
 
 Array = npt.NDArray[np.float64]
@@ -71,14 +70,14 @@ def _turned(vectors: Array, angles: Array) -> Array:
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def motions_of(study: Mapping[str, Any], drive: Drive, period: float) -> list[RecordedMotion]:
+def motions_of(record: Record, drive: Drive, period: float) -> list[RecordedMotion]:
     """The motion in every run of a drive.
 
     Args:
-        study: the record's, as plain data.
-        drive: the drive.
+        record: knows the study.
+        drive: of one of its results.
         period: of its samples [s].
     """
-    arcs = study["trajectory"]["integration"] == "arc"
+    arcs = record.study.trajectory.integration == "arc"
     runs = np.split(np.array(drive.poses, dtype=float), drive.runs)
     return [RecordedMotion(states, period, arcs) for states in runs]

@@ -16,7 +16,7 @@ from oed.foundation.names import file_stem
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.records.record import FILE, Record
-from oed.records.recorded_study import recorded_file, recorded_study
+from oed.records.recorded_study import recorded_study
 from oed.records.stored.result import Drive, Result
 from oed.robots.models import PythonRobot
 
@@ -60,7 +60,7 @@ class Request:
     @cached_property
     def vehicle(self) -> Vehicle:
         """What drives: as its model says, or of code that is not trusted as the record says."""
-        robot = recorded_file(self.record).robot
+        robot = self.record.study.robot
         if not isinstance(robot, PythonRobot):
             return vehicle_of(robot)
         if self.trust or self.record.file is None:
@@ -117,9 +117,8 @@ class Request:
             raise UserMistake(f"rate: {text}")
         model = self.vehicle.model
         if model is not None:
-            rule = recorded_file(self.record).trajectory.integration
-            return modelled(model, rule, drive, self.rate)
-        motions = motions_of(self.record.study, self._drive, drive.period)
+            return modelled(model, self.record.study.trajectory.integration, drive, self.rate)
+        motions = motions_of(self.record, self._drive, drive.period)
         return recorded(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:

@@ -58,9 +58,9 @@ def write_json(request: Request) -> Path:
 def _json(request: Request) -> dict[str, Any]:
     return {
         "format": FORMAT,
-        "study": request.record.study["name"],
+        "study": request.record.study.name,
         "result": request.name,
-        "robot": request.record.study["robot"],
+        "robot": request.record.data["study"]["robot"],
         "rate": request.runs[0].rate,
         "inputs": list(request.vehicle.input_names),
         "units": _units(request),

@@ -52,7 +52,7 @@ def recorded_vehicle(record: Record, drive: Drive) -> Vehicle:
         text = "missing: an older record does not name the inputs of a robot of somebody's own; run it again"
         raise RecordError([FileFlaw(str(record.file or FILE), 0, 0, "inputs", text)])
     inputs = tuple(Input(one.name, one.quantity, one.unit) for one in record.inputs)
-    motions = motions_of(record.study, drive, 1.0)
+    motions = motions_of(record, drive, 1.0)
     named = [(one.name, one.unit) for one in record.states]
     states = named or [*POSE, *((f"state_{place + 1}", "") for place in range(3, motions[0].states.shape[1]))]
     names, units = zip(*states, strict=True)

@@ -23,6 +23,8 @@ from oed.records.stored.result import Drive, Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StoredInput, StoredState, StudyRecord
+from oed.study.own_code import unmade
+from oed.study.study import StudyFile
 
 Part = TypeVar("Part", bound=Stored)
 
@@ -39,12 +41,24 @@ class Record:
 
     `file` is where it was read from, None of a record that was made here: what a file names is data, and
     code that it names is run only for those who trust it. `folder` is where it was saved, None where it was
-    not.
+    not. `asked` is the study that it was made of, None of a record that was read.
     """
 
     data: Mapping[str, Any]
     file: Path | None = None
     folder: Path | None = field(default=None, compare=False)
+    asked: StudyFile | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def study(self) -> StudyFile:
+        """The study, its parts as objects that describe themselves; robots of code that was not run yet
+        cannot move.
+        """
+        return self.asked or unmade(self.data["study"])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the objects that are made of the data again."""
+        return {name: getattr(self, name) for name in ("data", "file", "folder")}
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
@@ -101,12 +115,6 @@ class Record:
     def seed(self) -> int:
         """Seed of every random draw."""
         return int(self.data["seed"])
-
-    @property
-    def study(self) -> Mapping[str, Any]:
-        """The study as plain data, itself a valid study."""
-        study: Mapping[str, Any] = self.data["study"]
-        return study
 
     def _part_or_none(self, kind: type[Part], key: str) -> Part | None:
         found = self.data.get(key)

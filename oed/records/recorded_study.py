@@ -10,7 +10,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
 from oed.records.recorded_prior import prior_of
 from oed.records.stored.echo import in_record
-from oed.study.own_code import robots_of_code, unmade
+from oed.study.own_code import robots_of_code
 from oed.study.study import PriorRecord, Study, StudyFile, read_study
 from oed.study.yaml_source import PlainSource
 
@@ -32,17 +32,12 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     """
     place, trusted = record.file or Path("record"), trust or record.file is None
     if not trusted:
-        _refuse_code(recorded_file(record), place)
-    source = PlainSource(str(place), str(record.data.get("study_text", "")), record.study)
+        _refuse_code(record.study, place)
+    source = PlainSource(str(place), str(record.data.get("study_text", "")), record.data["study"])
     try:
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
         raise in_record(error.flaws) from None
-
-
-def recorded_file(record: Record) -> StudyFile:
-    """The study of a record as it was written; nobody's code is run, and robots of code cannot move."""
-    return unmade(record.study)
 
 
 def _refuse_code(file: StudyFile, place: Path) -> None:

@@ -41,7 +41,7 @@ def validation_options(
         UserMistake: fewer than 100 replicates.
     """
     given = {"replicates": replicates, "estimators": estimators, "heading": heading}
-    asked = saved.study.get("validation") or {}
+    asked = (saved.study.validation or ValidationOptions()).model_dump()
     changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
     try:
         return ValidationOptions.model_validate(changed)

@@ -18,7 +18,7 @@ from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
 from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
-from oed.records.recorded_study import TRUST, recorded_file, recorded_study
+from oed.records.recorded_study import TRUST, recorded_study
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 from oed.workflow.estimate_logs import estimate
@@ -128,7 +128,7 @@ def next_drive(
 
 def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
     # A record from a file must not have poses read from elsewhere than beside the logs.
-    form = recorded_file(record).log
+    form = record.study.log
     if record.file is None or not isinstance(form, CsvForm):
         return
     for log in map(Path, logs):

@@ -252,7 +252,8 @@ def record(
                 "notes": _notes(certificate, interrupted),
                 "provenance": provenance(),
             }
-        )
+        ),
+        asked=study.file,
     )
     with run_folder(out) as folder:
         return folder.finish(made, record_files(study, solutions, made))

@@ -207,7 +207,7 @@ class _Sweep:
             record = load_record(folder)
         except RecordError:
             return None
-        same = record.study == self.points[index].study.echo() and record.seed == self.seeds[index]
+        same = record.data["study"] == self.points[index].study.echo() and record.seed == self.seeds[index]
         finished = not record.interrupted and record.data["oed_version"] == _version()
         return record if same and finished else None
 
