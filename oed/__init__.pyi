@@ -110,8 +110,6 @@ from .robots.sensors import regression as regression
 from .simulation import Validation as Validation
 from .simulation import validate as validate
 from .study.study import Study as Study
-from .study.study import load_study as load_study
-from .study.study import parse_study as parse_study
 from .uncertainty.departures import leaving as leaving
 from .uncertainty.robust import Robust as Robust
 from .uncertainty.uncertainty import Uncertainty as Uncertainty
@@ -120,3 +118,5 @@ from .workflow.estimate_logs import estimate as estimate
 from .workflow.next_drive import NextDrive as NextDrive
 from .workflow.next_drive import next_drive as next_drive
 from .workflow.runner import run as run
+from .workflow.studies import load_study as load_study
+from .workflow.studies import parse_study as parse_study

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from oed.study.study import Study, load_study
+from oed.study.study import Study
+from oed.workflow.studies import load_study
 
 SMALL = """\
 format: 1

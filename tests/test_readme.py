@@ -17,9 +17,9 @@ from oed.report.estimate.console import estimate_rows
 from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
 from oed.robots.presets import preset_names
-from oed.study.study import load_study, parse_study
 from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import load_study, parse_study
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)

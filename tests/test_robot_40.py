@@ -12,7 +12,8 @@ from benchmarks.peers import scorer, task
 from oed.kernel.criteria import A, D, E
 from oed.kernel.evaluation import evaluate
 from oed.optimize import Ipopt, solve
-from oed.study.study import Study, load_study
+from oed.study.study import Study
+from oed.workflow.studies import load_study
 
 FILE = PROBLEMS / "robot_40.yaml"
 

@@ -28,8 +28,8 @@ def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.messages import print_json
     from oed.foundation.errors import Failure
     from oed.kernel.solution import scored
-    from oed.study.study import load_study
     from oed.workflow.runner import certified
+    from oed.workflow.studies import load_study
 
     study = load_study(options.study)
     certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
@@ -38,7 +38,7 @@ def _run(options: argparse.Namespace) -> int:
     if found is None:
         raise Failure(f"{options.study}: {certificate.method}")
     if options.json:
-        print_json(found)
+        print_json(found.plain())
     else:
         print_certificate(found)
     return DONE

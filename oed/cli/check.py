@@ -15,13 +15,13 @@ def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.messages import print_json, say, tell
     from oed.foundation.errors import FileError
     from oed.foundation.shown import shown
-    from oed.study.study import load_study
+    from oed.workflow.studies import load_study, own_paths
 
     entries, flawed = [], False
     for file in options.studies:
         try:
             study = load_study(file)
-            study.own_paths()
+            own_paths(study)
             study.require_identifiable()
         except FileError as error:
             flawed = True

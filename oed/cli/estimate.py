@@ -29,8 +29,8 @@ def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_estimate, progress
     from oed.cli.terminal.messages import print_json, tell
     from oed.report import write_estimate
-    from oed.study.study import load_study
     from oed.workflow.estimate_logs import estimate
+    from oed.workflow.studies import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)

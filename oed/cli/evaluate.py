@@ -21,8 +21,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_results, print_worth
     from oed.cli.terminal.messages import print_json, say
-    from oed.study.study import load_study
     from oed.workflow.driven import score_path
+    from oed.workflow.studies import load_study
 
     study = load_study(options.study)
     designs = options.designs or Path("reports") / Path(options.study).stem
@@ -30,7 +30,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.data)
     else:
-        print_results([one.entry for one in found.paths], found.robustness)
+        print_results([one.result for one in found.paths], found.robustness)
         print_worth(found)
     for name, one in found.findings:
         say(f"{name}: {one.message}")

@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         before = load_record(options.folder)
         found, trouble = saved(lambda: next_drive(before, options.logs, progress=listener, **more))
-    interrupted = found.record is not None and found.record.data["interrupted"]
+    interrupted = found.record is not None and found.record.interrupted
     page, unwritten = None, None
     if found.folder is not None and not interrupted:
         page, unwritten = reported(lambda: _pages(found, out), out)

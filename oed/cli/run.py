@@ -19,8 +19,8 @@ def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_certificate, print_results, progress
     from oed.cli.terminal.messages import print_json, say, tell
     from oed.report import write_report
-    from oed.study.study import load_study
     from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)
@@ -29,16 +29,16 @@ def _run(options: argparse.Namespace) -> int:
         record, trouble = saved(
             lambda: run(study, out, seed=options.seed, workers=workers, progress=listener)
         )
-    page, unwritten, interrupted = None, None, record.data["interrupted"]
+    page, unwritten, interrupted = None, None, record.interrupted
     # Whoever interrupts waits for nothing that can be made later.
     if record.folder is not None and not interrupted:
         page, unwritten = reported(lambda: write_report(record, out), out)
     if options.json:
         print_json({**record.data, **place(record.folder, trouble or unwritten)})
     else:
-        print_results(record.results, record.data["robustness"])
-        if record.data["certificate"] is not None:
-            print_certificate(record.data["certificate"])
+        print_results(record.results, record.robustness)
+        if record.certificate is not None:
+            print_certificate(record.certificate)
         if page is not None:
             tell(f"report: {page}")
     told(record.data["notes"], trouble or unwritten)

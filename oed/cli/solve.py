@@ -18,8 +18,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_results, progress
     from oed.cli.terminal.messages import print_json, say
-    from oed.study.study import load_study
     from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
 
     study = load_study(options.study)
     workers = workers_of(options)
@@ -32,9 +32,9 @@ def _run(options: argparse.Namespace) -> int:
         where = {} if out is None else place(record.folder, trouble)
         print_json({**{key: record.data[key] for key in kept}, **where})
     else:
-        print_results(record.results, record.data["robustness"])
+        print_results(record.results, record.robustness)
     told((), trouble)
-    if record.data["interrupted"] and trouble is None:
+    if record.interrupted and trouble is None:
         say(cut_short(record.folder, out))
     return FAILED if trouble else verdict(record)
 

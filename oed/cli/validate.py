@@ -56,8 +56,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(record.data["validation"])
     else:
-        for entry in record.data["validation"]["results"]:
-            tell(shown(f"{entry['name']}, {entry['estimator']}: {entry['verdict']}"))
+        for one in () if record.validation is None else record.validation.results:
+            tell(shown(f"{one.name}, {one.estimator}: {one.verdict}"))
         if page is not None:
             tell(f"report: {page}")
     told((), trouble or unwritten)

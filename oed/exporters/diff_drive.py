@@ -191,11 +191,10 @@ def write_parameters(request: Request) -> Path:
     if request.result is not None:
         # The file is the robot's, not a drive's; yet a mistyped name is a mistake.
         _ = request.entry
-    study, file = request.study, request.folder / ESTIMATE
-    problem = study.problem
+    problem, file = request.problem, request.folder / ESTIMATE
     values = _estimated(file, problem.model) if file.is_file() else {}
     origin = f"estimated, from {ESTIMATE}: {', '.join(values)}" if values else "nominal, from the study"
-    about = [f"Study: {study.name}.", f"Values: {origin}."]
+    about = [f"Study: {problem.name}.", f"Values: {origin}."]
     text = diff_drive_parameters(problem.model, values, limits=problem.limits, about=about)
     path = request.out if request.out is not None else request.folder / f"{CONTROLLER}.yaml"
     write_text(path, text)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from oed.records.record import Record
+from oed.records.stored.result import Drive
 
 Array = npt.NDArray[np.float64]
 
@@ -69,15 +70,14 @@ def _turned(vectors: Array, angles: Array) -> Array:
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def motions_of(data: Mapping[str, Any], entry: Mapping[str, Any], period: float) -> list[RecordedMotion]:
-    """The motion in every run of a result that has a drive.
+def motions_of(record: Record, drive: Drive, period: float) -> list[RecordedMotion]:
+    """The motion in every run of a drive.
 
     Args:
-        data: the record's.
-        entry: the result.
+        record: knows the study.
+        drive: of one of its results.
         period: of its samples [s].
     """
-    drive = entry["drive"]
-    arcs = data["study"]["trajectory"]["integration"] == "arc"
-    runs = np.split(np.array(drive["poses"], dtype=float), drive["runs"])
+    arcs = record.study.trajectory.integration == "arc"
+    runs = np.split(np.array(drive.poses, dtype=float), drive.runs)
     return [RecordedMotion(states, period, arcs) for states in runs]

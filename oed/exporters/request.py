@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from oed.exporters.commands import Commands, modelled, recorded
 from oed.exporters.recorded import motions_of
@@ -16,10 +14,11 @@ from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.files import inside
 from oed.foundation.names import file_stem
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.records.record import FILE, Record, drive_of
-from oed.records.recorded_study import recorded_file, recorded_study
+from oed.kernel.problem import Problem
+from oed.records.record import FILE, Record
+from oed.records.recorded_study import recorded_study
+from oed.records.stored.result import Drive, Result
 from oed.robots.models import PythonRobot
-from oed.study.study import Study, StudyFile
 
 MOST = 1_000_000
 """Commands of one run; more are a mistyped rate."""
@@ -50,31 +49,27 @@ class Request:
     trust: bool = False
 
     @cached_property
-    def study(self) -> Study:
-        """The record's study.
+    def problem(self) -> Problem:
+        """The problem of the record's study.
 
         Raises:
             RecordError: it names code that is not trusted.
         """
-        return recorded_study(self.record, trust=self.trust)
-
-    @cached_property
-    def file(self) -> StudyFile:
-        """The record's study as it was written, without anybody's code."""
-        return recorded_file(self.record)
+        return recorded_study(self.record, trust=self.trust).problem
 
     @cached_property
     def vehicle(self) -> Vehicle:
         """What drives: as its model says, or of code that is not trusted as the record says."""
-        if not isinstance(self.file.robot, PythonRobot):
-            return vehicle_of(self.file.robot)
+        robot = self.record.study.robot
+        if not isinstance(robot, PythonRobot):
+            return vehicle_of(robot)
         if self.trust or self.record.file is None:
-            return vehicle_of(self.study.problem.model)
-        return recorded_vehicle(self.record, self.entry)
+            return vehicle_of(self.problem.model)
+        return recorded_vehicle(self.record, self._drive)
 
     @cached_property
-    def entry(self) -> Mapping[str, Any]:
-        """The result's entry in the record.
+    def entry(self) -> Result:
+        """The result in the record.
 
         Raises:
             RecordError: no such result; the names of those there are, are listed.
@@ -82,14 +77,14 @@ class Request:
         found = self.record.result(self.result)
         if found is None:
             asked = "no feasible result" if self.result is None else f"no result {self.result!r}"
-            names = ", ".join(str(one["name"]) for one in self.record.results) or "none"
+            names = ", ".join(one.name for one in self.record.results) or "none"
             raise self._flaw(f"{asked}; the record has {names}")
         return found
 
     @property
     def name(self) -> str:
         """The result's name."""
-        return str(self.entry["name"])
+        return self.entry.name
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -98,9 +93,13 @@ class Request:
         Raises:
             RecordError: no such result, or one that is no drive.
         """
-        drive = drive_of(self.entry)
+        return self._drive.trajectory
+
+    @property
+    def _drive(self) -> Drive:
+        drive = self.entry.drive
         if drive is None:
-            names = ", ".join(str(one["name"]) for one in self.record.results if one["drive"] is not None)
+            names = ", ".join(one.name for one in self.record.results if one.drive is not None)
             raise self._flaw(f"the result {self.name} holds no drive; those that do: {names or 'none'}")
         return drive
 
@@ -116,10 +115,10 @@ class Request:
         if self.rate is not None and self.rate * drive.duration / drive.runs > MOST:
             text = f"{self.rate:g} Hz would be more than {MOST} commands in {drive.duration / drive.runs:g} s"
             raise UserMistake(f"rate: {text}")
-        model, rule = self.vehicle.model, self.file.trajectory.integration
+        model = self.vehicle.model
         if model is not None:
-            return modelled(model, rule, drive, self.rate)
-        motions = motions_of(self.record.data, self.entry, drive.period)
+            return modelled(model, self.record.study.trajectory.integration, drive, self.rate)
+        motions = motions_of(self.record, self._drive, drive.period)
         return recorded(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:

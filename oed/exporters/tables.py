@@ -58,7 +58,7 @@ def write_json(request: Request) -> Path:
 def _json(request: Request) -> dict[str, Any]:
     return {
         "format": FORMAT,
-        "study": request.file.name,
+        "study": request.record.study.name,
         "result": request.name,
         "robot": request.record.data["study"]["robot"],
         "rate": request.runs[0].rate,

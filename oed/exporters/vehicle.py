@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from oed.exporters.recorded import motions_of
 from oed.foundation.errors import FileFlaw, RecordError
 from oed.records.record import FILE, Record
+from oed.records.stored.result import Drive
 from oed.robots.models import Input, Model, moves_sideways
 
 POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
@@ -43,19 +42,18 @@ def vehicle_of(model: Model) -> Vehicle:
     return Vehicle(model.inputs, model.states, model.state_units, moves_sideways(model), model)
 
 
-def recorded_vehicle(record: Record, entry: Mapping[str, Any]) -> Vehicle:
+def recorded_vehicle(record: Record, drive: Drive) -> Vehicle:
     """A robot as its record has it.
 
     Raises:
         RecordError: a record that does not name the robot's inputs.
     """
-    table = record.data.get("inputs")
-    if not table:
+    if not record.inputs:
         text = "missing: an older record does not name the inputs of a robot of somebody's own; run it again"
         raise RecordError([FileFlaw(str(record.file or FILE), 0, 0, "inputs", text)])
-    inputs = tuple(Input(one["name"], one["quantity"], one["unit"]) for one in table)
-    motions = motions_of(record.data, entry, 1.0)
-    named = [(one["name"], one["unit"]) for one in record.data.get("states") or ()]
+    inputs = tuple(Input(one.name, one.quantity, one.unit) for one in record.inputs)
+    motions = motions_of(record, drive, 1.0)
+    named = [(one.name, one.unit) for one in record.states]
     states = named or [*POSE, *((f"state_{place + 1}", "") for place in range(3, motions[0].states.shape[1]))]
     names, units = zip(*states, strict=True)
     return Vehicle(inputs, names, units, any(motion.sideways for motion in motions), None)

@@ -61,6 +61,8 @@ _SENTENCES = {
 }
 
 
+NOMINAL = "nominal"
+"""Name of a robust study's search without any reserve."""
 BEST_YET = "This is the best design found until then."
 NOTHING_YET = "No design had been found by then."
 

@@ -13,8 +13,10 @@ import numpy.typing as npt
 from oed.estimation import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.errors import FileFlaw, RecordError
-from oed.records.record import Record, finite, finite_rows, saved_file
+from oed.records.numbers import finite, finite_rows
+from oed.records.record import Record, saved_file
 from oed.records.stored.door import checked, read_object
+from oed.records.stored.echo import checked_echo
 from oed.records.stored.estimate import StoredEstimate
 
 Array = npt.NDArray[np.float64]
@@ -95,9 +97,6 @@ def known_estimate(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RecordError: as `load_estimate` does.
     """
-    # Imported late, as in `oed.records.record`.
-    from oed.records.recorded_study import checked_echo
-
     known = checked(StoredEstimate, data, path).plain()
     if "study" in known:
         known["study"] = checked_echo(known["study"], path)

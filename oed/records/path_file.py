@@ -18,7 +18,6 @@ from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -134,7 +133,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     times, flaws = _columns(table, ("t",), last_may_be_empty=False)
     inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
     start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
-    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, model)
+    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, problem)
     if flaws:
         return flaws
     # The last row holds the final pose only, with empty inputs.
@@ -145,7 +144,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
 
 
-def _cut_short(table: _Table, inputs: Array, states: Sequence[str], model: Model) -> list[FileFlaw]:
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Problem) -> list[FileFlaw]:
     # Rows of other lengths than the header, and a file that does not end as a whole one does.
     width = len(table.header)
     uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
@@ -155,7 +154,7 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str], model: Model
     if np.isnan(inputs[-1]).any() or (table.ended and not states):
         return []
     # Exported commands end with the one to stop.
-    drives = np.array([entry.drives for entry in model.inputs])
+    drives = np.array([entry.drives for entry in problem.model.inputs])
     if table.ended and not inputs[-1, drives].any():
         return []
     held = "the final pose" if states else "the time of the end"

@@ -3,39 +3,36 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
-import numpy as np
-
-from oed.bounds import LOOSE, Certificate, gap
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, Evaluation
-from oed.kernel.solution import Solution, Start
+from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_object
+from oed.records.stored.echo import checked_echo
+from oed.records.stored.parts import Stored
+from oed.records.stored.result import Drive, Result
+from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
-from oed.records.stored.study_record import StudyRecord
-from oed.simulation import Validation
+from oed.records.stored.study_record import StoredInput, StoredState, StudyRecord
+from oed.study.own_code import unmade
+from oed.study.study import StudyFile
 
-if TYPE_CHECKING:
-    from oed.study.study import StudyFile
+Part = TypeVar("Part", bound=Stored)
 
 FILE = "record.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 RESULTS = (FILE, "estimate.json", "sweep.json")
 """Names of the files that hold what a run, an estimate and a sweep found."""
-NOMINAL = "nominal"
-"""Name of the result of a robust study's search without any reserve."""
 
 
 @dataclass(frozen=True)
@@ -57,35 +54,75 @@ class Record:
         """The study, its parts as objects that describe themselves; robots of code that was not run yet
         cannot move.
         """
-        # Imported late: studies take priors from records.
-        from oed.records.recorded_study import recorded_file
-
-        return self.asked or recorded_file(self)
+        return self.asked or unmade(self.data["study"])
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the study's objects, which are made of the data again."""
+        """Without the objects that are made of the data again."""
         return {name: getattr(self, name) for name in ("data", "file", "folder")}
 
-    @property
-    def results(self) -> list[Mapping[str, Any]]:
-        """One entry per solver and baseline."""
-        return list(self.data["results"])
+    @cached_property
+    def results(self) -> tuple[Result, ...]:
+        """One of every solver and baseline."""
+        return tuple(self._part(Result, one) for one in self.data["results"])
 
     @property
-    def best(self) -> Mapping[str, Any] | None:
+    def best(self) -> Result | None:
         """The best feasible result, None where nothing is feasible.
 
         A record that does not name it was not made by this package: then the largest objective.
         """
-        feasible = [one for one in self.results if one["feasible"] and one["objective"] is not None]
-        named = [one for one in feasible if one["name"] == self.data.get("best")]
-        return max(named or feasible, key=lambda entry: float(entry["objective"]), default=None)
+        feasible = [one for one in self.results if one.feasible and one.objective is not None]
+        named = [one for one in feasible if one.name == self.data.get("best")]
+        return max(named or feasible, key=lambda one: one.objective or 0.0, default=None)
 
-    def result(self, name: str | None) -> Mapping[str, Any] | None:
+    def result(self, name: str | None) -> Result | None:
         """The result of that name, the best for None; None where there is no such result."""
         if name is None:
             return self.best
-        return next((entry for entry in self.results if entry["name"] == name), None)
+        return next((one for one in self.results if one.name == name), None)
+
+    @cached_property
+    def certificate(self) -> StoredCertificate | None:
+        """What is proved of all drives, None where nothing is."""
+        return self._part_or_none(StoredCertificate, "certificate")
+
+    @cached_property
+    def robustness(self) -> StoredRobustness | None:
+        """How many robots leave the limits on the drives, None for a study that is not robust."""
+        return self._part_or_none(StoredRobustness, "robustness")
+
+    @cached_property
+    def validation(self) -> StoredValidation | None:
+        """Whether simulated estimates scatter as predicted, None where none were simulated."""
+        return self._part_or_none(StoredValidation, "validation")
+
+    @cached_property
+    def inputs(self) -> tuple[StoredInput, ...]:
+        """The robot's inputs; none in older records."""
+        return tuple(self._part(StoredInput, one) for one in self.data.get("inputs") or ())
+
+    @cached_property
+    def states(self) -> tuple[StoredState, ...]:
+        """The robot's states; none in older records."""
+        return tuple(self._part(StoredState, one) for one in self.data.get("states") or ())
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the run was cut short."""
+        return bool(self.data.get("interrupted", False))
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random draw."""
+        return int(self.data["seed"])
+
+    def _part_or_none(self, kind: type[Part], key: str) -> Part | None:
+        found = self.data.get(key)
+        return None if found is None else self._part(kind, found)
+
+    def _part(self, kind: type[Part], found: Mapping[str, Any]) -> Part:
+        # Files have been checked as a whole when they were read.
+        return checked(kind, found, self.file or Path(FILE))
 
     def to_json(self) -> str:
         """The text of record.json, every list of numbers on a line of its own."""
@@ -141,9 +178,6 @@ def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RecordError: as `load_record` does.
     """
-    # Imported late: studies take priors from records.
-    from oed.records.recorded_study import checked_echo
-
     known = checked(StudyRecord, data, path).plain()
     known["study"] = checked_echo(known["study"], path)
     require_one_study(known, path)
@@ -175,225 +209,7 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
-def finite(value: float | None) -> float | None:
-    """The value where JSON can hold it, else None."""
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
-def finite_data(value: Any) -> Any:
-    """Plain data, null where JSON cannot hold a number."""
-    if isinstance(value, Mapping):
-        return {key: finite_data(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_data(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def finite_rows(matrix: Any) -> list[list[float | None]]:
-    """A matrix as lists, null where JSON cannot hold a number."""
-    return [[finite(value) for value in row] for row in np.asarray(matrix)]
-
-
-def result_data(solution: Solution, trajectory_file: str | None) -> dict[str, Any]:
-    """One entry of a record's `results`."""
-    evaluation, trajectory = solution.evaluation, solution.trajectory
-    return {
-        "name": solution.name,
-        "kind": solution.kind,
-        "criterion": solution.criterion,
-        "status": solution.status.value,
-        "message": solution.message,
-        **_evaluation_data(evaluation),
-        "wall_seconds": round(solution.wall_seconds, 6),
-        "starts": [_start_data(start) for start in solution.starts],
-        "stages": {name: finite(value) for name, value in solution.stages.items()},
-        "history": [
-            {
-                "evaluations": point.evaluations,
-                "seconds": round(point.seconds, 6),
-                "objective": finite(point.objective),
-            }
-            for point in solution.history
-        ],
-        "seed": solution.seed,
-        "trajectory": trajectory_file if trajectory is not None else None,
-        "drive": None if trajectory is None or evaluation is None else _drive_data(trajectory, evaluation),
-    }
-
-
-def _evaluation_data(evaluation: Evaluation | None) -> dict[str, Any]:
-    if evaluation is None:
-        numbers = (
-            "objective",
-            "lambda_min",
-            "lambda_max",
-            "condition_number",
-            "smallest_singular_value",
-            "norm_y",
-            "path_length",
-        )
-        return {
-            "feasible": False,
-            "identifiable": False,
-            "singular": True,
-            "violations": {},
-            **dict.fromkeys(numbers),
-            "singular_values": [],
-            "standard_deviations": {},
-            "covariances": [],
-            "margins": [],
-        }
-    return {
-        "feasible": evaluation.feasible,
-        "identifiable": evaluation.identifiable,
-        "singular": evaluation.singular,
-        "violations": evaluation.violations,
-        "objective": finite(evaluation.objective),
-        "lambda_min": finite(evaluation.lambda_min),
-        "lambda_max": finite(evaluation.lambda_max),
-        "condition_number": finite(evaluation.condition_number),
-        "smallest_singular_value": evaluation.smallest_singular_value,
-        "norm_y": evaluation.norm_y,
-        "path_length": evaluation.path_length,
-        "singular_values": evaluation.singular_values.tolist(),
-        "standard_deviations": {
-            name: finite(value) for name, value in evaluation.standard_deviations.items()
-        },
-        "covariances": [
-            {"parameters": list(evaluation.parameters[block]), "covariance": finite_rows(covariance)}
-            for block, covariance in evaluation.covariances.items()
-        ],
-        "margins": [
-            {
-                "limit": margin.name,
-                "margin": margin.margin,
-                "size": margin.size,
-                "unit": margin.unit,
-                "active": margin.active,
-                "kept": margin.kept,
-                "certain": margin.certain,
-            }
-            for margin in evaluation.margins
-        ],
-    }
-
-
-def _start_data(start: Start) -> dict[str, Any]:
-    return {
-        "objective": finite(start.objective),
-        "status": start.status.value,
-        "wall_seconds": round(start.wall_seconds, 6),
-        "iterations": start.iterations,
-    }
-
-
-def _drive_data(trajectory: Trajectory, evaluation: Evaluation) -> dict[str, Any]:
-    # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
-    return {
-        "degree": trajectory.degree,
-        "knots": trajectory.knots.tolist(),
-        "coefficients": trajectory.coefficients.tolist(),
-        "start": trajectory.start.tolist(),
-        "samples": trajectory.samples,
-        "runs": trajectory.runs,
-        "poses": rounded(evaluation.poses, 9),
-    }
-
-
-def certificate_data(
-    certificate: Certificate, best: Evaluation | None, drive: str | None, spline: float | None
-) -> dict[str, Any] | None:
-    """A record's `certificate`; None where nothing is proved.
-
-    Args:
-        certificate: the bound.
-        best: the feasible result of largest objective. Its gap is to the exact bound where it satisfies the
-            limits exactly, else to that of the widened limits.
-        drive: name of the result that the search for the bound came upon.
-        spline: largest objective of a feasible result of a search over splines.
-    """
-    if not math.isfinite(certificate.upper_bound):
-        return None
-    against = None if best is None else certificate.bound_on(best)
-    share = None if best is None or against is None or best.objective <= 0 else gap(against, best.objective)
-    return {
-        "upper_bound": certificate.upper_bound,
-        "gap": finite(share),
-        "method": certificate.method,
-        "assumptions": list(certificate.assumptions),
-        "multiplier": None if certificate.multiplier is None else np.asarray(certificate.multiplier).tolist(),
-        "widened": _widened_data(certificate.widened),
-        "gap_to": None if against is None else finite(against),
-        "loose": None if share is None else share > LOOSE,
-        "complete": certificate.complete,
-        "nodes": certificate.nodes,
-        "best": None if best is None else best.objective,
-        "drive": drive,
-        "spline_objective": spline,
-        "caps": [
-            {"upper_bound": one.value, "method": one.method, "assumptions": list(one.assumptions)}
-            for one in certificate.bounds
-        ],
-        "wall_seconds": round(certificate.wall_seconds, 6),
-    }
-
-
-def _widened_data(widened: Certificate | None) -> dict[str, Any] | None:
-    if widened is None or not math.isfinite(widened.upper_bound):
-        return None
-    return {
-        "tolerance": TOLERANCE,
-        "upper_bound": widened.upper_bound,
-        "method": widened.method,
-        "assumptions": list(widened.assumptions),
-    }
-
-
-def validation_data(name: str, validation: Validation) -> dict[str, Any]:
-    """One result's entry in a record's `validation`."""
-    return {
-        "name": name,
-        "estimator": validation.estimator,
-        "heading": validation.heading,
-        "passed": validation.passed,
-        "verdict": validation.verdict,
-        "parameters": list(validation.parameters),
-        "true": validation.true.tolist(),
-        "mean": validation.mean.tolist(),
-        "promised_covariance": validation.promised.tolist(),
-        "sampled_covariance": validation.sampled.tolist(),
-        "paired_variance_ratio": validation.paired_ratio.tolist(),
-        "paired_standard_error": validation.paired_error.tolist(),
-        "checks": [
-            {
-                "name": check.name,
-                "question": check.question,
-                "statistic": check.statistic,
-                "expected": list(check.expected),
-                "p_value": check.p_value,
-                "passed": check.passed,
-            }
-            for check in validation.checks
-        ],
-        "estimates": rounded(validation.estimates, 10),
-    }
-
-
-def rounded(values: Any, digits: int) -> Any:
-    """Nested lists of an array's values, rounded: for series that are drawn, not computed with."""
-    return np.round(np.asarray(values, dtype=float), digits).tolist()
-
-
 def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
     """The trajectory of a record's result, None where it has none."""
     drive = entry["drive"]
-    if drive is None:
-        return None
-    return Trajectory(
-        np.array(drive["knots"]),
-        drive["degree"],
-        np.array(drive["coefficients"]),
-        np.array(drive["start"]),
-        drive["samples"],
-        drive.get("runs", 1),
-    )
+    return None if drive is None else Drive.model_validate(drive).trajectory

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from oed.foundation.files import inside
 from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.report.comparison import relative_deviations
+from oed.report.figures.chart import Chart
 from oed.report.figures.driven import path_of
 from oed.report.page import NAME, render
 from oed.report.parts.rooms import room_of
@@ -26,28 +27,6 @@ SERIES = 6
 PAGE = f"{NAME}.html"
 PATHS = 12
 """Paths that are drawn."""
-DECADE = 20.0
-"""Ratio of the largest to the smallest value from which an axis is logarithmic."""
-
-
-@dataclass(frozen=True)
-class Chart:
-    """Values over what was varied.
-
-    Attributes:
-        across: name of the key along the axis, with its unit.
-        places: its values, numbers or words.
-        series: for each combination of the other keys its name and the value of each place; None where there
-            is none.
-        quantity: what the values are, with their unit.
-        title: of the panel.
-    """
-
-    across: str
-    places: tuple[float, ...] | tuple[str, ...]
-    series: tuple[tuple[str, tuple[float | None, ...]], ...]
-    quantity: str
-    title: str = ""
 
 
 def write_sweep(data: Mapping[str, Any], source: str | Path, folder: str | Path | None = None) -> Path:

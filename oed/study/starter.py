@@ -12,7 +12,8 @@ from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
 from oed.robots.models.model import Parameter
 from oed.robots.presets import preset, preset_names
-from oed.study.study import parse_study
+from oed.study.study import Study, read_study
+from oed.study.yaml_source import parse_yaml
 
 TYPICAL = {
     "wheel_radius": "5 cm",
@@ -112,16 +113,20 @@ def starter(choice: Choice) -> str:
         raise UserMistake(f"expected a sensor of {', '.join(SENSORS)}; got {choice.sensor!r}")
     known = sizes_needed(choice.robot)
     text = _text(choice, known, baselines="[straight, random]")
-    model = parse_study(text, "the new study").problem.model
+    model = _read(text, "the new study").problem.model
     if _skids(choice) and "track" in type(model).model_fields:
         own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
         widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
-        model = parse_study(_text(choice, known, baselines="[straight, random]")).problem.model
+        model = _read(_text(choice, known, baselines="[straight, random]")).problem.model
     doubt = _doubt_lines(choice, model)
-    study = parse_study(_text(choice, known, "[straight, random]", doubt), "the new study")
+    study = _read(_text(choice, known, "[straight, random]", doubt), "the new study")
     suitable = f"[{', '.join(suited(study.problem))}]"
     return _text(choice, known, suitable, doubt, _log_lines(choice, model))
+
+
+def _read(text: str, name: str = "study") -> Study:
+    return read_study(parse_yaml(text, name))
 
 
 def _kinds() -> dict[str, type[Model]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,17 +14,16 @@ from oed.bounds import LATTICE
 from oed.estimation import CalibrationOptions, alternative_flaws
 from oed.estimation.methods import EstimatorName, Heading, Loss, estimator_flaws
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw, NotFinite, PathFileError, ProblemError, RecordError, StudyError
+from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw
 from oed.kernel.criteria import CRITERIA, Criterion, E
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
+from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.records.path_file import read_trajectory
-from oed.records.record import NOMINAL, load_record
 from oed.robots.baselines import BaselineName, baseline_flaws
 from oed.robots.limits import LIMITS, Limit
 from oed.robots.models import MODELS, Model
@@ -33,7 +32,7 @@ from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain
-from oed.study.yaml_source import YamlSource, parse_yaml, read_yaml
+from oed.study.yaml_source import Source
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
@@ -133,14 +132,22 @@ class Study:
     Attributes:
         problem: what to design for.
         file: the checked study file.
-        text: the YAML it was read from.
-        source: the file's name.
+        origin: what it was read from.
     """
 
     problem: Problem
     file: StudyFile
-    text: str
-    source: str
+    origin: Source
+
+    @property
+    def text(self) -> str:
+        """The YAML it was read from."""
+        return self.origin.text
+
+    @property
+    def source(self) -> str:
+        """Name of the file it was read from."""
+        return self.origin.file
 
     @property
     def name(self) -> str:
@@ -181,31 +188,13 @@ class Study:
         try:
             require_identifiable(self.problem)
         except ProblemError as error:
-            raise self._error(error.flaws) from None
+            raise self.error(error.flaws) from None
         except NotFinite as error:
-            raise self._error([error.flaw]) from None
+            raise self.error([error.flaw]) from None
 
-    def own_paths(self) -> dict[str, Trajectory]:
-        """The user's own paths that the study compares with, by name.
-
-        Raises:
-            StudyError: some that cannot be read, each with the line that names it and its own.
-        """
-        paths: dict[str, Trajectory] = {}
-        flaws: list[Flaw] = []
-        for index, path in enumerate(self.file.baselines):
-            if isinstance(path, PathFile):
-                try:
-                    paths[path.label] = read_trajectory(self.folder / path.file, self.problem)
-                except PathFileError as error:
-                    flaws += [Flaw(("baselines", index, "file"), str(flaw)) for flaw in error.flaws]
-        if flaws:
-            raise self._error(flaws)
-        return paths
-
-    def _error(self, flaws: Sequence[Flaw]) -> StudyError:
-        source = parse_yaml(self.text, self.source)
-        return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
+    def error(self, flaws: Sequence[Flaw]) -> StudyError:
+        """Flaws of the study with the file and the lines that they stand in."""
+        return StudyError([self.origin.flaw(flaw.key, flaw.message) for flaw in flaws])
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
@@ -213,25 +202,30 @@ class Study:
         return plain
 
 
-def load_study(file: str | Path) -> Study:
-    """Read and cross-check a study file.
+PriorOf = Callable[[PriorRecord, Path], Prior]
+"""The prior that an earlier study's record predicts; its folder is found from the one given."""
+
+
+def no_records(wanted: PriorRecord, folder: Path) -> Prior:
+    """The prior of no record: for studies that are to stand on their own.
 
     Raises:
-        StudyError: every mistake in the file, each with its line and key.
+        ProblemError: always.
     """
-    return _study(read_yaml(file))
+    text = f"expected a prior as numbers here, got one of the record {wanted.record}"
+    raise ProblemError([Flaw(("prior", "record"), text)])
 
 
-def parse_study(text: str, source: str = "study") -> Study:
-    """The study that YAML text describes; `source` stands for the file's name in errors.
+def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
+    """The study that `source` describes.
+
+    Args:
+        source: its keys.
+        prior_of: what stands for a prior by the name of a record; raises a `ProblemError` where nothing does.
 
     Raises:
-        StudyError: every mistake in the text, each with its line and key.
+        StudyError: every mistake in the source, each with its line and key.
     """
-    return _study(parse_yaml(text, source))
-
-
-def _study(source: YamlSource) -> Study:
     if not isinstance(source.data, dict):
         raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
     try:
@@ -248,7 +242,7 @@ def _study(source: YamlSource) -> Study:
     if file.calibration is not None:
         flaws += alternative_flaws(file.robot, file.calibration.models)
     try:
-        file = _with_prior(file, Path(source.file).parent)
+        file = _with_prior(file, Path(source.file).parent, prior_of)
         problem = _problem(file)
         flaws += baseline_flaws(problem, file.baselines)
         flaws += trial_flaws(problem, file.physics)
@@ -257,10 +251,10 @@ def _study(source: YamlSource) -> Study:
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
-    return Study(problem, file, source.text, source.file)
+    return Study(problem, file, source)
 
 
-def _with_folder(data: dict[str, Any], source: YamlSource) -> dict[str, Any]:
+def _with_folder(data: dict[str, Any], source: Source) -> dict[str, Any]:
     # A robot of the user's own stands beside the study, or in a folder named relative to it.
     def found(robot: Any) -> Any:
         if not isinstance(robot, dict) or robot.get("kind") != "python":
@@ -276,29 +270,11 @@ def _with_folder(data: dict[str, Any], source: YamlSource) -> dict[str, Any]:
     return placed
 
 
-def _with_prior(file: StudyFile, folder: Path) -> StudyFile:
+def _with_prior(file: StudyFile, folder: Path, prior_of: PriorOf) -> StudyFile:
     # A prior taken from a record becomes its numbers, so that the study stands on its own from here on.
     if not isinstance(file.prior, PriorRecord):
         return file
-    try:
-        saved = load_record(folder / file.prior.record)
-    except RecordError as error:
-        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
-    entry = saved.result(file.prior.result)
-    if entry is None:
-        names = ", ".join(str(one["name"]) for one in saved.results) or "none"
-        wanted = file.prior.result or "a feasible result"
-        raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {wanted}")])
-    found = [one for one in entry.get("covariances", []) if _all_known(one["covariance"])]
-    if len(found) != 1:
-        text = f"the record's {entry['name']} predicts no covariance of all parameters together"
-        raise ProblemError([Flaw(("prior", "record"), text)])
-    prior = Prior(parameters=found[0]["parameters"], covariance=found[0]["covariance"])
-    return file.model_copy(update={"prior": prior})
-
-
-def _all_known(covariance: list[list[float | None]]) -> bool:
-    return all(value is not None for row in covariance for value in row)
+    return file.model_copy(update={"prior": prior_of(file.prior, folder)})
 
 
 def _problem(file: StudyFile) -> Problem:

@@ -14,13 +14,13 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import FileFlaw
 from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
-from oed.study.yaml_source import YamlSource
+from oed.study.yaml_source import Source
 
 MOST = 200
 """Mistakes that are explained; where there are more, the file is hardly a study."""
 
 
-def explain(error: ValidationError, root: type[Component], source: YamlSource) -> list[FileFlaw]:
+def explain(error: ValidationError, root: type[Component], source: Source) -> list[FileFlaw]:
     """One flaw per place in the file, in the order of the lines.
 
     Where a value fits none of several forms, the reasons are joined.
@@ -46,7 +46,7 @@ def explain(error: ValidationError, root: type[Component], source: YamlSource) -
     ] + left
 
 
-def _place(detail: ErrorDetails, source: YamlSource, message: str = "") -> FileFlaw:
+def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     path, missing = detail["loc"], detail["type"] == "missing"
     return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
 

@@ -1,9 +1,10 @@
-"""YAML whose every value remembers where it stands, so that an error can name the line."""
+"""What a study is read from: plain data, and where each of its keys stands, so that an error can name it."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,19 +34,62 @@ _SHOWN = 60
 
 
 @dataclass(frozen=True)
-class YamlSource:
-    """A parsed YAML file: its plain data, and its nodes for places."""
+class Source(ABC):
+    """What a study is read from.
+
+    Attributes:
+        file: its name, for errors.
+        text: as it is written.
+        data: what that says, plain.
+    """
 
     file: str
     text: str
     data: Any
+
+    @abstractmethod
+    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+        """(key path, line, column) of a path: of the key itself, or of the nearest parent.
+
+        Parts of `path` that are no keys of the data (a union's labels) are passed over. Lines and columns
+        count from 1; 0 where there are none.
+        """
+
+    def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
+        """A flaw at `path`; `missing` is the name of a key that should stand there."""
+        found, line, column = self.place(path)
+        parts = [*found, missing] if missing else list(found)
+        return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
+
+
+@dataclass(frozen=True)
+class PlainSource(Source):
+    """Data that is part of something else: its keys have no lines of their own."""
+
+    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+        """The keys that there are."""
+        value, found = self.data, list[str | int]()
+        for part in path:
+            if _has(value, part):
+                value = value[part]
+                found.append(part)
+        return tuple(found), 0, 0
+
+
+def _has(value: Any, part: str | int) -> bool:
+    if isinstance(value, list):
+        return isinstance(part, int) and part < len(value)
+    return isinstance(value, Mapping) and part in value
+
+
+@dataclass(frozen=True)
+class YamlSource(Source):
+    """A parsed YAML file; its nodes know their places."""
+
     root: yaml.Node | None
 
     def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
-        """(key path, line, column) of a path, both from 1: of the key itself, or of the nearest parent.
-
-        Parts of `path` that are no keys of the file (a union's labels) are passed over.
-        """
+        """Of the last of keys given twice, as YAML has it."""
         node, found = self.root, []
         mark = node.start_mark if node is not None else None
         for part in path:
@@ -54,12 +98,6 @@ class YamlSource:
                 mark, node = step
                 found.append(part)
         return tuple(found), *((mark.line + 1, mark.column + 1) if mark is not None else (1, 1))
-
-    def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
-        """A flaw at `path`; `missing` is the name of a key that should stand there."""
-        found, line, column = self.place(path)
-        parts = [*found, missing] if missing else list(found)
-        return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
 
 
 def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Mark, yaml.Node] | None:

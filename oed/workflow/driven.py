@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,11 @@ from oed.kernel.solution import Solution, scored
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
 from oed.optimize import Silent
+from oed.records.outcomes import result_of
 from oed.records.path_file import read_trajectory
-from oed.records.record import FILE, Record, load_record, result_data
+from oed.records.record import FILE, Record, load_record
+from oed.records.stored.result import Result
+from oed.records.stored.simulation import StoredRobustness
 from oed.robots.models import Model
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
@@ -42,14 +45,14 @@ class DrivenPath:
     Attributes:
         name: of the log and the part.
         seconds: how much of it is motion; the rest of the study's duration the robot is taken to stand [s].
-        entry: the result, as records hold it.
+        result: its numbers, as records hold them.
         share_of_best: its efficiency against the best design known, None where none is.
         share_of_bound: the same against what is proved that no drive exceeds.
     """
 
     name: str
     seconds: float
-    entry: Mapping[str, Any]
+    result: Result
     share_of_best: float | None
     share_of_bound: float | None
 
@@ -70,15 +73,13 @@ class DrivenPaths:
     paths: tuple[DrivenPath, ...]
     best: tuple[str, float] | None
     bound: float | None
-    robustness: Mapping[str, Any] | None = None
+    robustness: StoredRobustness | None = None
     findings: tuple[tuple[str, Finding], ...] = ()
 
     @property
     def first(self) -> DrivenPath:
         """The most informative part."""
-        return max(
-            self.paths, key=lambda one: -np.inf if (found := one.entry["objective"]) is None else found
-        )
+        return max(self.paths, key=lambda one: -np.inf if (found := one.result.objective) is None else found)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -86,7 +87,7 @@ class DrivenPaths:
         worth = [
             {
                 "name": one.name,
-                "objective": one.entry["objective"],
+                "objective": one.result.objective,
                 "seconds": one.seconds,
                 "share_of_best": one.share_of_best,
                 "share_of_bound": one.share_of_bound,
@@ -94,9 +95,13 @@ class DrivenPaths:
             for one in self.paths
         ]
         best = None if self.best is None else {"name": self.best[0], "objective": self.best[1]}
-        known = {"best_design": best, "upper_bound": self.bound, "robustness": self.robustness}
+        known = {
+            "best_design": best,
+            "upper_bound": self.bound,
+            "robustness": None if self.robustness is None else self.robustness.plain(),
+        }
         findings = [{"log": name, **vars(one)} for name, one in self.findings]
-        return {**self.first.entry, "worth": worth, **known, "findings": findings}
+        return {**self.first.result.plain(), "worth": worth, **known, "findings": findings}
 
 
 def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
@@ -181,13 +186,12 @@ def _known(record: Record | None) -> tuple[tuple[str, float] | None, _Bounds | N
     # The best design of a record, and the bounds it certifies.
     if record is None:
         return None, None
-    best, certificate = record.best, record.data["certificate"]
+    best, certificate = record.best, record.certificate
     proved = None
-    if certificate:
-        widened = certificate.get("widened")
-        exact = float(certificate["upper_bound"])
-        proved = _Bounds(exact, float(widened["upper_bound"]) if widened else None)
-    return None if best is None else (str(best["name"]), float(best["objective"])), proved
+    if certificate is not None:
+        widened = None if certificate.widened is None else certificate.widened.upper_bound
+        proved = _Bounds(certificate.upper_bound, widened)
+    return None if best is None or best.objective is None else (best.name, best.objective), proved
 
 
 def _bounds(study: Study) -> _Bounds | None:
@@ -214,8 +218,8 @@ def _worth(
     proved: _Bounds | None,
     file: str | None = None,
 ) -> DrivenPath:
-    entry = result_data(solution, file)
-    value = entry["objective"]
+    result = result_of(solution, file)
+    value = result.objective
 
     def share(of: float | None) -> float | None:
         if of is None or value is None:
@@ -224,7 +228,7 @@ def _worth(
 
     of_best = share(None if best is None else best[1])
     of_bound = share(None if proved is None else proved.on(solution.evaluation))
-    return DrivenPath(solution.name, seconds, entry, of_best, of_bound)
+    return DrivenPath(solution.name, seconds, result, of_best, of_bound)
 
 
 def _judged(study: Study) -> int:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from oed.estimation import calibrate
-from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError, StudyError
+from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_record import FORMAT, EstimateRecord, calibration_data
 from oed.study.study import Study
-from oed.study.yaml_source import parse_yaml
 from oed.workflow.runner import package_version, provenance
 from oed.workflow.saving import save_estimate
 
@@ -66,7 +65,7 @@ def estimate(
     try:
         found = calibrate(study.problem, kept, study.calibration, apart=other, seed=chosen, told=told)
     except ProblemError as error:
-        raise _in_the_study(study, error.flaws) from None
+        raise study.error(error.flaws) from None
     told.done()
     record = EstimateRecord(
         {
@@ -83,12 +82,6 @@ def estimate(
     if out is not None:
         save_estimate(record, out)
     return record
-
-
-def _in_the_study(study: Study, flaws: Sequence[Flaw]) -> StudyError:
-    # With the file and the lines that they stand in.
-    source = parse_yaml(study.text, study.source)
-    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in flaws])
 
 
 def _require_different(files: Sequence[str | Path]) -> None:

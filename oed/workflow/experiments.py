@@ -11,8 +11,10 @@ from pydantic import ValidationError
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.solution import Solution, scored
 from oed.optimize import Ipopt, Progress, Silent, Workers, default_workers
-from oed.records.record import Record, drive_of, validation_data
+from oed.records.outcomes import validation_of
+from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
+from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import Study, ValidationOptions
@@ -20,7 +22,7 @@ from oed.study.study import Study, ValidationOptions
 
 def simulated(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> dict[str, Any] | None:
+) -> StoredValidation | None:
     """A record's `validation`; None for a study that does not ask for one."""
     options = study.file.validation
     return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
@@ -39,7 +41,7 @@ def validation_options(
         UserMistake: fewer than 100 replicates.
     """
     given = {"replicates": replicates, "estimators": estimators, "heading": heading}
-    asked = saved.data["study"].get("validation") or {}
+    asked = (saved.study.validation or ValidationOptions()).model_dump()
     changed = {**asked, **{key: value for key, value in given.items() if value is not None}}
     try:
         return ValidationOptions.model_validate(changed)
@@ -72,11 +74,14 @@ def validated(
         RecordError: the robot is code that is not trusted.
     """
     study = recorded_study(saved, trust=trust)
-    drives = [(str(entry["name"]), drive_of(entry)) for entry in saved.results]
-    solutions = [scored(study.problem, drive, name) for name, drive in drives if drive is not None]
-    chosen = saved.data["seed"] if seed is None else seed
+    solutions = [
+        scored(study.problem, one.drive.trajectory, one.name)
+        for one in saved.results
+        if one.drive is not None
+    ]
+    chosen = saved.seed if seed is None else seed
     outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return replace(saved, data={**saved.data, "validation": outcome})
+    return replace(saved, data={**saved.data, "validation": outcome.plain()})
 
 
 def _simulated(
@@ -86,7 +91,7 @@ def _simulated(
     seed: int,
     progress: Progress,
     workers: Workers | None,
-) -> dict[str, Any]:
+) -> StoredValidation:
     entries = []
     for solution in solutions:
         evaluation, trajectory = solution.evaluation, solution.trajectory
@@ -109,8 +114,8 @@ def _simulated(
             except ProblemError:
                 # A drive that tells too little without the prior, or without what the criterion leaves out.
                 continue
-            entries.append(validation_data(solution.name, result))
-    return {**options.model_dump(mode="json"), "seed": seed, "results": entries}
+            entries.append(validation_of(solution.name, result))
+    return StoredValidation.model_construct(**options.model_dump(mode="json"), seed=seed, results=entries)
 
 
 def driven_in_physics(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from oed.foundation.errors import UserMistake
+from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
+from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
 from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
-from oed.records.recorded_study import recorded_study, refuse_outside
-from oed.study.study import Study, parse_study
+from oed.records.recorded_study import TRUST, recorded_study
+from oed.study.study import Study, read_study
+from oed.study.yaml_source import parse_yaml
 from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
@@ -59,7 +61,7 @@ class NextDrive:
     @property
     def data(self) -> dict[str, Any]:
         """Plain data."""
-        best = None if self.record is None or self.record.best is None else self.record.best["name"]
+        best = None if self.record is None or self.record.best is None else self.record.best.name
         return {
             "stop": self.stop,
             "reason": self.reason,
@@ -107,7 +109,7 @@ def next_drive(
     """
     study = recorded_study(saved, trust=trust)
     if not trust:
-        refuse_outside(saved, logs)
+        _refuse_outside(saved, logs)
     _require_own_parameters(study)
     with run_folder(out) as folder:
         aims = _aims(study, targets or {})
@@ -125,12 +127,24 @@ def next_drive(
         return _saved(_decided(found, following, record, wanted, least_gain), folder)
 
 
+def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
+    # A record from a file must not have poses read from elsewhere than beside the logs.
+    form = record.study.log
+    if record.file is None or not isinstance(form, CsvForm):
+        return
+    for log in map(Path, logs):
+        found = form.poses.beside(log)
+        if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
+            text = f"leads to {found}, out of the folder of the log; {TRUST}"
+            raise RecordError([FileFlaw(str(record.file), 0, 0, "study.log.poses.file", text)])
+
+
 def _decided(
     found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
 ) -> NextDrive:
     predicted = _predicted(record, found)
     precision = _precision(found, wanted, predicted)
-    if record.data["interrupted"]:
+    if record.interrupted:
         reason = "the search was interrupted; run it again"
         return NextDrive(found, study, record, precision, None, False, reason)
     if not predicted:
@@ -202,7 +216,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     _stretch(data["trajectory"], duration)
     data.pop("validation", None)
     data.pop("physics", None)
-    return parse_study(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY)
+    return read_study(parse_yaml(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY))
 
 
 def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:
@@ -237,13 +251,13 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     tell as much less as these logs did.
     """
     best = record.best
-    if best is None or not best["covariances"]:
+    if best is None or not best.covariances:
         return {}
     names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
     told = np.zeros_like(known)
-    for one in best["covariances"]:
-        places = [names.index(name) for name in one["parameters"]]
-        own, then = np.ix_(places, places), np.array(one["covariance"], dtype=float)
+    for one in best.covariances:
+        places = [names.index(name) for name in one.parameters]
+        own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
         told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
     after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
     return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
@@ -291,5 +305,5 @@ def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:
     # A design from before must not pass for the next drive.
     target = folder.draft.target
     drop = {STUDY, FILE} | outdated(target, found.record) | pages(target, ESTIMATE)
-    interrupted = found.record is not None and bool(found.record.data["interrupted"])
+    interrupted = found.record is not None and found.record.interrupted
     return replace(found, folder=folder.put(files, found, drop, interrupted=interrupted))

@@ -10,13 +10,14 @@ import numpy as np
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
+from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import Progress, Workers, solve
-from oed.records.record import NOMINAL, finite, rounded
+from oed.records.numbers import finite, rounded
+from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
 from oed.uncertainty.departures import leaving, path_limits, paths, violated
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import spread_of
+from oed.uncertainty.uncertainty import Spread, spread_of
 
 PLAIN = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
 BUNDLE = 40
@@ -78,62 +79,59 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
     ]
 
 
-def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> dict[str, Any] | None:
+def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> StoredRobustness | None:
     """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
     problem, robust = study.problem, study.problem.robust
     spread = spread_of(problem.uncertain_system)
     if not isinstance(robust, Robust) or spread is None:
         return None
     drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
-    return {
-        "kind": robust.kind,
-        "confidence": robust.confidence,
-        "objective": robust.objective,
-        "limits": [limit.name for limit in path_limits(problem)],
-        "uncertain": [
-            {
-                "name": name,
-                "unit": unit,
-                "nominal": float(nominal),
-                "low": float(low),
-                "high": float(high),
-                "uniform": bool(uniform),
-            }
-            for name, unit, nominal, low, high, uniform in zip(
-                spread.names,
-                spread.units,
-                spread.nominal,
-                spread.low,
-                spread.high,
-                spread.uniform,
-                strict=True,
-            )
-        ],
-        "results": [_entry(solution) for solution in drives],
-        "bundles": _bundles(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
-    }
+    return StoredRobustness.model_construct(
+        kind=robust.kind,
+        confidence=robust.confidence,
+        objective=robust.objective,
+        limits=[limit.name for limit in path_limits(problem)],
+        uncertain=_uncertain(spread),
+        results=[_tried(solution) for solution in drives],
+        bundles=_bundles(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
+    )
 
 
-def _entry(solution: Solution) -> dict[str, Any]:
+def _uncertain(spread: Spread) -> list[Uncertain]:
+    columns = (spread.names, spread.units, spread.nominal, spread.low, spread.high, spread.uniform)
+    return [
+        Uncertain.model_construct(
+            name=name,
+            unit=unit,
+            nominal=float(nominal),
+            low=float(low),
+            high=float(high),
+            uniform=bool(uniform),
+        )
+        for name, unit, nominal, low, high, uniform in zip(*columns, strict=True)
+    ]
+
+
+def _tried(solution: Solution) -> Tried:
     evaluation, found, robust = solution.evaluation, solution.leaving, solution.robust
     assert evaluation is not None
     assert found is not None
-    return {
-        "name": solution.name,
-        "probability": found.probability,
-        "interval": list(found.interval),
-        "draws": found.draws,
-        "seed": found.seed,
-        "by_limit": found.by_limit,
-        "farthest": finite(found.farthest),
-        "checked_at_points": list(found.checked_at_points),
-        "objective": finite(evaluation.objective),
-        "reserve": robust.reach if isinstance(robust, Robust) else None,
-        "kept": len(robust.kept) if isinstance(robust, Robust) else None,
-    }
+    return Tried.model_construct(
+        name=solution.name,
+        probability=found.probability,
+        interval=list(found.interval),
+        draws=found.draws,
+        seed=found.seed,
+        by_limit=dict(found.by_limit),
+        farthest=finite(found.farthest),
+        checked_at_points=list(found.checked_at_points),
+        objective=finite(evaluation.objective),
+        reserve=robust.reach if isinstance(robust, Robust) else None,
+        kept=len(robust.kept) if isinstance(robust, Robust) else None,
+    )
 
 
-def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[dict[str, Any]]:
+def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[Paths]:
     # Of the searches' own drives only: where robots of uncertain quantities `values` (K, q) go.
     bundles = []
     for solution in drives:
@@ -144,6 +142,9 @@ def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[
         each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
         beyond = violated(problem, solution.trajectory, values)
-        bundle = {"leaves": beyond.tolist(), "paths": rounded(each[:, :, chosen], 4)}
-        bundles.append({"name": solution.name, **bundle})
+        bundles.append(
+            Paths.model_construct(
+                name=solution.name, leaves=beyond.tolist(), paths=rounded(each[:, :, chosen], 4)
+            )
+        )
     return bundles

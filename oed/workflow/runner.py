@@ -21,15 +21,20 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status, scored, unscored
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
+from oed.records.numbers import finite, finite_data
+from oed.records.outcomes import certificate_of, result_of
 from oed.records.path_file import trajectory_csv
 from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
-from oed.records.record import FILE, FORMAT, Record, certificate_data, finite, finite_data, result_data
+from oed.records.record import FILE, FORMAT, Record
+from oed.records.stored.certificate import StoredCertificate
+from oed.records.stored.simulation import StoredValidation
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, Study
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
+from oed.workflow.studies import own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -67,7 +72,7 @@ def run(
     """
     chosen, listener = study.seed if seed is None else seed, progress or Silent()
     # What would fail at the end is better known before the work is done.
-    paths = study.own_paths()
+    paths = own_paths(study)
     with run_folder(out) as folder:
         work = _Run(study, paths, chosen, workers, listener, folder)
         if search_only:
@@ -87,7 +92,7 @@ class _Run:
     folder: RunFolder
     solutions: list[Solution] = field(default_factory=list)
     certificate: Certificate | None = None
-    validation: dict[str, Any] | None = None
+    validation: StoredValidation | None = None
     physics: dict[str, Any] | None = None
     interrupted: bool = False
 
@@ -211,7 +216,7 @@ def record(
     *,
     named: bool = False,
     certificate: Certificate | None = None,
-    validation: dict[str, Any] | None = None,
+    validation: StoredValidation | None = None,
     physics: dict[str, Any] | None = None,
     interrupted: bool = False,
 ) -> Record:
@@ -220,12 +225,10 @@ def record(
     Without `out` it names the trajectories' files where `named`: somebody else writes them.
     """
     judges, best = criteria_of(study), best_of(safe(study, solutions), study.problem.criterion)
+    files = [_file(one) if named or out is not None else None for one in solutions]
     results = [
-        {
-            **result_data(solution, _file(solution) if named or out is not None else None),
-            "criteria": _judged(study, judges, solution),
-        }
-        for solution in solutions
+        result_of(solution, file, _judged(study, judges, solution))
+        for solution, file in zip(solutions, files, strict=True)
     ]
     made = Record(
         finite_data(
@@ -302,7 +305,9 @@ def _file(solution: Solution) -> str:
     return f"{file_stem(solution.name)}.csv"
 
 
-def certified(study: Study, certificate: Certificate, solutions: Sequence[Solution]) -> dict[str, Any] | None:
+def certified(
+    study: Study, certificate: Certificate, solutions: Sequence[Solution]
+) -> StoredCertificate | None:
     """A certificate with its gap to the best feasible of these solutions."""
     samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
@@ -314,7 +319,7 @@ def certified(study: Study, certificate: Certificate, solutions: Sequence[Soluti
     ]
     searched = {solver.model_fields["kind"].default for solver in SOLVERS}
     splines = [evaluation.objective for evaluation, kind in found if kind in searched]
-    return certificate_data(
+    return certificate_of(
         certificate,
         max((evaluation for evaluation, _ in found), key=lambda one: one.objective, default=None),
         LATTICE if any(one.kind == LATTICE for one in solutions) else None,

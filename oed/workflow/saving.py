@@ -59,7 +59,7 @@ class RunFolder:
         """
         if self.draft is None:
             return record
-        interrupted = bool(record.data["interrupted"])
+        interrupted = record.interrupted
         if interrupted and self._whole and not _drives(record) and (self.draft.target / FILE).exists():
             self.draft.discard()
             return record
@@ -120,7 +120,7 @@ def run_folder(out: str | Path | Draft | None) -> Iterator[RunFolder]:
 
 
 def _drives(record: Record) -> bool:
-    return any(entry["drive"] is not None for entry in record.results)
+    return any(one.drive is not None for one in record.results)
 
 
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
@@ -164,9 +164,9 @@ def outdated(folder: Path, record: Record | None) -> set[str]:
     drives: set[str] = set()
     # What a damaged record may name is left.
     with suppress(RecordError):
-        drives = {str(entry["trajectory"]) for entry in load_record(folder).results}
+        drives = {str(one.trajectory) for one in load_record(folder).results}
     drives = {name for name in drives if name.endswith(".csv") and Path(name).name == name}
-    kept = set() if record is None else {entry["trajectory"] for entry in record.results}
+    kept = set() if record is None else {one.trajectory for one in record.results}
     return pages(folder) | (drives - kept)
 
 

@@ -33,7 +33,7 @@ from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements, Poses, Ranges
 from oed.robots.sensors.displacements import PoseNoise
 from oed.robots.sensors.poses import AbsoluteNoise
-from oed.study.study import load_study
+from oed.workflow.studies import load_study
 
 COEFFICIENTS = ("c11", "c12", "c21", "c22")
 LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")

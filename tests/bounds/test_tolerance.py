@@ -19,7 +19,7 @@ from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.kernel.limit import BareLimit, Rows
 from oed.kernel.problem import Problem
 from oed.kernel.solution import scored
-from oed.records.record import certificate_data
+from oed.records.outcomes import certificate_of
 from oed.robots.limits import (
     BodySpeed,
     Circle,
@@ -189,7 +189,7 @@ def test_gaps_are_never_negative(hundred):
     problem, certificate = hundred
     for excess in (0.0, ALL_BUT / 2, ALL_BUT):
         found = scored_drive(problem, (1 + excess) * certificate.drive.inputs)
-        data = certificate_data(certificate, found, LATTICE, None)
+        data = certificate_of(certificate, found, LATTICE, None)
         assert found.feasible
         assert 0 <= data["gap"] < 0.005
         assert (data["gap_to"] == data["upper_bound"]) == (excess == 0.0)

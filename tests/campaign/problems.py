@@ -12,7 +12,7 @@ import numpy as np
 
 import oed
 from oed.kernel import evaluation as scoring
-from oed.study.study import parse_study
+from oed.workflow.studies import parse_study
 
 from .cases import Verdict, quoted
 from .generator.drives import Drive, draw_drive, draw_polygon, draw_seemingly_feasible, pinched

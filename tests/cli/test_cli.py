@@ -183,7 +183,7 @@ class TestSolve:
         code, data, _ = call_json(capsys, *arguments)
         assert code == 0
         assert {path.name for path in (folder / "there").iterdir()} == {"record.json", "genetic.csv"}
-        assert load_record(folder / "there").results == data["results"]
+        assert load_record(folder / "there").data["results"] == data["results"]
 
     @pytest.mark.slow
     def test_a_study_without_a_solution_names_its_limits(self, capsys, folder: Path):

@@ -9,7 +9,7 @@ import numpy as np
 from places import PROBLEMS
 
 from oed.robots.baselines import baselines
-from oed.study.study import load_study
+from oed.workflow.studies import load_study
 
 STUDY = PROBLEMS / "room_robot.yaml"
 FILE = PROBLEMS / "logs" / "room_robot.csv"

@@ -38,8 +38,9 @@ from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_record import calibration_data, load_estimate
 from oed.report import write_estimate
 from oed.robots.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import parse_study
 
 NOISE = (0.002, 0.005)
 WIDE = SkidSteerSlip(wheel_radius=0.05, track=0.2, track_per_yaw_rate=0.01)

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from places import PROBLEMS, ROOT
 
-from oed.study.study import Study, load_study, parse_study
+from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import load_study, parse_study
 
 DATA = Path(os.environ.get("OED_LOGS", ROOT.parent / "shared" / "data"))
 

@@ -12,9 +12,9 @@ from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
 from oed.cli import main
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
-from oed.study.study import load_study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import save_estimate
+from oed.workflow.studies import load_study
 
 
 def test_it_is_what_its_simulation_writes():

@@ -10,10 +10,11 @@ import numpy as np
 
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, Status
-from oed.records.record import result_data
+from oed.records.outcomes import result_of
 from oed.robots.models import Model
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.runner import record
+from oed.workflow.studies import parse_study
 
 TEXT = """\
 format: 1
@@ -62,7 +63,7 @@ def entry(name: str, drive: Trajectory | None, feasible: bool = True) -> dict[st
         held = {**arrays, **sizes, "poses": poses}
     solution = Solution(name, "path", None, None, Status.SCORED)
     known = {"objective": 1.0 if feasible else None, "path_length": None if drive is None else 1.0}
-    return {**result_data(solution, None), "feasible": feasible, **known, "drive": held}
+    return {**result_of(solution, None), "feasible": feasible, **known, "drive": held}
 
 
 def saved(folder: Path, study: Study, results: list[dict[str, Any]] | None = None) -> Path:

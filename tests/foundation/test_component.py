@@ -11,7 +11,7 @@ import oed.study.study
 from oed.foundation.component import Component
 from oed.foundation.errors import StudyError
 from oed.robots.models.model import CoefficientRobot
-from oed.study.study import parse_study
+from oed.workflow.studies import parse_study
 
 STUDY = """
 format: 1

@@ -28,7 +28,7 @@ from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.robots.models import Tricycle
 from oed.robots.sensors import Displacements, Poses, YawRate
-from oed.study.study import load_study
+from oed.workflow.studies import load_study
 
 seeds = st.integers(0, 2**32 - 1)
 NOISE = {"position": 0.001, "heading": 0.01}

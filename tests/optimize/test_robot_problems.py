@@ -11,7 +11,8 @@ from oed.kernel.evaluation import Evaluation
 from oed.optimize import Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.robots.models import MODELS
-from oed.study.study import Study, load_study, parse_study
+from oed.study.study import Study
+from oed.workflow.studies import load_study, parse_study
 
 STARTS = {"tractor_trailer": 2}
 """Starts needed for a design above everyday paths, where one is not enough."""

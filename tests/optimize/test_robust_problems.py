@@ -9,8 +9,8 @@ from places import PROBLEMS
 
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
-from oed.study.study import parse_study
 from oed.uncertainty.departures import leaving
+from oed.workflow.studies import parse_study
 
 RADII = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %}"
 LEFT_BY = 0.01

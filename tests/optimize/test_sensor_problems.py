@@ -9,7 +9,8 @@ from oed.kernel.evaluation import evaluate
 from oed.optimize import Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.simulation import validate
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
+from oed.workflow.studies import parse_study
 
 ONE = Ipopt(starts=1, perturbations=0, second_stage="none")
 READINGS, HALF_SIDE, TRACK, SIGMA = 201, 1.0, 0.18, 0.01

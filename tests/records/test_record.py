@@ -17,18 +17,14 @@ from studies import SMALL
 from oed.foundation.errors import RecordError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
-from oed.records.record import (
-    Record,
-    drive_of,
-    finite,
-    load_record,
-    result_data,
-    save_record,
-    validation_data,
-)
+from oed.records.numbers import finite
+from oed.records.outcomes import result_of, validation_of
+from oed.records.record import Record, drive_of, load_record, save_record
+from oed.records.stored.result import Result
 from oed.simulation import validate
-from oed.study.study import ValidationOptions, parse_study
+from oed.study.study import ValidationOptions
 from oed.workflow.runner import record
+from oed.workflow.studies import parse_study
 
 STUDY = parse_study(SMALL)
 PROBLEM = STUDY.problem
@@ -64,7 +60,7 @@ def solutions() -> list[Solution]:
 def made() -> Record:
     result = validate(PROBLEM, random_drive(PROBLEM, 3, 1.0), replicates=200, seed=0)
     options = ValidationOptions(replicates=200).model_dump(mode="json")
-    validation = {**options, "seed": 0, "results": [validation_data("ipopt", result)]}
+    validation = {**options, "seed": 0, "results": [validation_of("ipopt", result)]}
     return record(STUDY, solutions(), 3, validation=validation)
 
 
@@ -73,8 +69,8 @@ def refuse(constant: str) -> None:
 
 
 def entry(made: Record, name: str) -> dict[str, Any]:
-    (found,) = [result for result in made.results if result["name"] == name]
-    return dict(found)
+    (found,) = [result for result in made.results if result.name == name]
+    return found.plain()
 
 
 class TestJson:
@@ -240,7 +236,7 @@ class TestDrive:
     @given(seed=st.integers(0, 2**32 - 1), amplitude=st.floats(1e-3, 100))
     def test_a_drive_is_kept_exactly(self, seed: int, amplitude: float):
         drive = random_drive(PROBLEM, seed, amplitude)
-        entry = json.loads(json.dumps(result_data(scored(STUDY.problem, drive, "drive"), "drive.csv")))
+        entry = json.loads(json.dumps(result_of(scored(STUDY.problem, drive, "drive"), "drive.csv").plain()))
         again = drive_of(entry)
         for name in ("knots", "coefficients", "start"):
             np.testing.assert_array_equal(getattr(again, name), getattr(drive, name))
@@ -252,6 +248,38 @@ class TestDrive:
     def test_poses_are_there_to_be_drawn(self, made: Record):
         poses = solutions()[0].evaluation.poses
         np.testing.assert_allclose(entry(made, "ipopt")["drive"]["poses"], poses, atol=1e-9)
+
+
+class TestParts:
+    def test_are_the_data_with_names_and_types(self, made: Record):
+        for one, data in zip(made.results, made.data["results"], strict=True):
+            assert one.plain() == data
+            assert {key: one[key] for key in one} == {key: getattr(one, key) for key in data}
+        found = made.results[0]
+        assert found.drive is not None
+        assert found.drive.trajectory.samples == 40
+        assert [margin.limit for margin in found.margins] == [
+            margin["limit"] for margin in made.data["results"][0]["margins"]
+        ]
+        assert made.validation is not None
+        assert made.validation.plain() == made.data["validation"]
+        assert (made.certificate, made.robustness, made.interrupted, made.seed) == (None, None, False, 3)
+
+    def test_are_made_and_read_alike(self, made: Record):
+        found = result_of(solutions()[0], None)
+        assert Result.model_validate(json.loads(json.dumps(found.plain()))) == found
+
+    def test_of_other_data_say_which_key_is_wrong(self, made: Record):
+        data = {**made.data, "results": [{**made.data["results"][0], "objective": "large"}]}
+        with pytest.raises(RecordError, match=r"record\.json: objective: expected a number, got 'large'"):
+            _ = Record(data).results
+
+    def test_of_one_parameter_may_have_eigenvalues_that_rounding_tells_apart(self, made: Record):
+        plain = made.results[0].plain()
+        most = plain["lambda_max"]
+        assert Result.model_validate({**plain, "lambda_min": math.nextafter(most, math.inf)}).feasible
+        with pytest.raises(ValueError, match="expected at most lambda_max"):
+            Result.model_validate({**plain, "lambda_min": 1.001 * most})
 
 
 class TestFiles:

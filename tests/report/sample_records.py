@@ -9,10 +9,12 @@ import numpy as np
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
+from oed.records.outcomes import result_of
 from oed.records.problem_tables import parameter_table
-from oed.records.record import Record, result_data
-from oed.study.study import Study, parse_study
+from oed.records.record import Record
+from oed.study.study import Study
 from oed.workflow.runner import record as record_of
+from oed.workflow.studies import parse_study
 
 TEXT = """\
 format: 1
@@ -48,7 +50,7 @@ def solution(study: Study, name: str, right: np.ndarray, left: np.ndarray) -> So
 
 def drive(study: Study, name: str, right: np.ndarray, left: np.ndarray) -> dict[str, Any]:
     """The same as a record's result."""
-    return result_data(solution(study, name, right, left), None)
+    return result_of(solution(study, name, right, left), None).plain()
 
 
 def scored(regressor: str = "position", noise: str = "{position: 10 cm, heading: 10 deg}") -> dict[str, Any]:

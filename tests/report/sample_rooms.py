@@ -10,8 +10,9 @@ import numpy as np
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.record import Record
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.runner import record as record_of
+from oed.workflow.studies import parse_study
 
 HEAD = """\
 format: 1

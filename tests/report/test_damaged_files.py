@@ -27,9 +27,9 @@ from oed.report.figures.panels import svg_text
 from oed.report.film.animation import animate
 from oed.report.page import sections_of, write_report
 from oed.report.sections.drives import paths
-from oed.study.study import parse_study
 from oed.workflow.experiments import validated, validation_options
 from oed.workflow.next_drive import next_drive
+from oed.workflow.studies import parse_study
 from oed.workflow.sweep import load_sweep
 
 FLAGSHIP = REPORTS / "choi_skid_steer"
@@ -282,9 +282,11 @@ def test_shipped_records_are_read_as_they_are(name: str):
 
 
 def _added(one: dict[str, Any]) -> dict[str, Any]:
-    # What drives of one run left out before there were several, and margins before they were of all times.
+    # What drives of one run left out before there were several, and margins before they were of all times;
+    # and whether a drive tells all parameters apart, before results said so.
     drive, margins = one["drive"], [{"certain": None, **margin} for margin in one["margins"]]
-    return {"drive": None if drive is None else {"runs": 1, **drive}, "margins": margins}
+    said = {key: one.get(key) for key in ("identifiable", "singular")}
+    return {"drive": None if drive is None else {"runs": 1, **drive}, "margins": margins, **said}
 
 
 def test_an_older_record_is_read(tmp_path: Path):

@@ -8,7 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from oed.report.figures import sweep_figures
-from oed.report.sweep import Chart, charted
+from oed.report.figures.chart import Chart
+from oed.report.sweep import charted
 
 
 def table(*keys: tuple[str, str, dict[str, float | None]]) -> dict[str, Any]:

@@ -19,8 +19,9 @@ from oed.simulation.physics import FourWheels, drive
 from oed.simulation.trial.candidates import candidates
 from oed.simulation.trial.experiment import exact_log, prediction_errors
 from oed.simulation.trial.paths import everyday
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.runner import run
+from oed.workflow.studies import parse_study
 
 FITS = ["differential drive", "lag", "differential drive by two stage"]
 DRIVES = ["optimal for differential drive", "optimal for lag", "circle", "random"]

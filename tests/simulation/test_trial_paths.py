@@ -10,7 +10,7 @@ from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.robots.baselines import baselines
 from oed.simulation.trial.paths import everyday, held_out_drives
-from oed.study.study import parse_study
+from oed.workflow.studies import parse_study
 
 ROBOT = "{kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}"
 SLIPPING = "{kind: skid_steer_slip, wheel_radius: 4.9 cm, track: 32 cm, yaw_lag: 10 ms}"

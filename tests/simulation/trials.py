@@ -11,7 +11,8 @@ from oed.kernel.solution import Solution
 from oed.optimize import Context, Progress, Silent, Solver
 from oed.robots.baselines import baselines
 from oed.simulation.trial import run_trial
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
+from oed.workflow.studies import parse_study
 
 STUDY = """\
 format: 1

@@ -16,7 +16,8 @@ from oed.logs import read_logs
 from oed.optimize import Ipopt, solve
 from oed.records.path_file import write_trajectory
 from oed.study.starter import SENSORS, Choice, robots, sizes_needed, starter
-from oed.study.study import Study, load_study, parse_study
+from oed.study.study import Study
+from oed.workflow.studies import load_study, parse_study
 
 every_robot = pytest.mark.parametrize("robot", robots())
 LARGE = "8 m x 6 m"

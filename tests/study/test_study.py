@@ -15,7 +15,8 @@ from oed.foundation.errors import FileFlaw, StudyError
 from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import PosePrior, Poses, Ranges, Several, YawRate
-from oed.study.study import PathFile, json_schema, load_study, parse_study
+from oed.study.study import PathFile, json_schema
+from oed.workflow.studies import load_study, own_paths, parse_study
 
 STUDIES = sorted(PROBLEMS.glob("*.yaml"))
 
@@ -987,7 +988,7 @@ class TestOwnPaths:
     def flaws(folder: Path, *files: str) -> tuple[FileFlaw, ...]:
         study = saved_study(folder, SMALL + "baselines:\n" + "".join(f"- file: {file}\n" for file in files))
         with pytest.raises(StudyError) as caught:
-            study.own_paths()
+            own_paths(study)
         return caught.value.flaws
 
     def test_every_mistake_is_named_by_the_study_and_by_the_path(self, tmp_path: Path):
@@ -1039,3 +1040,9 @@ def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
     (flaw,) = [flaw for flaw in flaws if flaw.key == key]
     assert flaw.line == len(kept) + 1
     assert "expected at most" in flaw.message
+
+
+@pytest.mark.parametrize("name", ["load_study", "parse_study"])
+def test_readers_of_files_say_where_they_are_now(name: str):
+    with pytest.raises(ImportError, match=rf"oed\.study\.{name} is now oed\.{name}"):
+        exec(f"from oed.study import {name}")

@@ -12,10 +12,11 @@ from driven_robot import ROOM_STUDY, write_log
 from oed.foundation.errors import Failure, StudyError, UserMistake
 from oed.records.calibration_record import load_estimate
 from oed.records.record import Record, drive_of, save_record
-from oed.study.study import Study, load_study, parse_study
+from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive
 from oed.workflow.runner import run
+from oed.workflow.studies import load_study, parse_study
 
 SEARCH = "solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]"
 STUDY = f"{ROOM_STUDY}{SEARCH}\nbaselines: [square]\n"

@@ -12,9 +12,10 @@ from places import PROBLEMS
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.record import drive_of
 from oed.simulation.physics import FourWheels, Motion, drive
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.workflow.next_drive import next_drive
 from oed.workflow.runner import run
+from oed.workflow.studies import parse_study
 
 pytest.importorskip("mujoco")
 pytestmark = pytest.mark.slow

@@ -16,13 +16,14 @@ from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.record import Record, drive_of, load_record
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.uncertainty.departures import leaving
 from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.driven import score_logs
 from oed.workflow.next_drive import next_drive
 from oed.workflow.robustness import safe
 from oed.workflow.runner import run
+from oed.workflow.studies import parse_study
 
 WITHIN = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %, x: 1 cm}"
 ROBUST = "{confidence: 0.98, draws: 400}"
@@ -224,7 +225,7 @@ class TestDriven:
         study, record, folder, _ = driven
         drive = drive_of(record.result("square"))
         log = write_log(tmp_path / "square.csv", study.problem, drive, {})
-        scored = score_logs(study, [log], folder).first.entry
+        scored = score_logs(study, [log], folder).first.result
         margins = {one["limit"]: one["margin"] for one in scored["margins"]}
         tight = {one["limit"]: one["margin"] for one in record.result("square")["margins"]}
         assert margins["workspace"] > tight["workspace"] + 0.01

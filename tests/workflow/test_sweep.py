@@ -15,9 +15,9 @@ from oed.cli.terminal.console import print_sweep
 from oed.foundation.errors import Failure, RecordError
 from oed.foundation.work.folders import Draft
 from oed.records.record import Record, load_record, save_record
-from oed.study.study import load_study
 from oed.workflow.runner import run as real_run
 from oed.workflow.saving import NotSaved
+from oed.workflow.studies import load_study
 from oed.workflow.sweep import Axis, load_sweep, parse_axis, sweep
 from oed.workflow.sweep import run as running
 

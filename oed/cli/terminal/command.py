@@ -101,6 +101,6 @@ def told(notes: Sequence[str], trouble: Exception | None) -> None:
 def verdict(record: Record) -> int:
     """The exit code of a search for drives."""
     # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
-    searched = [entry for entry in record.results if entry["kind"] not in ("baseline", "path")]
-    found = any(entry["feasible"] for entry in searched or record.results)
-    return DONE if found and not record.data["interrupted"] else FAILED
+    searched = [one for one in record.results if one.kind not in ("baseline", "path")]
+    found = any(one.feasible for one in searched or record.results)
+    return DONE if found and not record.interrupted else FAILED

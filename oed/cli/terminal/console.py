@@ -15,11 +15,14 @@ from rich.text import Text
 
 from oed.cli.terminal.messages import tell
 from oed.foundation.shown import shown
-from oed.optimize import Progress, Silent
+from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
     import argparse
 
+    from oed.records.stored.certificate import StoredCertificate
+    from oed.records.stored.result import Result
+    from oed.records.stored.simulation import StoredRobustness
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
 
@@ -65,36 +68,36 @@ def progress(quiet: bool) -> Iterator[Progress]:
         bars.end()
 
 
-def print_results(results: Sequence[Mapping[str, Any]], robustness: Mapping[str, Any] | None = None) -> None:
+def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
     """Results as a table and their messages, on standard output; `robustness` as a record has it."""
-    reserved = () if robustness is None else robustness["limits"]
+    reserved = () if robustness is None else robustness.limits
     table = Table(box=None, pad_edge=False)
     for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
         # Text, for rich would take "[m]" for markup.
         table.add_column(Text(heading), justify="left" if heading == "name" else "right")
-    for entry in results:
+    for one in results:
         table.add_row(
-            _cell(entry["name"]),
-            number(entry["objective"]),
-            number(entry["smallest_singular_value"]),
-            number(entry["condition_number"]),
-            number(entry["norm_y"]),
-            number(entry["path_length"]),
-            "yes" if entry["feasible"] else "no",
-            number(entry["wall_seconds"], 3),
+            _cell(one.name),
+            number(one.objective),
+            number(one.smallest_singular_value),
+            number(one.condition_number),
+            number(one.norm_y),
+            number(one.path_length),
+            "yes" if one.feasible else "no",
+            number(one.wall_seconds, 3),
         )
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
-    for entry in results:
+    for one in results:
         # A path that was scored and can be driven has said all there is in its row.
-        if len(results) > 1 and entry["status"] == "scored" and entry["feasible"]:
+        if len(results) > 1 and one.status == "scored" and one.feasible:
             continue
-        _print_line(console, f"{entry['name']}: {entry['message']}")
-        for limit, amount in entry["violations"].items():
+        _print_line(console, f"{one.name}: {one.message}")
+        for limit, amount in one.violations.items():
             how = ", reserve for other robots included" if limit in reserved else ""
             _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
-        points = [one["limit"] for one in entry.get("margins") or () if one.get("certain") is False]
-        if points and entry["feasible"]:
+        points = [margin.limit for margin in one.margins if margin.certain is False]
+        if points and one.feasible:
             _print_line(console, f"  checked at points only, not between them: {', '.join(points)}")
 
 
@@ -136,29 +139,29 @@ def print_next(found: Mapping[str, Any]) -> None:
     tell(found["reason"])
 
 
-def print_certificate(certificate: Mapping[str, Any]) -> None:
+def print_certificate(certificate: StoredCertificate) -> None:
     """An upper bound with its method and assumptions, and the others that were found."""
     console = Console(width=None if sys.stdout.isatty() else 120)
-    lines = [f"no drive has an objective above {number(certificate['upper_bound'])}: {certificate['method']}"]
-    lines += [f"  assumes {assumption}" for assumption in certificate["assumptions"]]
-    if not certificate["complete"]:
-        lines.append(f"  ended after {certificate['nodes']} nodes; more of them (--nodes) may lower it")
-    widened = certificate["widened"]
+    lines = [f"no drive has an objective above {number(certificate.upper_bound)}: {certificate.method}"]
+    lines += [f"  assumes {assumption}" for assumption in certificate.assumptions]
+    if not certificate.complete:
+        lines.append(f"  ended after {certificate.nodes} nodes; more of them (--nodes) may lower it")
+    widened = certificate.widened
     if widened is not None:
         lines.append(
-            f"no drive that satisfies the limits within {percent(widened['tolerance'])} has one above "
-            f"{number(widened['upper_bound'])}"
+            f"no drive that satisfies the limits within {percent(widened.tolerance)} has one above "
+            f"{number(widened.upper_bound)}"
         )
-    if certificate["gap"] is not None:
-        loose = ", a loose bound" if certificate["loose"] else ""
-        exact = certificate["gap_to"] == certificate["upper_bound"]
-        satisfied = "exactly" if exact else f"within {percent(widened['tolerance'])}"
+    if certificate.gap is not None:
+        loose = ", a loose bound" if certificate.loose else ""
+        exact = certificate.gap_to == certificate.upper_bound
+        satisfied = "exactly" if exact or widened is None else f"within {percent(widened.tolerance)}"
         lines.append(
-            f"best drive known here: {number(certificate['best'])}, limits satisfied {satisfied}, "
-            f"gap {percent(certificate['gap'])} to the bound for such drives{loose}"
+            f"best drive known here: {number(certificate.best)}, limits satisfied {satisfied}, "
+            f"gap {percent(certificate.gap)} to the bound for such drives{loose}"
         )
-    for cap in certificate["caps"][1:]:
-        lines.append(f"  also {number(cap['upper_bound'])}: {cap['method']}")
+    for cap in certificate.caps[1:]:
+        lines.append(f"  also {number(cap.upper_bound)}: {cap.method}")
     for line in lines:
         _print_line(console, line)
 

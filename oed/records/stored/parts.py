@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -22,6 +22,24 @@ class Stored(BaseModel):
     def plain(self) -> dict[str, Any]:
         """As plain data, with what files of earlier versions leave out."""
         return self.model_dump()
+
+
+class Keyed(Stored, Mapping[str, Any]):
+    """A part that is read by its keys too, as the plain data that it stands for."""
+
+    def __getitem__(self, key: str) -> Any:
+        """What stands under a key."""
+        if key in type(self).model_fields:
+            return getattr(self, key)
+        return (self.model_extra or {})[key]
+
+    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
+        """The keys."""
+        return iter((*type(self).model_fields, *(self.model_extra or {})))
+
+    def __len__(self) -> int:
+        """How many keys there are."""
+        return len(type(self).model_fields) + len(self.model_extra or {})
 
 
 def _name(text: str) -> str:

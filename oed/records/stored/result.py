@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from oed.kernel.criteria import CRITERIA
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
+    Keyed,
     Name,
     Number,
     Numbers,
@@ -16,7 +19,6 @@ from oed.records.stored.parts import (
     Seed,
     Size,
     Sizes,
-    Stored,
     require_known,
     require_table,
 )
@@ -24,9 +26,11 @@ from oed.records.stored.parts import (
 KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 DEGREE = 7
 """Of splines, at most."""
+ROUNDING = 1e-6
+"""Share by which two eigenvalues that are one may differ: each is computed in its own way."""
 
 
-class Drive(Stored):
+class Drive(Keyed):
     """A drive's exact splines, and its poses at the samples."""
 
     degree: Annotated[int, Field(ge=0, le=DEGREE)]
@@ -36,6 +40,18 @@ class Drive(Stored):
     samples: Annotated[int, Field(ge=1)]
     runs: Annotated[int, Field(ge=1)] = 1
     poses: Sizes
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Its splines."""
+        return Trajectory(
+            np.array(self.knots),
+            self.degree,
+            np.array(self.coefficients),
+            np.array(self.start),
+            self.samples,
+            self.runs,
+        )
 
     @model_validator(mode="after")
     def _fits(self) -> Drive:
@@ -69,7 +85,7 @@ class Drive(Stored):
             raise ValueError(f"start: expected {width} numbers of each of {self.runs} runs")
 
 
-class Margin(Stored):
+class Margin(Keyed):
     """How much room a drive leaves to a limit."""
 
     limit: str
@@ -81,7 +97,7 @@ class Margin(Stored):
     certain: bool | None = None
 
 
-class StartPoint(Stored):
+class StartPoint(Keyed):
     """What a search made of one of its starts."""
 
     objective: Number | None
@@ -90,7 +106,7 @@ class StartPoint(Stored):
     iterations: Count
 
 
-class Progress(Stored):
+class Progress(Keyed):
     """The best objective after so many evaluations."""
 
     evaluations: Count
@@ -98,7 +114,7 @@ class Progress(Stored):
     objective: Number | None
 
 
-class Covariance(Stored):
+class Covariance(Keyed):
     """The predicted covariance of parameters that are told together."""
 
     parameters: Annotated[list[str], Field(min_length=1)]
@@ -113,8 +129,19 @@ class Covariance(Stored):
         return self
 
 
-class StoredResult(Stored):
-    """A result."""
+class Result(Keyed):
+    """What a search, a baseline or a path of the user's own came to; SI, None where there is no number.
+
+    Attributes:
+        name, kind, criterion, status, message, wall_seconds, starts, stages, history, seed: as a `Solution`
+            has them.
+        feasible, identifiable, singular, violations, objective, lambda_min, lambda_max, condition_number,
+            smallest_singular_value, norm_y, path_length, singular_values, standard_deviations, covariances,
+            margins: as an `Evaluation` has them.
+        trajectory: name of the drive's CSV file.
+        drive: the drive.
+        criteria: what other criteria say of it, by their kinds.
+    """
 
     name: Name
     kind: str
@@ -122,6 +149,8 @@ class StoredResult(Stored):
     status: str
     message: str
     feasible: bool
+    identifiable: bool | None = None
+    singular: bool | None = None
     violations: dict[str, Number]
     objective: Number | None
     lambda_min: Number | None
@@ -144,13 +173,18 @@ class StoredResult(Stored):
     criteria: dict[str, Number | None] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _known(self) -> StoredResult:
+    def _known(self) -> Result:
         if self.feasible and self.drive is None:
             raise ValueError("drive: expected that of a feasible result, got none")
         if self.drive is not None and self.path_length is None:
             raise ValueError("path_length: expected that of the drive, got none")
         require_known("criterion", [self.criterion or "E"], KINDS)
         require_known("criteria", self.criteria, KINDS)
-        if self.lambda_min is not None and self.lambda_max is not None and self.lambda_min > self.lambda_max:
-            raise ValueError(f"lambda_min: expected at most lambda_max, got {self.lambda_min:g}")
+        self._require_order()
         return self
+
+    def _require_order(self) -> None:
+        if self.lambda_min is None or self.lambda_max is None:
+            return
+        if self.lambda_min > (1 + ROUNDING) * self.lambda_max:
+            raise ValueError(f"lambda_min: expected at most lambda_max, got {self.lambda_min:g}")

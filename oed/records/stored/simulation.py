@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from oed.records.stored.parts import (
     Count,
+    Keyed,
     Line,
     Matrix,
     Name,
@@ -16,7 +17,6 @@ from oed.records.stored.parts import (
     Numbers,
     Seed,
     Share,
-    Stored,
     require_alike,
     require_different,
     require_known,
@@ -25,7 +25,7 @@ from oed.records.stored.parts import (
 from oed.simulation.monte_carlo import ALPHA
 
 
-class StoredCheck(Stored):
+class StoredCheck(Keyed):
     """A test of simulated estimates against what is promised."""
 
     name: str
@@ -36,7 +36,7 @@ class StoredCheck(Stored):
     passed: bool
 
 
-class Simulated(Stored):
+class Simulated(Keyed):
     """Simulated experiments with one drive."""
 
     name: Name
@@ -88,7 +88,7 @@ def require_covariance(what: str, matrix: Matrix) -> None:
                 raise ValueError(f"{what}.{place}.{other}: expected a correlation of at most 1")
 
 
-class StoredValidation(Stored):
+class StoredValidation(Keyed):
     """A record's `validation`: options left out are the usual ones."""
 
     replicates: Count = 0
@@ -99,7 +99,7 @@ class StoredValidation(Stored):
     results: list[Simulated]
 
 
-class Uncertain(Stored):
+class Uncertain(Keyed):
     """A parameter that may be another."""
 
     name: str
@@ -110,7 +110,7 @@ class Uncertain(Stored):
     uniform: bool
 
 
-class Tried(Stored):
+class Tried(Keyed):
     """How many robots leave the limits on a drive."""
 
     name: Name
@@ -126,7 +126,7 @@ class Tried(Stored):
     checked_at_points: list[str] | None = None
 
 
-class Paths(Stored):
+class Paths(Keyed):
     """Where robots drawn from the uncertainty go: points by robot and run."""
 
     name: Name
@@ -139,7 +139,7 @@ class Paths(Stored):
         return self
 
 
-class StoredRobustness(Stored):
+class StoredRobustness(Keyed):
     """A record's `robustness`."""
 
     kind: Literal["chance", "tube", "scenarios"]

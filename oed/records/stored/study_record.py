@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.parts import (
     Identifier,
+    Keyed,
     Number,
     Positive,
     Seed,
@@ -17,14 +18,14 @@ from oed.records.stored.parts import (
     require_different,
     require_known,
 )
-from oed.records.stored.result import StoredResult
+from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.trial import StoredTrial
 
 FORMAT = 1
 
 
-class StoredInput(Stored):
+class StoredInput(Keyed):
     """An input of the robot."""
 
     name: Identifier
@@ -32,14 +33,14 @@ class StoredInput(Stored):
     unit: str
 
 
-class StoredState(Stored):
+class StoredState(Keyed):
     """A state of the robot."""
 
     name: Identifier
     unit: str
 
 
-class StoredParameter(Stored):
+class StoredParameter(Keyed):
     """An estimated parameter."""
 
     name: Identifier
@@ -50,7 +51,7 @@ class StoredParameter(Stored):
     judged: bool = True
 
 
-class StoredNuisance(Stored):
+class StoredNuisance(Keyed):
     """What is estimated along."""
 
     name: str
@@ -80,7 +81,7 @@ class StudyRecord(Stored):
     states: list[StoredState] | None = None
     parameters: Annotated[list[StoredParameter], Field(min_length=1)]
     nuisances: list[StoredNuisance] = Field(default_factory=list)
-    results: list[StoredResult]
+    results: list[Result]
     best: str | None = None
     certificate: StoredCertificate | None
     robustness: StoredRobustness | None = None
@@ -105,7 +106,7 @@ class StudyRecord(Stored):
         self._require_simulated(names, parameters)
         return self
 
-    def _require_inputs(self, what: str, one: StoredResult) -> None:
+    def _require_inputs(self, what: str, one: Result) -> None:
         driven = [other for other in self.results if other.drive is not None]
         if one.drive is None:
             return

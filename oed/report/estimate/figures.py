@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
-from oed.report.estimate.reckoned import Reckoned
+from oed.report.estimate.reading import Reckoned
 from oed.report.estimate.residuals import (
     MOST_DOTS,
     Array,

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from oed.foundation.text import Unit, count, words
 from oed.report.estimate.numbers import known, own_unit
 
+Array = npt.NDArray[np.float64]
 Data = Mapping[str, Any]
 
 MOST_ROWS = 15
@@ -31,6 +35,22 @@ class Run:
         if both[0] is None or both[1] is None or not all(map(math.isfinite, both)):  # type: ignore[arg-type]
             return None
         return both[0], both[1]
+
+
+@dataclass(frozen=True)
+class Reckoned:
+    """One log's paths (n, 2) [m], NaN where they are interrupted."""
+
+    title: str
+    reference: Array
+    before: Array
+    after: Array
+
+    @property
+    def start(self) -> Array:
+        """The first measured position."""
+        told = np.isfinite(self.reference).all(axis=1)
+        return np.asarray(self.reference[told][0])
 
 
 def entries(data: Data, key: str) -> list[Mapping[str, Any]]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.report.estimate.reading import Data, entries
+from oed.report.estimate.reading import Data, Reckoned, entries
 from oed.report.parts.section import Picture, Section
 
 Array = npt.NDArray[np.float64]
@@ -19,22 +18,6 @@ MOST_PATHS = 6
 """Paths that are drawn."""
 LETTERS = 26
 """Of a panel's title."""
-
-
-@dataclass(frozen=True)
-class Reckoned:
-    """One log's paths (n, 2) [m], NaN where they are interrupted."""
-
-    title: str
-    reference: Array
-    before: Array
-    after: Array
-
-    @property
-    def start(self) -> Array:
-        """The first measured position."""
-        told = np.isfinite(self.reference).all(axis=1)
-        return np.asarray(self.reference[told][0])
 
 
 def reckoned(data: Data) -> Section | None:

@@ -12,10 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter, NullLocator
 
+from oed.report.figures.chart import Chart
 from oed.report.figures.panels import HANDLE, WIDTH, legend_columns, new_grid
 from oed.report.figures.plots import INK, as_drawn, line_style
-from oed.report.sweep import DECADE, Chart
 
+DECADE = 20.0
+"""Ratio of the largest to the smallest value from which an axis is logarithmic."""
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "///", "...", "xxx", "---", "+++")
 FILLS = ("#123f6d", "#e9c08a", "#8fb97a", "#dcb6cf", "#5b87b5", "#d9d9d9")

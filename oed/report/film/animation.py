@@ -147,7 +147,7 @@ def _chosen(record: Record, source: Record | str | Path, names: Sequence[str]) -
         raise UserMistake(f"results: expected at most {MOST_DRIVES}, got {len(asked)}")
     place = FILE if isinstance(source, Record) else str(folder_of(source) / FILE)
     there = ", ".join(str(entry["name"]) for entry in with_drive(record)) or "none"
-    entries = []
+    entries: list[Entry] = []
     for name in asked:
         entry = record.result(name)
         if entry is None or entry["drive"] is None:

@@ -9,14 +9,13 @@ from ctypes.util import find_library
 from pathlib import Path
 
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
-from oed.optimize import Progress
+from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, drive_of, load_record
 from oed.records.recorded_study import recorded_study
 from oed.report.film import require_format, require_length, usual_rate, write_frames
 from oed.report.film.animation import MadeFilm
 from oed.report.film.frame import Frame
 from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
-from oed.study.study import Study
 
 SIZE = (300, 400)
 """Height and width [pixels]."""
@@ -67,7 +66,8 @@ def film_physics(
         raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
     rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
     require_length(trajectory.duration / speed, rate, Path(file))
-    robot = _robot(recorded_study(saved, trust=trust))
+    study = recorded_study(saved, trust=trust)
+    robot = physics_robot(study.problem.model) if study.file.physics is None else study.file.physics.robot
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
     )
@@ -79,10 +79,6 @@ def _draw_without_a_screen() -> None:
     # The engine chooses its graphics library once, when it is loaded, and by itself one that needs a screen.
     if not {"MUJOCO_GL", "DISPLAY"} & os.environ.keys() and find_library("EGL"):
         os.environ["MUJOCO_GL"] = "egl"
-
-
-def _robot(study: Study) -> PhysicsRobot:
-    return physics_robot(study.problem.model) if study.file.physics is None else study.file.physics.robot
 
 
 def _told(

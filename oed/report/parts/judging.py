@@ -111,7 +111,7 @@ def useless(entry: Entry) -> bool:
 def rounded(entry: Entry) -> bool:
     """Whether a result's numbers are rounding, by a record of before results said so themselves."""
     smallest, largest = entry["lambda_min"], entry["lambda_max"]
-    return "singular" not in entry and smallest is not None and smallest <= SINGULAR * (largest or 0.0)
+    return entry.get("singular") is None and smallest is not None and smallest <= SINGULAR * (largest or 0.0)
 
 
 def objective_of(entry: Entry) -> float | None:

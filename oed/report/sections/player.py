@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from oed.records.record import Record, drive_of, rounded
+from oed.records.numbers import rounded
+from oed.records.record import Record, drive_of
 from oed.report.figures.driven import Array, poses_of
 from oed.report.parts.motion import view_of
 from oed.report.parts.reading import Entry, with_drive

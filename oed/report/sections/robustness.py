@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from oed.foundation.text import fixed, given_text, listing, quantity, significant, whole, words
-from oed.records.record import NOMINAL, Record
+from oed.kernel.solution import NOMINAL
+from oed.records.record import Record
 from oed.report.figures.driven import Bundle, poses_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.rooms import Room, room_of

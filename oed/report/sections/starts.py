@@ -31,7 +31,9 @@ SECOND_STAGES = {
 
 def starts(record: Record) -> Section | None:
     """Spread of the starts, per search, as dots and as a table; the stages in words."""
-    searches = [(aim_of(record, entry), entry) for entry in record.results if entry["starts"]]
+    searches: list[tuple[Aim, Entry]] = [
+        (aim_of(record, entry), entry) for entry in record.results if entry["starts"]
+    ]
     if not searches:
         return None
     own = study_aim(record).label

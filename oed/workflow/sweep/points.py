@@ -14,8 +14,9 @@ import yaml
 
 from oed.foundation.errors import FileError, FileFlaw, ProblemError, StudyError, UserMistake
 from oed.simulation.trial import require_ready
-from oed.study.study import Study, parse_study
+from oed.study.study import Study
 from oed.study.yaml_source import YamlSource, read_yaml
+from oed.workflow.studies import own_paths, parse_study
 from oed.workflow.sweep.axes import Axis
 
 LONG = 80
@@ -127,7 +128,7 @@ def _inside(data: Any, part: str | int, axis: Axis, put: bool = False) -> Any:
 def _require_runnable(study: Study) -> None:
     # What a run would find out only when it comes to it.
     study.require_identifiable()
-    study.own_paths()
+    own_paths(study)
     if study.file.physics is not None:
         require_ready(study.problem, study.file.physics)
 

@@ -189,7 +189,7 @@ class _Sweep:
             # Without room for this one there is none for the others.
             self.unsaved = error
             raise KeyboardInterrupt from None
-        if record.data["interrupted"]:
+        if record.interrupted:
             raise KeyboardInterrupt
 
     def _keep(self, place: Path) -> None:
@@ -207,9 +207,9 @@ class _Sweep:
             record = load_record(folder)
         except RecordError:
             return None
-        data, study = record.data, json.loads(json.dumps(self.points[index].study.echo()))
-        same = data["study"] == study and data["seed"] == self.seeds[index]
-        return record if same and not data["interrupted"] and data["oed_version"] == _version() else None
+        same = record.data["study"] == self.points[index].study.echo() and record.seed == self.seeds[index]
+        finished = not record.interrupted and record.data["oed_version"] == _version()
+        return record if same and finished else None
 
     def finish(self) -> Swept:
         """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
@@ -277,8 +277,8 @@ class _Sweep:
     def _row(self, index: int) -> dict[str, Any]:
         point, record = self.points[index], self.records.get(index)
         best = None if record is None else record.best
-        certificate = None if record is None else record.data["certificate"]
-        seconds = None if record is None else sum(entry["wall_seconds"] for entry in record.results)
+        certificate = None if record is None else record.certificate
+        seconds = None if record is None else sum(one.wall_seconds for one in record.results)
         return {
             "values": dict(point.texts),
             "numbers": dict(point.numbers),
@@ -287,12 +287,12 @@ class _Sweep:
             "record": None if record is None else f"{point.folder}/{RECORD}",
             **self._outcome(index, record),
             "seed": self.seeds[index],
-            "design": None if best is None else best["name"],
-            "objective": None if best is None else best["objective"],
-            "lambda_min": None if best is None else best["lambda_min"],
-            "standard_deviations": {} if best is None else dict(best["standard_deviations"]),
-            "upper_bound": None if certificate is None else certificate["upper_bound"],
-            "gap": None if certificate is None else certificate["gap"],
+            "design": None if best is None else best.name,
+            "objective": None if best is None else best.objective,
+            "lambda_min": None if best is None else best.lambda_min,
+            "standard_deviations": {} if best is None else dict(best.standard_deviations),
+            "upper_bound": None if certificate is None else certificate.upper_bound,
+            "gap": None if certificate is None else certificate.gap,
             "seconds": None if seconds is None else round(seconds, 6),
         }
 
@@ -302,14 +302,14 @@ class _Sweep:
         if record is None:
             return {"status": "not run", "message": "The sweep was interrupted before this point was done."}
         if record.best is None:
-            messages = (f"{entry['name']}: {entry['message']}" for entry in record.results)
+            messages = (f"{one.name}: {one.message}" for one in record.results)
             return {"status": "no feasible drive", "message": next(messages, "")}
-        return {"status": str(record.best["status"]), "message": str(record.best["message"])}
+        return {"status": record.best.status, "message": record.best.message}
 
 
 def _is_finished(folder: Path) -> bool:
     with suppress(RecordError, KeyError):
-        return folder.is_dir() and not load_record(folder).data["interrupted"]
+        return folder.is_dir() and not load_record(folder).interrupted
     return False
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 import oed
-from oed.study.study import load_study
+from oed.workflow.studies import load_study
 
 from ..generator.studies import draw_study
 

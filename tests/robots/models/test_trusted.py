@@ -22,10 +22,11 @@ from oed.kernel.solution import scored
 from oed.records.record import Record, load_record, save_record
 from oed.records.recorded_study import recorded_study
 from oed.robots.models import own_module
-from oed.study.study import Study, load_study, parse_study
+from oed.study.study import Study
 from oed.workflow.experiments import validated, validation_options
 from oed.workflow.next_drive import next_drive
 from oed.workflow.runner import record
+from oed.workflow.studies import load_study, parse_study
 
 MODULE = """
 from pathlib import Path

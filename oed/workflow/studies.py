@@ -1,0 +1,49 @@
+"""Studies from files and texts, with what they name besides: earlier records, and paths of the user's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from oed.foundation.errors import Flaw, PathFileError
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.records.path_file import read_trajectory
+from oed.records.recorded_prior import prior_of
+from oed.study.study import PathFile, Study, read_study
+from oed.study.yaml_source import parse_yaml, read_yaml
+
+
+def load_study(file: str | Path) -> Study:
+    """Read and cross-check a study file.
+
+    Raises:
+        StudyError: every mistake in the file, each with its line and key.
+    """
+    return read_study(read_yaml(file), prior_of)
+
+
+def parse_study(text: str, source: str = "study") -> Study:
+    """The study that YAML text describes; `source` stands for the file's name in errors.
+
+    Raises:
+        StudyError: every mistake in the text, each with its line and key.
+    """
+    return read_study(parse_yaml(text, source), prior_of)
+
+
+def own_paths(study: Study) -> dict[str, Trajectory]:
+    """The user's own paths that a study compares with, by name.
+
+    Raises:
+        StudyError: some that cannot be read, each with the line that names it and its own.
+    """
+    paths: dict[str, Trajectory] = {}
+    flaws: list[Flaw] = []
+    for index, path in enumerate(study.file.baselines):
+        if isinstance(path, PathFile):
+            try:
+                paths[path.label] = read_trajectory(study.folder / path.file, study.problem)
+            except PathFileError as error:
+                flaws += [Flaw(("baselines", index, "file"), str(flaw)) for flaw in error.flaws]
+    if flaws:
+        raise study.error(flaws)
+    return paths
