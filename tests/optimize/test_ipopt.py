@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_flagship, make_problem
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem, upper_bound
 from pydantic import ValidationError
 
 from oed.foundation.work.parallel import run_tasks
@@ -53,14 +53,14 @@ class TestFlagship:
 
     def test_the_cap_is_reached_and_not_exceeded(self, flagship_solution: Solution):
         objective = flagship_solution.evaluation.objective
-        assert 0.999 * cap(10) <= objective <= cap(10) * (1 + 1e-9)
+        assert 0.999 * upper_bound(10) <= objective <= upper_bound(10) * (1 + 1e-9)
         assert flagship_solution.status is Status.CONVERGED
 
     def test_nearly_every_start_reaches_it(self, flagship_solution: Solution):
         objectives = [start.objective or 0.0 for start in flagship_solution.starts]
         assert len(objectives) == 12
         assert sum(objective >= 0.99 * max(objectives) for objective in objectives) >= 11
-        assert max(objectives) <= cap(10) * (1 + 1e-9)
+        assert max(objectives) <= upper_bound(10) * (1 + 1e-9)
 
     def test_the_oracle_agrees(self, flagship: Problem, flagship_solution: Solution):
         scores = rescored(flagship, flagship_solution)
@@ -97,7 +97,7 @@ def settling(request) -> tuple[Problem, float, dict[str, Solution]]:
         stage: solve(problem, Ipopt(starts=2, perturbations=0, second_stage=stage), seed=1, workers=1)
         for stage in ("none", "logdet", "shortest_path")
     }
-    return problem, cap(segments), settled
+    return problem, upper_bound(segments), settled
 
 
 @pytest.mark.slow
@@ -174,7 +174,7 @@ def test_equal_optima_are_chosen_alike_whatever_the_workers(shared: list[Workers
     single, double = (solve(problem, options, seed=3, workers=workers) for workers in (1, 2))
     assert 2 in shared
     objectives = [start.objective for start in single.starts]
-    assert np.ptp(objectives) < 1e-6 * cap(10)
+    assert np.ptp(objectives) < 1e-6 * upper_bound(10)
     assert_same_design(single, double)
 
 
@@ -229,14 +229,14 @@ KNOWN_OPTIMA = {
         0.2**2 * 20 * 100 / 2,
         0.9,
     ),
-    "three segments": ({"design": DesignSpace(**SMALL), "measurement": THREE}, cap(3), 0.9999),
+    "three segments": ({"design": DesignSpace(**SMALL), "measurement": THREE}, upper_bound(3), 0.9999),
     "both regressors": (
         {
             "design": DesignSpace(**SMALL),
             "measurement": Displacements(segments=3, regressor="both"),
             "limits": (SPEED, BOX),
         },
-        cap(3),
+        upper_bound(3),
         0.9999,
     ),
     "unequal radii": (
@@ -244,10 +244,14 @@ KNOWN_OPTIMA = {
         4 * 3 * TRACK**2 / (0.05**2 + 0.045**2),
         0.9999,
     ),
-    "slip": ({"model": SLIPPING, "design": DesignSpace(**SMALL), "measurement": THREE}, cap(3), 0.9999),
+    "slip": (
+        {"model": SLIPPING, "design": DesignSpace(**SMALL), "measurement": THREE},
+        upper_bound(3),
+        0.9999,
+    ),
     "no rest": (
         {"design": DesignSpace(**SMALL, rest_to_rest=False), "measurement": THREE},
-        cap(3),
+        upper_bound(3),
         0.9999,
     ),
     "free start": (
@@ -256,7 +260,7 @@ KNOWN_OPTIMA = {
             "measurement": THREE,
             "limits": (SPEED, Rectangle(x=(3, 4), y=(-1, 0))),
         },
-        cap(3),
+        upper_bound(3),
         0.9999,
     ),
     "relative scaling": (
@@ -265,7 +269,7 @@ KNOWN_OPTIMA = {
             "measurement": Displacements(segments=3, noise={"position": "10 cm"}),
             "criterion": E(),
         },
-        cap(3) * (RADIUS / 2 / 0.1) ** 2,
+        upper_bound(3) * (RADIUS / 2 / 0.1) ** 2,
         0.9999,
     ),
 }
@@ -287,7 +291,7 @@ def test_known_optima(overrides, optimum: float, share: float):
 def test_the_papers_table_is_surpassed(three_segments: Problem, three_segment_solution: Solution):
     # Paper: s_min 8.70, cond / |y| = 3.35 / 100.83 cm. The cap on s_min is 8.998.
     evaluation = three_segment_solution.evaluation
-    assert 8.95 <= evaluation.smallest_singular_value <= np.sqrt(cap(3))
+    assert 8.95 <= evaluation.smallest_singular_value <= np.sqrt(upper_bound(3))
     assert evaluation.condition_number / (100 * evaluation.norm_y) <= 0.0323
     assert max(list(rescored(three_segments, three_segment_solution).values())[1:]) <= 1e-3
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, TRACK, cap, make_problem, random_drive
+from builders import RADIUS, TRACK, make_problem, random_drive, upper_bound
 
 from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
 from oed.kernel.evaluation import evaluate
@@ -85,7 +85,7 @@ class TestDesigns:
             assert len(np.unique(drive.start[:, 0])) == RUNS
 
     def test_the_cap_is_not_exceeded(self, search: str, start: str):
-        assert solved(search, start).evaluation.objective <= cap(RUNS * SEGMENTS) * (1 + 1e-9)
+        assert solved(search, start).evaluation.objective <= upper_bound(RUNS * SEGMENTS) * (1 + 1e-9)
 
     def test_the_number_of_workers_changes_nothing(self, search: str, start: str):
         one, two = solved(search, start), solve(problem_of(start), SEARCHES[search], seed=1, workers=2)
@@ -99,7 +99,9 @@ def test_the_optimum_of_all_runs_is_reached():
     space = DesignSpace(duration=8, samples=32, spline=Spline(coefficients=10), runs=RUNS)
     problem = make_problem(design=space, measurement=Displacements(segments=4))
     solution = solve(problem, Ipopt(starts=2, perturbations=0, second_stage="none"), seed=0, workers=1)
-    assert 0.999 * cap(4 * RUNS) <= solution.evaluation.objective <= cap(4 * RUNS) * (1 + 1e-9)
+    assert (
+        0.999 * upper_bound(4 * RUNS) <= solution.evaluation.objective <= upper_bound(4 * RUNS) * (1 + 1e-9)
+    )
     assert solution.status is Status.CONVERGED
     information, _ = by_oracle(solution.trajectory, 4)
     assert np.linalg.eigvalsh(information)[0] == pytest.approx(solution.evaluation.objective, rel=1e-8)

@@ -33,8 +33,8 @@ from oed.report.sections.candidates import candidates, repetitions_of
 from oed.report.sections.criteria import criteria
 from oed.report.sections.paper import paper
 from oed.robots.sensors import Several
-from oed.study.study import parse_study
 from oed.workflow.runner import record as record_of
+from oed.workflow.studies import parse_study
 
 FLAGSHIP = REPORTS / "choi_skid_steer"
 

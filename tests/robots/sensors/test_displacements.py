@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, cap, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive, upper_bound
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -147,7 +147,7 @@ def test_segment_information_depends_on_the_segments_ends_only(seed: int, segmen
 def test_no_drive_exceeds_the_cap(seed: int, segments: int, amplitude: float):
     problem = problem_for(ROBOTS[0].model, "arc", segments, "position")
     smallest = np.linalg.eigvalsh(position_information(problem, random_speeds(seed, amplitude)))[0]
-    assert smallest <= cap(segments) * (1 + 1e-12)
+    assert smallest <= upper_bound(segments) * (1 + 1e-12)
 
 
 @pytest.mark.slow
