@@ -13,7 +13,15 @@ from pathlib import Path
 
 from benchmarks.figure import Figure, figures_of
 
-BENCHMARKS: tuple[str, ...] = ("solve", "large", "population", "monte_carlo", "long_log", "start_up")
+BENCHMARKS: tuple[str, ...] = (
+    "solve",
+    "limits",
+    "large",
+    "population",
+    "monte_carlo",
+    "long_log",
+    "start_up",
+)
 """Modules of this folder, in the order of the table."""
 
 README = Path(__file__).parent.parent / "README.md"

@@ -103,9 +103,9 @@ class Limit(Component, ABC):
 
     Attributes:
         looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
-            of the drive by itself; "run", whole runs. Rows of instants are written for `Moment`s too, which
-            is how they are checked between the points of a drive. A limit that does not say (None) is
-            checked at the points of its rows only.
+            of the drive by itself, as its path and its motion have it; "run", whole runs. Rows of instants
+            are written for `Moment`s too, which is how they are checked between the points of a drive. A
+            limit that does not say (None) is checked at the points of its rows only.
         in_degrees: whether its angles are shown in degrees; those of wheels stay in rad/s, as data sheets
             have them.
     """

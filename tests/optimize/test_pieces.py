@@ -148,6 +148,16 @@ class Product(Sum):
         return at_most(drive.input_values[:, 0] * drive.input_values[:, 1], 60.0, "")
 
 
+class Begin(Limit):
+    """On where a run begins: moved by no unknown where that is fixed."""
+
+    name: ClassVar[str] = "begin"
+
+    def rows(self, drive: Drive) -> Rows:
+        first, _ = drive.ends_of(drive.path)
+        return at_most(ca.vec(first), 1.0, "")
+
+
 OWN = (Bend(), SPEED, Power(), Sum(), BOX)
 WHOLE_RUNS = (
     EndPosition(at="start"),
@@ -165,7 +175,15 @@ def space(**changes: Any) -> DesignSpace:
     return DesignSpace(**{**SPACE, **changes})
 
 
-QUICK = ("position", "heading", "coefficients from poses", "known start", "own limits", "whole runs")
+QUICK = (
+    "position",
+    "heading",
+    "coefficients from poses",
+    "known start",
+    "own limits",
+    "whole runs",
+    "a limit on what is fixed",
+)
 """Those that are tried every time."""
 PROBLEMS: dict[str, dict[str, Any]] = {
     "position": {},
@@ -191,6 +209,8 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "whole runs": {"limits": WHOLE_RUNS, "measurement": POSES},
     "whole runs from free starts": {"limits": WHOLE_RUNS, "design": FREE_RUNS, "measurement": POSES},
     "whole runs of segments": {"limits": WHOLE_RUNS, "design": space(runs=2)},
+    "a limit on what is fixed": {"limits": (SPEED, Begin())},
+    "a limit on free starts": {"limits": (SPEED, Begin(), BOX), "design": FREE_RUNS},
     "an end alone": {"limits": (SPEED, EndPosition(at={"x": 0.5, "y": 0}))},
     "a length alone": {"limits": (PathLength(bounds=3), SPEED)},
     "other limits than they say": {"limits": (Steps(), SPEED, Splines(), Held(), Product(), BOX)},

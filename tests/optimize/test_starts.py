@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from builders import ACCELERATION, make_problem
 
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.limit import Limit, Rows
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import perturbed, random_drives, starting_points
+from oed.optimize.transcription.starts import perturbed, random_drives, start_bounds, starting_points
 from oed.robots.limits import Rectangle, WheelSpeed
 
 TIGHT = Rectangle(x=(-0.2, 0.2), y=(-0.2, 0.2))
@@ -36,6 +40,30 @@ def test_random_drives_are_within_the_input_bounds_and_start_in_the_box(design):
         x, y, _ = design.trajectory(unknowns).start
         assert 3 <= x <= 4
         assert -2 <= y <= 0
+
+
+class Facing(Limit):
+    """A user's own limit: where the robot is, and where it looks."""
+
+    name: ClassVar[str] = "facing"
+    looks_at: ClassVar = "state"
+
+    def state_bounds(self) -> dict[str, tuple[float, float]]:
+        return {"y": (-1.0, 5.0), "heading": (0.0, 1.0)}
+
+    def rows(self, drive: Drive) -> Rows:
+        count = drive.path.shape[0]
+        return Rows(drive.path[:, 2], np.zeros(count), np.ones(count), 1.0, "rad")
+
+
+def test_free_starts_are_where_all_limits_let_states_be():
+    space = DesignSpace(**SPACE, start="free", runs=2)
+    limits = (WheelSpeed(bounds=10), Facing(), Rectangle(x=(3, 4), y=(-2, 0)))
+    bounds = start_bounds(DesignExpressions(make_problem(design=space, limits=limits)))
+    np.testing.assert_array_equal(bounds, [[3, 4], [-1, 0], [0, 1]] * 2)
+    alone = make_problem(design=space, limits=limits[:1])
+    expected = [[-1e-3, 1e-3], [-1e-3, 1e-3], [-np.pi, np.pi]] * 2
+    np.testing.assert_array_equal(start_bounds(DesignExpressions(alone)), expected)
 
 
 def test_amplitude_is_a_share_of_the_range_about_rest(design):

@@ -79,7 +79,7 @@ class Formulas:
         columns = list(self.states.columns) if self.states is not None else []
         given = ca.veccat(after[:, columns], held, terms.unknowns)
         self.needed = np.flatnonzero(ca.which_depends(self.stacked, given, 1, False)).tolist()
-        self.given = given[self.needed]
+        self.given = picked(given, self.needed)
         by_unknowns = ca.veccat(without_zeros(space.sampling_matrix) @ terms.coefficients, terms.unknowns)
         self.affine = ca.evalf(ca.jacobian(by_unknowns, terms.unknowns))
         self.linear = [self._linear(one.expression, after) for one in self.rows]
@@ -131,6 +131,11 @@ def _looked_at(rows: Expression, after: Expression) -> SampleStates | None:
     return SampleStates(columns=tuple(columns)) if columns else None
 
 
+def picked(table: Expression, rows: Sequence[int]) -> Expression:
+    """Some rows of a table; none of them is a table too."""
+    return table[list(rows), :] if len(rows) else type(table)(0, table.shape[1])
+
+
 @dataclass(frozen=True)
 class WholeRows:
     """Those rows and their derivatives by z, given the states and theirs.
@@ -148,7 +153,7 @@ class WholeRows:
         # Which unknowns move which row.
         affine = ca.DM(self.formulas.affine.sparsity(), 1.0)
         given = ca.vertcat(ca.sparsify(ca.DM(self.moved.astype(float))), affine)
-        return (ca.DM(self.formulas.pattern, 1.0) @ given[self.formulas.needed, :]).sparsity()
+        return (ca.DM(self.formulas.pattern, 1.0) @ picked(given, self.formulas.needed)).sparsity()
 
     @cached_property
     def _kept(self) -> list[int]:
@@ -167,20 +172,20 @@ class WholeRows:
         ]
 
     def _given(self, z: Expression, states: Expression) -> Expression:
-        return ca.densify(ca.vertcat(states, self.formulas.affine @ z))[self.formulas.needed]
+        return picked(ca.densify(ca.vertcat(states, self.formulas.affine @ z)), self.formulas.needed)
 
     def _given_slopes(self, slopes: Expression) -> Expression:
-        return ca.densify(ca.vertcat(slopes, self.formulas.affine)[self.formulas.needed, :])
+        return ca.densify(picked(ca.vertcat(slopes, self.formulas.affine), self.formulas.needed))
 
     def values(self, z: Expression, states: Expression) -> Expression:
         """The rows."""
-        return self.formulas.values(self._given(z, states))[self._kept]
+        return picked(self.formulas.values(self._given(z, states)), self._kept)
 
     def slopes(self, z: Expression, states: Expression, slopes: Expression) -> Expression:
         """Their derivatives (rows, size) by z, sparse, from those of the states."""
         along = self.formulas.along.map("along", "serial", z.shape[0], [0], [])
         dense = along(self._given(z, states), self._given_slopes(slopes))
-        return ca.project(dense, self._pattern)[self._kept, :]
+        return picked(ca.project(dense, self._pattern), self._kept)
 
     def weights(self, z: Expression, states: Expression, weights: Expression) -> Expression:
         """Weights that those of the rows give the states."""
@@ -189,7 +194,7 @@ class WholeRows:
         own = np.flatnonzero(needed < count)
         place = np.full(count, len(needed))
         place[needed[own]] = own
-        return ca.vertcat(gradient, ca.MX(1, 1))[place.tolist()]
+        return picked(ca.vertcat(gradient, ca.MX(1, 1)), place.tolist())
 
     def curvature(
         self, z: Expression, states: Expression, slopes: Expression, weights: Expression
@@ -203,4 +208,4 @@ class WholeRows:
         # To all rows, also those that no unknown moves.
         place = np.full(self._pattern.size1(), len(self._kept))
         place[self._kept] = np.arange(len(self._kept))
-        return ca.densify(ca.vertcat(weights, ca.MX(1, 1)))[place.tolist()]
+        return picked(ca.densify(ca.vertcat(weights, ca.MX(1, 1))), place.tolist())
