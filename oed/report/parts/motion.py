@@ -6,14 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from oed.records.record import Record
 from oed.report.figures.driven import Array, path_of, poses_of
 from oed.report.parts.reading import Entry
-from oed.report.parts.rooms import Room, corners, outline
+from oed.report.parts.rooms import Room
 
 MARGIN = 0.08
 """Room around the paths and the workspace, as a share of their size."""
@@ -82,10 +81,8 @@ def _along(first: Array, last: Array, shares: Array) -> Array:
 
 def view_of(record: Record, entries: Sequence[Entry], room: Room) -> tuple[float, float, float, float]:
     """x_min, x_max, y_min, y_max [m] of a view on drives, workspace and obstacles, with a margin."""
-    drawn: list[dict[str, Any]] = [
-        shape for shape in map(outline, (room.workspace, *room.obstacles)) if shape is not None
-    ]
-    shapes = [place for shape in drawn for place in corners(shape)]
+    boxes = [one.extent for one in (room.floor, *room.hatched) if one is not None]
+    shapes = [(x, y) for left, right, bottom, top in boxes for x, y in ((left, bottom), (right, top))]
     paths = [run.points for entry in entries for run in path_of(record, entry, sideways=False).runs]
     own = np.vstack(paths)
     points = np.vstack([own - room.body_radius, own + room.body_radius, np.reshape(shapes, (-1, 2))])
