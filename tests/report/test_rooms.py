@@ -216,8 +216,13 @@ def test_width_of_robots_with_and_without_a_track() -> None:
     body = changed(sample_rooms.omni(), "robot", kind="python", object="blimp:Blimp", body_radius=0.27)
     del body.data["study"]["robot"]["centre_distance"]
     assert robot_width(body) == pytest.approx(0.4)
-    del body.data["study"]["robot"]["body_radius"]
-    assert robot_width(body) == 0
+    radius = body.data["study"]["robot"].pop("body_radius")
+    assert robot_width(Record(body.data)) == 0
+    # Of robots of code the keys alone are known, in whatever units.
+    for track, width in (("30 cm", 0.3), (0.2, 0.2), ("wide", 0), (None, 0)):
+        given = changed(Record(body.data), "robot", track=track)
+        assert robot_width(given) == pytest.approx(width)
+    assert robot_width(changed(given, "robot", body_radius=radius)) == pytest.approx(0.4)
 
 
 @pytest.mark.slow

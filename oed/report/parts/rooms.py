@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,6 @@ from oed.robots.limits.outline import Outline
 
 Array = npt.NDArray[np.float64]
 
-WIDTHS = {"track": 1.0, "half_wheelbase_plus_half_track": 1.0, "centre_distance": 1.5, "wheelbase": 0.6}
-"""Key of a robot -> the width its body has, roughly, as a share of that length."""
 SLENDER = 1.35
 """How far a player's triangle reaches from the origin, in half its width."""
 
@@ -50,7 +49,7 @@ class Room:
 
 def room_of(record: Record) -> Room:
     """The room of a record's study."""
-    limits = record.study.limits
+    limits: Any = record.study.limits
     obstacles = () if limits.obstacles is None else limits.obstacles.shapes
     return Room(limits.workspace, obstacles, beacons(record), record.study.robot.body_radius)
 
@@ -73,16 +72,6 @@ def body_text(room: Room) -> str:
 
 def robot_width(record: Record) -> float:
     """Width [m] of the triangle that stands for the robot; 0 where its size is not known."""
-    robot = record.data["study"]["robot"]
-    known = (share * float(robot[key]) for key, share in WIDTHS.items() if key in robot)
-    inside = 2 * float(robot.get("body_radius") or math.inf) / SLENDER
-    width = next(known, inside)
-    return min(width, inside) if math.isfinite(width) else 0.0
-
-
-def trailer_of(record: Record) -> tuple[float, float] | None:
-    """From the robot's origin back to its hitch, and from there to the trailer's axle [m]; None without."""
-    robot = record.data["study"]["robot"]
-    if "trailer_length" not in robot:
-        return None
-    return float(robot.get("hitch_offset", 0.0)), float(robot["trailer_length"])
+    robot = record.study.robot
+    width = min(robot.width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
+    return width if math.isfinite(width) else 0.0

@@ -8,7 +8,7 @@ from oed.records.record import Record, drive_of, rounded
 from oed.report.figures.driven import Array, poses_of
 from oed.report.parts.motion import view_of
 from oed.report.parts.reading import Entry, with_drive
-from oed.report.parts.rooms import Room, robot_width, room_of, trailer_of
+from oed.report.parts.rooms import Room, robot_width, room_of
 from oed.report.parts.section import Animation, Section
 from oed.robots.limits.outline import Outline
 
@@ -28,7 +28,7 @@ def player(record: Record) -> Section | None:
         obstacles=tuple(map(_plain, room.hatched)),
         width=robot_width(record),
         body_radius=room.body_radius,
-        trailer=trailer_of(record),
+        trailer=record.study.robot.towed,
     )
     return Section("The drive, played", paragraphs=(_text(record, room),), animation=animation)
 
@@ -42,10 +42,11 @@ def _plain(outline: Outline) -> dict[str, Any]:
 
 
 def _text(record: Record, room: Room) -> str:
-    track = "track" in record.data["study"]["robot"]
+    robot = record.study.robot
+    track = hasattr(robot, "track")
     told = ["the triangle's base is as wide as the track" if track else "the triangle points where it heads"]
     told += ["the circle is its body"] if room.body_radius else []
-    told += ["the bar is the trailer, from the hitch to its axle"] if trailer_of(record) else []
+    told += ["the bar is the trailer, from the hitch to its axle"] if robot.towed else []
     return f"Press Play in `report.html` to see the robot drive; {', '.join(told)}."
 
 
