@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from oed.records.record import Record, drive_of
 from oed.report.parts.reading import NOWHERE, Entry, heading, segments, with_drive
+from oed.robots.models.arcs import mean_speeds, moves
 
 Array = npt.NDArray[np.float64]
 
@@ -114,27 +115,17 @@ def moves_sideways(record: Record) -> bool:
 
 
 def _goes_sideways(poses: Array) -> bool:
-    _, lateral = _moves(poses)
+    _, lateral = moves(poses)
     sideways = float(np.abs(lateral).sum())
     length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
     return sideways > max(NOWHERE, LATERAL * length)
 
 
-def _moves(poses: Array) -> tuple[Array, Array]:
-    # Along and across the mean heading of every period, (N,) [m]: a robot without lateral speed has no
-    # second one, whether it is moved by chords of arcs or by the midpoint rule.
-    x, y, angle = np.diff(poses[:, :3], axis=0).T
-    middle = poses[:-1, 2] + angle / 2
-    return x * np.cos(middle) + y * np.sin(middle), y * np.cos(middle) - x * np.sin(middle)
-
-
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    speed = np.hypot(np.diff(x), np.diff(y)) / period
-    if record.study.trajectory.integration == "arc":
-        speed = speed / np.sinc(np.clip(np.diff(angle) / (2 * np.pi), -0.75, 0.75))
+    speed = mean_speeds(poses, period, record.study.trajectory.integration)
     if not sideways:
-        speed = np.where(_moves(poses)[0] >= 0, speed, -speed)
+        speed = np.where(moves(poses)[0] >= 0, speed, -speed)
     return Run(x, y, angle, speed, _edges(record, len(speed)), _trailer(record, poses))
 
 

@@ -13,6 +13,7 @@ from oed.records.record import Record
 from oed.report.figures.driven import Array, path_of, poses_of
 from oed.report.parts.reading import Entry
 from oed.report.parts.rooms import Room
+from oed.robots.models.arcs import between
 
 MARGIN = 0.08
 """Room around the paths and the workspace, as a share of their size."""
@@ -62,21 +63,9 @@ def motion(poses: Array, duration: float) -> Motion:
     sharpest = float(np.abs(np.diff(states[:, 2])).max(initial=0.0))
     steps = int(np.clip(math.ceil(sharpest / TURN), 1, FINEST))
     shares = np.arange(steps) / steps
-    between = np.concatenate([_along(*pair, shares) for pair in pairwise(states)])
-    fine = np.vstack([between, states[-1]])
+    parts = np.concatenate([between(*pair, shares) for pair in pairwise(states)])
+    fine = np.vstack([parts, states[-1]])
     return Motion(np.linspace(0.0, duration, len(fine)), fine)
-
-
-def _along(first: Array, last: Array, shares: Array) -> Array:
-    # A constant twist: the chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the
-    # whole chord, turned back by (1 - s) a/2.
-    found: Array = first + shares[:, None] * (last - first)
-    turn = last[2] - first[2]
-    if abs(turn) < 2 * math.pi - TURN:
-        chord = complex(*(last - first)[:2]) / np.sinc(turn / (2 * np.pi))
-        parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
-        found[:, 0], found[:, 1] = first[0] + parts.real, first[1] + parts.imag
-    return found
 
 
 def view_of(record: Record, entries: Sequence[Entry], room: Room) -> tuple[float, float, float, float]:
