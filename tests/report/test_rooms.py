@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,9 +24,9 @@ from oed.report.figures.driven import path_of, paths_of
 from oed.report.figures.path_panels import paths
 from oed.report.page import script_data, sections_of
 from oed.report.parts.reading import with_drive
-from oed.report.parts.rooms import Room, outline, robot_width, room_of
+from oed.report.parts.rooms import Room, robot_width, room_of
 from oed.report.parts.section import Section
-from oed.robots.limits import LIMITS
+from oed.robots.limits import Circle as CircularRoom
 from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 
 
@@ -60,9 +61,17 @@ def test_every_room_gets_a_whole_report(name: str, tmp_path: Path) -> None:
 
 
 def test_every_kind_of_shape_has_an_outline() -> None:
-    kinds = {one.model_fields["kind"].default for one in (*WORKSPACES, *OBSTACLES)}
-    assert kinds == set(path_figures.OUTLINES)
-    assert "obstacles" in LIMITS
+    keys = {"x": (0, 2), "y": (1, 4)}, {"x": 0.5, "y": 2, "radius": 1}, {"points": [(0, 0), (2, 0), (1, 2)]}
+    given = {"rectangle": keys[0], "circle": keys[1], "polygon": keys[2]}
+    extents = {"rectangle": (0, 2, 1, 4), "circle": (-0.5, 1.5, 1, 3), "polygon": (0, 2, 0, 2)}
+    for one in (*WORKSPACES, *OBSTACLES):
+        kind = one.model_fields["kind"].default
+        shape = one(**given[kind])
+        assert shape.outline.extent == extents[kind]
+        ax = path_figures.plot_room(Figure().subplots(), Room(shape))
+        assert ax.patches[0].get_extents().transformed(ax.transData.inverted()).extents == pytest.approx(
+            np.array(extents[kind])[[0, 2, 1, 3]]
+        )
 
 
 def test_polygon_and_obstacles_are_drawn_in_every_panel() -> None:
@@ -121,7 +130,7 @@ def test_a_robot_that_drives_sideways_never_drives_backwards() -> None:
 
 
 def test_sideways_motion_is_seen_of_unlisted_robots() -> None:
-    record = changed(sample_rooms.omni(), "robot", kind="hovercraft")
+    record = changed(sample_rooms.omni(), "robot", kind="python", object="hover:Craft")
     assert path_of(record, record.results[0]).sideways
     assert not path_of(full(), full().results[0]).sideways
     assert not any(path.sideways for path in paths_of(sample_rooms.steered(), sample_rooms.steered().results))
@@ -187,17 +196,16 @@ def test_player_knows_the_trailer() -> None:
     assert "trailer" not in section(full(), "The drive, played").animation.drives[0]
 
 
-def test_outlines_as_plain_data() -> None:
-    assert outline(None) is None
-    assert outline({"kind": "blob"}) is None
-    rectangle = outline({"kind": "rectangle", "x": [0, 2], "y": [1, 4]})
-    assert rectangle == {"points": [[0, 1], [2, 1], [2, 4], [0, 4]]}
-
-
 def test_unknown_shapes_are_left_out() -> None:
+    class Blob(CircularRoom):
+        """A room of the user's own."""
+
+        outline: ClassVar[None] = None
+
     record = full()
-    figure = paths(paths_of(record, with_drive(record)), Room({"kind": "blob"}))
+    figure = paths(paths_of(record, with_drive(record)), Room(Blob(radius=1)))
     assert not figure.axes[0].patches
+    assert paths(paths_of(record, with_drive(record)), Room(CircularRoom(radius=1))).axes[0].patches
 
 
 def test_width_of_robots_with_and_without_a_track() -> None:
@@ -205,11 +213,16 @@ def test_width_of_robots_with_and_without_a_track() -> None:
     assert robot_width(sample_rooms.steered()) == pytest.approx(0.6 * 0.33)
     # Inside its circle, as the sum of half the wheelbase and half the track is wider than that.
     assert robot_width(sample_rooms.crab()) == pytest.approx(0.3 / 1.35)
-    body = changed(sample_rooms.omni(), "robot", kind="blimp", body_radius=0.27)
+    body = changed(sample_rooms.omni(), "robot", kind="python", object="blimp:Blimp", body_radius=0.27)
     del body.data["study"]["robot"]["centre_distance"]
     assert robot_width(body) == pytest.approx(0.4)
-    del body.data["study"]["robot"]["body_radius"]
-    assert robot_width(body) == 0
+    radius = body.data["study"]["robot"].pop("body_radius")
+    assert robot_width(Record(body.data)) == 0
+    # Of robots of code the keys alone are known, in whatever units.
+    for track, width in (("30 cm", 0.3), (0.2, 0.2), ("wide", 0), (None, 0)):
+        given = changed(Record(body.data), "robot", track=track)
+        assert robot_width(given) == pytest.approx(width)
+    assert robot_width(changed(given, "robot", body_radius=radius)) == pytest.approx(0.4)
 
 
 @pytest.mark.slow

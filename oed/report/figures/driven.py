@@ -9,11 +9,10 @@ import numpy.typing as npt
 
 from oed.records.record import Record, drive_of
 from oed.report.parts.reading import NOWHERE, Entry, heading, segments, with_drive
+from oed.robots.models.arcs import mean_speeds, moves
 
 Array = npt.NDArray[np.float64]
 
-SIDEWAYS = ("mecanum", "omni_three")
-"""Robots that drive sideways as well as ahead."""
 LATERAL = 0.01
 """Share of its way that a drive goes sideways, above which its robot counts as one of those."""
 
@@ -110,49 +109,29 @@ def poses_of(entry: Entry) -> list[Array]:
 
 def moves_sideways(record: Record) -> bool:
     """Whether the record's robot drives sideways as well as ahead: by its kind, or seen from its drives."""
-    if record.data["study"]["robot"]["kind"] in SIDEWAYS:
+    if record.study.robot.sideways:
         return True
     return any(_goes_sideways(poses) for entry in with_drive(record) for poses in poses_of(entry))
 
 
 def _goes_sideways(poses: Array) -> bool:
-    _, lateral = _moves(poses)
+    _, lateral = moves(poses)
     sideways = float(np.abs(lateral).sum())
     length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
     return sideways > max(NOWHERE, LATERAL * length)
 
 
-def _moves(poses: Array) -> tuple[Array, Array]:
-    # Along and across the mean heading of every period, (N,) [m]: a robot without lateral speed has no
-    # second one, whether it is moved by chords of arcs or by the midpoint rule.
-    x, y, angle = np.diff(poses[:, :3], axis=0).T
-    middle = poses[:-1, 2] + angle / 2
-    return x * np.cos(middle) + y * np.sin(middle), y * np.cos(middle) - x * np.sin(middle)
-
-
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    speed = np.hypot(np.diff(x), np.diff(y)) / period
-    if record.data["study"]["trajectory"]["integration"] == "arc":
-        speed = speed / np.sinc(np.clip(np.diff(angle) / (2 * np.pi), -0.75, 0.75))
+    speed = mean_speeds(poses, period, record.study.trajectory.integration)
     if not sideways:
-        speed = np.where(_moves(poses)[0] >= 0, speed, -speed)
+        speed = np.where(moves(poses)[0] >= 0, speed, -speed)
     return Run(x, y, angle, speed, _edges(record, len(speed)), _trailer(record, poses))
 
 
 def _trailer(record: Record, poses: Array) -> Array | None:
-    robot = record.data["study"]["robot"]
-    if "trailer_length" not in robot or poses.shape[1] < 4:
-        return None
-    x, y, angle, joint = poses[:, :4].T
-    behind, length, along = (
-        float(robot.get("hitch_offset", 0.0)),
-        float(robot["trailer_length"]),
-        angle + joint,
-    )
-    axle_x = x - behind * np.cos(angle) - length * np.cos(along)
-    axle_y = y - behind * np.sin(angle) - length * np.sin(along)
-    return np.column_stack([axle_x, axle_y])
+    robot = record.study.robot
+    return robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
 
 
 def _edges(record: Record, samples: int) -> npt.NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -10,13 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.markers import MarkerStyle
-from matplotlib.patches import Circle, Patch, Polygon, Rectangle
-from matplotlib.path import Path as Outline
+from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.path import Path as Shape
 
 from oed.report.figures.driven import Array, Path, Run
 from oed.report.figures.plots import FAINT, INK
 from oed.report.parts.reading import NOWHERE
 from oed.report.parts.rooms import Room
+from oed.robots.limits.outline import Outline
 
 ARROWS = 10
 """Direction arrows per path at most, at full size."""
@@ -26,21 +27,12 @@ NUMBERS_APART = 0.08
 """Least distance between the numbers of two runs, as a share of the panel's width."""
 MOST_TICKS = 40
 """Segments beyond which their boundaries are not marked."""
-ARROW = Outline([(-0.9, -0.75), (1.0, 0.0), (-0.9, 0.75), (-0.9, -0.75)], closed=True)
-POINTER = Outline(
+ARROW = Shape([(-0.9, -0.75), (1.0, 0.0), (-0.9, 0.75), (-0.9, -0.75)], closed=True)
+POINTER = Shape(
     [(0, 0), (1.0, 0), (0.72, 0.17), (1.0, 0), (0.72, -0.17)],
-    [Outline.MOVETO, Outline.LINETO, Outline.MOVETO, Outline.LINETO, Outline.LINETO],
+    [Shape.MOVETO, Shape.LINETO, Shape.MOVETO, Shape.LINETO, Shape.LINETO],
 )
 """A thin open arrow from the path to where the robot faces."""
-
-OUTLINES: dict[str, Callable[[Mapping[str, Any]], Patch]] = {
-    "rectangle": lambda area: Rectangle(
-        (area["x"][0], area["y"][0]), area["x"][1] - area["x"][0], area["y"][1] - area["y"][0]
-    ),
-    "circle": lambda area: Circle((area["x"], area["y"]), area["radius"]),
-    "polygon": lambda area: Polygon(area["points"], closed=True),
-}
-"""Kind of a workspace or an obstacle -> its outline, from the study's echo."""
 
 
 def speed_colours(boundaries: Sequence[float]) -> tuple[ListedColormap, BoundaryNorm]:
@@ -51,15 +43,20 @@ def speed_colours(boundaries: Sequence[float]) -> tuple[ListedColormap, Boundary
 
 
 def plot_room(ax: Axes, room: Room) -> Axes:
-    """Workspace, obstacles and beacons [m]; nothing for kinds without an outline."""
-    for shape, look in ((room.workspace, FLOOR), *((one, OBSTACLE) for one in room.obstacles)):
-        if shape and shape["kind"] in OUTLINES:
-            patch = OUTLINES[shape["kind"]](shape)
-            patch.set(**look)
-            ax.add_patch(patch)
+    """Workspace, obstacles and beacons [m]; nothing of what has no outline."""
+    if room.floor is not None:
+        ax.add_patch(_patch(room.floor, FLOOR))
+    for obstacle in room.hatched:
+        ax.add_patch(_patch(obstacle, OBSTACLE))
     for x, y in room.beacons:
         ax.plot(x, y, **BEACON)
     return ax
+
+
+def _patch(outline: Outline, look: Mapping[str, Any]) -> Patch:
+    if outline.radius:
+        return Circle(outline.points[0], outline.radius, **look)
+    return Polygon(outline.points, closed=True, **look)
 
 
 FLOOR: dict[str, Any] = {"facecolor": "#f4f4f1", "edgecolor": FAINT, "linewidth": 1.0, "zorder": 0}
@@ -169,7 +166,7 @@ def _mark_segments(ax: Axes, run: Run, scale: float, sideways: bool) -> None:
     along = _motion(run)[run.edges] if sideways else run.heading[run.edges]
     x, y, across = run.x[run.edges], run.y[run.edges], along + np.pi / 2
     for tick_x, tick_y, angle in zip(x, y, across, strict=True):
-        marker = MarkerStyle(Outline([(-1, 0), (1, 0)])).rotated(rad=angle)
+        marker = MarkerStyle(Shape([(-1, 0), (1, 0)])).rotated(rad=angle)
         ax.plot(
             tick_x,
             tick_y,

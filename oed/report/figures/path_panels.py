@@ -19,7 +19,8 @@ from oed.report.figures import path_figures
 from oed.report.figures.driven import Bundle, Path
 from oed.report.figures.panels import BEYOND, WIDTH, Grid, legend_columns, new_grid
 from oed.report.figures.plots import INK, as_drawn
-from oed.report.parts.rooms import Room, Shape
+from oed.report.parts.rooms import Room
+from oed.robots.limits.outline import Outline
 
 HANDLE = 0.45
 """Width of what stands before an entry of the legend, and of the gap after it [inch]."""
@@ -53,7 +54,7 @@ def paths(drives: Sequence[Path], room: Room) -> Figure:
 
 def bundles(cases: Sequence[Bundle], room: Room) -> Figure:
     """One panel per drive on one scale: where robots with other parameters go."""
-    area = _extent_of(room.workspace)
+    area = _extent_of(room.floor)
     points = np.vstack([np.vstack([*case.inside, *case.outside, *case.nominal]) for case in cases])
     everything = Bbox.from_extents(*points.min(axis=0), *points.max(axis=0))
     widest = everything if area is None else area.padded(BEYOND * max(area.width, area.height))
@@ -105,9 +106,9 @@ def _speed_bar(grid: Grid, boundaries: Sequence[float]) -> None:
 def _view(drives: Sequence[Path], room: Room) -> Bbox:
     # All that is feasible, and of what lies about and of drives that break limits as much as leaves that
     # in sight.
-    area = _extent_of(room.workspace)
+    area = _extent_of(room.floor)
     marks = [Bbox.from_extents(x, y, x, y) for x, y in room.beacons]
-    marks += [box for box in map(_extent_of, room.obstacles) if box]
+    marks += [box for box in map(_extent_of, room.hatched) if box]
     everything = [_extent(drive, room) for drive in drives] + marks + ([area] if area else [])
     core = [_extent(drive, room) for drive in drives if drive.feasible] + ([area] if area else [])
     if not core:
@@ -130,11 +131,11 @@ def _speed_classes(drives: Sequence[Path]) -> list[float]:
     return [float(level) for level in locator.tick_values(0.0, fastest if fastest > 0 else 1.0)]
 
 
-def _extent_of(shape: Shape | None) -> Bbox | None:
-    if shape is None or shape["kind"] not in path_figures.OUTLINES:
+def _extent_of(outline: Outline | None) -> Bbox | None:
+    if outline is None:
         return None
-    patch = path_figures.OUTLINES[shape["kind"]](shape)
-    return patch.get_path().transformed(patch.get_patch_transform()).get_extents()
+    left, right, bottom, top = outline.extent
+    return Bbox.from_extents(left, bottom, right, top)
 
 
 def _path_columns(count: int, box: Bbox) -> int:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from oed.records.record import Record
 from oed.report.parts.motion import Motion, motions_of, view_of
 from oed.report.parts.reading import Entry, heading
-from oed.report.parts.rooms import Room, robot_width, room_of, trailer_of
+from oed.report.parts.rooms import Room, robot_width, room_of
+from oed.robots.models import Model
 
 PAUSE = 0.6
 """Rest between two runs [s of the film]."""
@@ -50,14 +51,14 @@ class Scene:
         room: in which it drives.
         view: x_min, x_max, y_min, y_max of what is in sight [m].
         width: of the robot [m]; 0 where it is not known.
-        trailer: from the robot's origin to the hitch, and from there to the trailer's axle [m].
+        robot: itself, for what it tows.
     """
 
     title: str
     room: Room
     view: tuple[float, float, float, float]
     width: float
-    trailer: tuple[float, float] | None
+    robot: Model
 
 
 def cast_of(entry: Entry) -> Cast:
@@ -69,4 +70,4 @@ def scene_of(record: Record, entries: Sequence[Entry]) -> Scene:
     """What surrounds these drives of a record."""
     room = room_of(record)
     view = view_of(record, entries, room)
-    return Scene(str(record.data["study"]["name"]), room, view, robot_width(record), trailer_of(record))
+    return Scene(str(record.data["study"]["name"]), room, view, robot_width(record), record.study.robot)

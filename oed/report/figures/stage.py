@@ -119,7 +119,7 @@ class _Panel:
             self._body = ax.add_patch(Circle((0.0, 0.0), scene.room.body_radius, **BODY))
             self._moving.insert(1, self._body)
         self._tow: tuple[Line2D, Line2D] | None = None
-        if scene.trailer is not None and cast.runs[0].poses.shape[1] > 3:
+        if scene.robot.towed is not None and cast.runs[0].poses.shape[1] > 3:
             self._tow = (ax.plot([], [], **TOW)[0], ax.plot([], [], **HITCH)[0])
             self._moving[1:1] = self._tow
         self._half = 0.0
@@ -148,15 +148,12 @@ class _Panel:
     def _draw_tow(self, pose: Array) -> None:
         # From the hitch to the trailer's axle, and the axle.
         assert self._tow is not None
-        assert self._scene.trailer is not None
-        offset, length = self._scene.trailer
-        bar, hitch = self._tow
-        place = _placed(np.array([(-offset, 0.0)]), pose)
-        along = np.array([*place[0], pose[2] + pose[3]])
-        shape = np.array([(0.0, 0.0), (-length, 0.0), (-length, 0.9), (-length, -0.9)])
-        shape[2:, 1] *= self._half
-        bar.set_data(*_placed(shape, along).T)
-        hitch.set_data(*place.T)
+        bar, mark = self._tow
+        hitch, axle = self._scene.robot.body(pose[None])[0]
+        ahead = (hitch - axle) / math.hypot(*(hitch - axle))
+        left = 0.9 * self._half * np.array([-ahead[1], ahead[0]])
+        bar.set_data(*np.array([hitch, axle, axle + left, axle - left]).T)
+        mark.set_data(*hitch[:, None])
 
 
 def _clock(cast: Cast, number: int, time: float) -> str:

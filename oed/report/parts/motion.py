@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from oed.records.record import Record
 from oed.report.figures.driven import Array, path_of, poses_of
 from oed.report.parts.reading import Entry
-from oed.report.parts.rooms import Room, corners, outline
+from oed.report.parts.rooms import Room
+from oed.robots.models.arcs import between
 
 MARGIN = 0.08
 """Room around the paths and the workspace, as a share of their size."""
@@ -63,29 +63,15 @@ def motion(poses: Array, duration: float) -> Motion:
     sharpest = float(np.abs(np.diff(states[:, 2])).max(initial=0.0))
     steps = int(np.clip(math.ceil(sharpest / TURN), 1, FINEST))
     shares = np.arange(steps) / steps
-    between = np.concatenate([_along(*pair, shares) for pair in pairwise(states)])
-    fine = np.vstack([between, states[-1]])
+    parts = np.concatenate([between(*pair, shares) for pair in pairwise(states)])
+    fine = np.vstack([parts, states[-1]])
     return Motion(np.linspace(0.0, duration, len(fine)), fine)
-
-
-def _along(first: Array, last: Array, shares: Array) -> Array:
-    # A constant twist: the chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the
-    # whole chord, turned back by (1 - s) a/2.
-    found: Array = first + shares[:, None] * (last - first)
-    turn = last[2] - first[2]
-    if abs(turn) < 2 * math.pi - TURN:
-        chord = complex(*(last - first)[:2]) / np.sinc(turn / (2 * np.pi))
-        parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
-        found[:, 0], found[:, 1] = first[0] + parts.real, first[1] + parts.imag
-    return found
 
 
 def view_of(record: Record, entries: Sequence[Entry], room: Room) -> tuple[float, float, float, float]:
     """x_min, x_max, y_min, y_max [m] of a view on drives, workspace and obstacles, with a margin."""
-    drawn: list[dict[str, Any]] = [
-        shape for shape in map(outline, (room.workspace, *room.obstacles)) if shape is not None
-    ]
-    shapes = [place for shape in drawn for place in corners(shape)]
+    boxes = [one.extent for one in (room.floor, *room.hatched) if one is not None]
+    shapes = [(x, y) for left, right, bottom, top in boxes for x, y in ((left, bottom), (right, top))]
     paths = [run.points for entry in entries for run in path_of(record, entry, sideways=False).runs]
     own = np.vstack(paths)
     points = np.vstack([own - room.body_radius, own + room.body_radius, np.reshape(shapes, (-1, 2))])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,12 +11,11 @@ import numpy.typing as npt
 
 from oed.records.record import Record
 from oed.report.parts.reading import beacons
+from oed.robots.limits import Obstacle, Workspace
+from oed.robots.limits.outline import Outline
 
 Array = npt.NDArray[np.float64]
-Shape = Mapping[str, Any]
 
-WIDTHS = {"track": 1.0, "half_wheelbase_plus_half_track": 1.0, "centre_distance": 1.5, "wheelbase": 0.6}
-"""Key of a robot -> the width its body has, roughly, as a share of that length."""
 SLENDER = 1.35
 """How far a player's triangle reaches from the origin, in half its width."""
 
@@ -27,24 +25,33 @@ class Room:
     """What surrounds the paths.
 
     Attributes:
-        workspace: the study's echo of it, None without one.
-        obstacles: their echoes.
+        workspace: None without one.
+        obstacles: in it.
         beacons: (n, 2) [m].
         body_radius: the distance that the robot's origin keeps from walls and obstacles [m], 0 of a point.
     """
 
-    workspace: Shape | None = None
-    obstacles: tuple[Shape, ...] = ()
+    workspace: Workspace | None = None
+    obstacles: tuple[Obstacle, ...] = ()
     beacons: Array = field(default_factory=lambda: np.zeros((0, 2)))
     body_radius: float = 0.0
+
+    @property
+    def floor(self) -> Outline | None:
+        """What is drawn of the workspace; None for nothing."""
+        return None if self.workspace is None else self.workspace.outline
+
+    @property
+    def hatched(self) -> tuple[Outline, ...]:
+        """What is drawn of the obstacles."""
+        return tuple(one.outline for one in self.obstacles if one.outline is not None)
 
 
 def room_of(record: Record) -> Room:
     """The room of a record's study."""
-    limits, robot = record.data["study"]["limits"], record.data["study"]["robot"]
-    obstacles = (limits.get("obstacles") or {}).get("shapes", ())
-    radius = float(robot.get("body_radius") or 0.0)
-    return Room(limits.get("workspace"), tuple(obstacles), beacons(record), radius)
+    limits: Any = record.study.limits
+    obstacles = () if limits.obstacles is None else limits.obstacles.shapes
+    return Room(limits.workspace, obstacles, beacons(record), record.study.robot.body_radius)
 
 
 def surroundings_text(room: Room) -> str:
@@ -63,38 +70,8 @@ def body_text(room: Room) -> str:
     return f"{circles}, which has to stay {' and '.join(kept)}." if kept else f"{circles}."
 
 
-def outline(shape: Shape | None) -> dict[str, Any] | None:
-    """A shape as a circle (x, y, radius) or a polygon (points), lengths in m; None for any other kind."""
-    if shape is None:
-        return None
-    if shape["kind"] == "circle":
-        return {key: float(shape[key]) for key in ("x", "y", "radius")}
-    if shape["kind"] == "rectangle":
-        (left, right), (bottom, top) = shape["x"], shape["y"]
-        return {"points": [[left, bottom], [right, bottom], [right, top], [left, top]]}
-    return {"points": [list(point) for point in shape["points"]]} if shape["kind"] == "polygon" else None
-
-
-def corners(drawn: Mapping[str, Any]) -> list[tuple[float, float]]:
-    """Points [m] that span an outline's bounding box."""
-    if "points" in drawn:
-        return [(float(x), float(y)) for x, y in drawn["points"]]
-    x, y, radius = drawn["x"], drawn["y"], drawn["radius"]
-    return [(x - radius, y - radius), (x + radius, y + radius)]
-
-
 def robot_width(record: Record) -> float:
     """Width [m] of the triangle that stands for the robot; 0 where its size is not known."""
-    robot = record.data["study"]["robot"]
-    known = (share * float(robot[key]) for key, share in WIDTHS.items() if key in robot)
-    inside = 2 * float(robot.get("body_radius") or math.inf) / SLENDER
-    width = next(known, inside)
-    return min(width, inside) if math.isfinite(width) else 0.0
-
-
-def trailer_of(record: Record) -> tuple[float, float] | None:
-    """From the robot's origin back to its hitch, and from there to the trailer's axle [m]; None without."""
-    robot = record.data["study"]["robot"]
-    if "trailer_length" not in robot:
-        return None
-    return float(robot.get("hitch_offset", 0.0)), float(robot["trailer_length"])
+    robot = record.study.robot
+    width = min(robot.width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
+    return width if math.isfinite(width) else 0.0

@@ -9,8 +9,9 @@ from oed.records.record import Record, drive_of
 from oed.report.figures.driven import Array, poses_of
 from oed.report.parts.motion import view_of
 from oed.report.parts.reading import Entry, with_drive
-from oed.report.parts.rooms import Room, outline, robot_width, room_of, trailer_of
+from oed.report.parts.rooms import Room, robot_width, room_of
 from oed.report.parts.section import Animation, Section
+from oed.robots.limits.outline import Outline
 
 
 def player(record: Record) -> Section | None:
@@ -21,24 +22,32 @@ def player(record: Record) -> Section | None:
     best = record.best
     entries.sort(key=lambda entry: best is None or entry["name"] != best["name"])
     room = room_of(record)
-    floor, obstacles = outline(room.workspace), tuple(filter(None, map(outline, room.obstacles)))
     animation = Animation(
         drives=tuple(run for entry in entries for run in _runs(entry)),
         view=view_of(record, entries, room),
-        workspace=floor,
-        obstacles=obstacles,
+        workspace=None if room.floor is None else _plain(room.floor),
+        obstacles=tuple(map(_plain, room.hatched)),
         width=robot_width(record),
         body_radius=room.body_radius,
-        trailer=trailer_of(record),
+        trailer=record.study.robot.towed,
     )
     return Section("The drive, played", paragraphs=(_text(record, room),), animation=animation)
 
 
+def _plain(outline: Outline) -> dict[str, Any]:
+    # As the player draws it.
+    if outline.radius:
+        x, y = outline.points[0]
+        return {"x": x, "y": y, "radius": outline.radius}
+    return {"points": [list(point) for point in outline.points]}
+
+
 def _text(record: Record, room: Room) -> str:
-    track = "track" in record.data["study"]["robot"]
+    robot = record.study.robot
+    track = hasattr(robot, "track")
     told = ["the triangle's base is as wide as the track" if track else "the triangle points where it heads"]
     told += ["the circle is its body"] if room.body_radius else []
-    told += ["the bar is the trailer, from the hitch to its axle"] if trailer_of(record) else []
+    told += ["the bar is the trailer, from the hitch to its axle"] if robot.towed else []
     return f"Press Play in `report.html` to see the robot drive; {', '.join(told)}."
 
 

@@ -16,6 +16,7 @@ from oed.report.parts.judging import study_aim
 from oed.report.parts.rooms import Room, room_of
 from oed.report.parts.section import Picture, Section
 from oed.report.parts.tables import Cell, Column, Table
+from oed.robots.limits import EndHeading, EndPosition
 
 Entry = Mapping[str, Any]
 
@@ -58,8 +59,8 @@ def _uncertain(data: Entry) -> str:
 
 def _ends(record: Record) -> str:
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
-    given = record.data["study"]["limits"]
-    ends = [words(name) for name in ("end_position", "end_heading") if given.get(name)]
+    given = record.study.limits
+    ends = [words(name) for name in (EndPosition.name, EndHeading.name) if getattr(given, name, None)]
     return f"The {listing(ends)} asked for is that of the nominal robot." if ends else ""
 
 

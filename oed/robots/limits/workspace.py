@@ -17,6 +17,7 @@ from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.limit import Limit, PathLimit, Rows, magnitude
+from oed.robots.limits.outline import Extent, Outline
 from oed.robots.limits.shapes import (
     ConvexShape,
     Point,
@@ -30,8 +31,6 @@ from oed.robots.limits.shapes import (
     walls_and_pockets,
 )
 from oed.robots.models.model import Model
-
-Extent = tuple[float, float, float, float]
 
 
 def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -98,6 +97,11 @@ class Workspace(Area):
         x_min, x_max, y_min, y_max = self.extent
         return {"x": (x_min, x_max), "y": (y_min, y_max)}
 
+    @property
+    def outline(self) -> Outline | None:
+        """What is drawn of it; None for nothing."""
+        return None
+
     def widened_extent(self, share: float) -> Extent:
         """Bounding box [m] of the room whose rows may be exceeded by `share` of their size.
 
@@ -160,6 +164,12 @@ class Rectangle(Workspace):
         """The rectangle itself [m]."""
         return (*self.x, *self.y)
 
+    @property
+    def outline(self) -> Outline:
+        """The rectangle itself."""
+        (left, right), (bottom, top) = self.x, self.y
+        return Outline(((left, bottom), (right, bottom), (right, top), (left, top)))
+
     def widened_extent(self, share: float) -> Extent:
         """The rectangle with every side farther out [m]."""
         return _farther_out(self.extent, self._spare(share))
@@ -184,7 +194,12 @@ class Circle(Workspace):
     @property
     def extent(self) -> Extent:
         """The square around it [m]."""
-        return self.x - self.radius, self.x + self.radius, self.y - self.radius, self.y + self.radius
+        return self.outline.extent
+
+    @property
+    def outline(self) -> Outline:
+        """The circle itself."""
+        return Outline(((self.x, self.y),), self.radius)
 
     def widened_extent(self, share: float) -> Extent:
         """The square around a larger circle [m]."""
@@ -206,8 +221,12 @@ class Polygon(Workspace):
     @property
     def extent(self) -> Extent:
         """Its bounding box [m]."""
-        x, y = zip(*self.points, strict=True)
-        return min(x), max(x), min(y), max(y)
+        return self.outline.extent
+
+    @property
+    def outline(self) -> Outline:
+        """The polygon itself."""
+        return Outline(self.points)
 
     @property
     def middle(self) -> Point:
@@ -261,6 +280,11 @@ class Obstacle(Component):
     def size(self) -> float:
         """Half its smaller extent [m]."""
 
+    @property
+    def outline(self) -> Outline | None:
+        """What is drawn of it; None for nothing."""
+        return None
+
 
 class CircularObstacle(Obstacle):
     """A column of `radius` [m] at x, y [m]."""
@@ -278,6 +302,11 @@ class CircularObstacle(Obstacle):
     def size(self) -> float:
         """Its radius [m]."""
         return self.radius
+
+    @property
+    def outline(self) -> Outline:
+        """The circle itself."""
+        return Outline(((self.x, self.y),), self.radius)
 
 
 class PolygonalObstacle(Obstacle):
@@ -300,6 +329,11 @@ class PolygonalObstacle(Obstacle):
     def size(self) -> float:
         """Half its thickness [m], of its ends as well."""
         return half_thickness(self.points)
+
+    @property
+    def outline(self) -> Outline:
+        """The polygon itself."""
+        return Outline(self.points)
 
 
 OBSTACLES: tuple[type[Obstacle], ...] = (CircularObstacle, PolygonalObstacle)

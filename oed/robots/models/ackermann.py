@@ -38,6 +38,11 @@ class Ackermann(Model):
         )
 
     @property
+    def width(self) -> float:
+        """That of a car of such a wheelbase [m]."""
+        return 0.6 * self.wheelbase
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius, wheelbase [m], steering_offset [rad], steering_gain [1]."""
         return (

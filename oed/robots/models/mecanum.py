@@ -23,6 +23,7 @@ class Mecanum(Model):
     kind: Literal["mecanum"] = "mecanum"
     wheel_radius: PositiveLength
     half_wheelbase_plus_half_track: PositiveLength
+    sideways: ClassVar[bool] = True
     inputs: ClassVar[tuple[Input, ...]] = tuple(
         Input(f"wheel_speed_{corner}", "wheel_speed", "rad/s") for corner in CORNERS
     )
@@ -31,6 +32,11 @@ class Mecanum(Model):
         ("c21", "c22", "c23", "c24"),
         ("c31", "c32", "c33", "c34"),
     )
+
+    @property
+    def width(self) -> float:
+        """As much as its length [m]."""
+        return self.half_wheelbase_plus_half_track
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

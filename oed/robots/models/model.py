@@ -98,6 +98,8 @@ class Model(Component, ABC):
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
+    sideways: ClassVar[bool] = False
+    """Whether it drives sideways as well as ahead."""
     skids: ClassVar[bool] = False
     """Whether it turns by sliding over the ground, which nobody can tell from its geometry."""
     short_forms: ClassVar[tuple[str, ...]] = ()
@@ -182,6 +184,20 @@ class Model(Component, ABC):
     def physical(self) -> Model:
         """The robot with its physical constants as parameters: itself, unless seen through coefficients."""
         return self
+
+    @property
+    def width(self) -> float:
+        """Width of its body, roughly [m]; 0 where its geometry says nothing of it."""
+        return 0.0
+
+    @property
+    def towed(self) -> tuple[float, float] | None:
+        """Of a robot with a trailer how far behind its origin the hitch is, and the axle behind that [m]."""
+        return None
+
+    def body(self, states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Positions (n, joints, 2) [m] of what it tows, in these states (n, states): hitch and axle."""
+        return np.zeros((len(states), 0, 2))
 
     @property
     def nominal(self) -> list[float]:

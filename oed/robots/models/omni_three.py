@@ -24,6 +24,7 @@ class OmniThree(Model):
     kind: Literal["omni_three"] = "omni_three"
     wheel_radius: PositiveLength
     centre_distance: PositiveLength
+    sideways: ClassVar[bool] = True
     inputs: ClassVar[tuple[Input, ...]] = tuple(
         Input(f"wheel_speed_{place}", "wheel_speed", "rad/s") for place in PLACES
     )
@@ -32,6 +33,11 @@ class OmniThree(Model):
         ("c21", "c22", "c23"),
         ("c31", "c32", "c33"),
     )
+
+    @property
+    def width(self) -> float:
+        """Of the triangle of its wheels [m]."""
+        return 1.5 * self.centre_distance
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

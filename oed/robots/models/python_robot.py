@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validator
 
 from oed.foundation.errors import UserMistake
+from oed.foundation.quantities import parse_quantity
 from oed.kernel.dynamics.expression import Expression
 from oed.robots.models.model import Input, Model, Parameter
 from oed.robots.models.own_code import in_words, lent_streams
@@ -71,6 +72,14 @@ class PythonRobot(Model):
             # Whatever it is, even one that ends programs without a word.
             raise ValueError(f"{self.object} cannot be made: {in_words(error)}") from None
         return made
+
+    @property
+    def width(self) -> float:
+        """Its `track` [m], if it is given one; no code is run for it."""
+        try:
+            return parse_quantity((self.model_extra or {}).get("track", 0.0), "m")
+        except ValueError:
+            return 0.0
 
     @property
     def short_forms(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
@@ -45,6 +47,19 @@ class TractorTrailer(TwoSidedGeometry, Model):
             Parameter("hitch_offset", self.hitch_offset, "m", self.trailer_length),
             Parameter("trailer_length", self.trailer_length, "m"),
         )
+
+    @property
+    def towed(self) -> tuple[float, float]:
+        """From its axle back to the hitch, and from there to the trailer's axle [m]."""
+        return self.hitch_offset, self.trailer_length
+
+    def body(self, states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The hitch and the trailer's axle, (n, 2, 2) [m]."""
+        x, y, heading, angle = states[:, :4].T
+        origin, along = np.column_stack([x, y]), heading + angle
+        hitch = origin - self.hitch_offset * np.column_stack([np.cos(heading), np.sin(heading)])
+        axle = hitch - self.trailer_length * np.column_stack([np.cos(along), np.sin(along)])
+        return np.stack([hitch, axle], axis=1)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """The tractor's matrix c (2, 2) [Choi, eq. 6]."""

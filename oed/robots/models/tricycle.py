@@ -29,6 +29,11 @@ class Tricycle(Model):
     )
 
     @property
+    def width(self) -> float:
+        """That of a cart of such a wheelbase [m]."""
+        return 0.6 * self.wheelbase
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius, wheelbase [m], steering_offset [rad]."""
         return (

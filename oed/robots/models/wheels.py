@@ -34,6 +34,11 @@ class TwoSidedGeometry(Component):
     wheel_radius_left: PositiveLength | None = None
     track: PositiveLength
 
+    @property
+    def width(self) -> float:
+        """The track [m]."""
+        return self.track
+
     @model_validator(mode="after")
     def _one_way_to_give_radii(self) -> TwoSidedGeometry:
         sides = (self.wheel_radius_right, self.wheel_radius_left)

@@ -1,0 +1,52 @@
+"""Arcs between samples: where a robot of constant twist is on its way from one pose to the next."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.robots.models.model import Integration
+
+Array = npt.NDArray[np.float64]
+
+FULL_TURN = 2 * math.pi - 0.05
+"""Turn [rad] from which a chord says too little of its arc."""
+MOST_TURNS = 0.75
+"""Turns in a period at most that a mean speed is corrected for: its chord vanishes at 1."""
+
+
+def between(first: Array, last: Array, shares: Array) -> Array:
+    """States (k, states) at shares (k,) of the time from one state to the next, on the arc between them.
+
+    The chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the whole chord, turned
+    back by (1 - s) a/2; states other than x and y change evenly.
+    """
+    found: Array = first + shares[:, None] * (last - first)
+    turn = last[2] - first[2]
+    if abs(turn) < FULL_TURN:
+        chord = complex(*(last - first)[:2]) / np.sinc(turn / (2 * np.pi))
+        parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
+        found[:, 0], found[:, 1] = first[0] + parts.real, first[1] + parts.imag
+    return found
+
+
+def mean_speeds(poses: Array, period: float, integration: Integration) -> Array:
+    """Mean speed of each period (N,) [m/s] between poses (N + 1, states): along its arc, or its chord."""
+    x, y, angle = np.diff(poses[:, :3], axis=0).T
+    speed = np.hypot(x, y) / period
+    if integration == "arc":
+        speed = speed / np.sinc(np.clip(angle / (2 * np.pi), -MOST_TURNS, MOST_TURNS))
+    return np.asarray(speed)
+
+
+def moves(poses: Array) -> tuple[Array, Array]:
+    """Ways (N,) [m] along and across the mean heading of every period.
+
+    A robot without lateral speed has no second one, whether it is moved by chords of arcs or by the midpoint
+    rule.
+    """
+    x, y, angle = np.diff(poses[:, :3], axis=0).T
+    middle = poses[:-1, 2] + angle / 2
+    return x * np.cos(middle) + y * np.sin(middle), y * np.cos(middle) - x * np.sin(middle)
