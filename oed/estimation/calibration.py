@@ -31,7 +31,7 @@ from oed.estimation.setup.alternatives import alternative_flaws
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
-from oed.kernel.problem import Problem, prior_of
+from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Integration, Model, coefficient_values
 
@@ -238,11 +238,10 @@ class _Work:
             return None
         matrix = np.zeros((len(parameters),) * 2)
         for one in self.problem.any_estimations:
-            names = [name for name in one.parameters if name in parameters]
-            prior = prior_of(self.problem.prior, one.block, names)
-            if prior is not None:
-                places = [parameters.index(name) for name in names]
-                matrix[np.ix_(places, places)] += prior
+            own = [index for index, name in enumerate(one.parameters) if name in parameters]
+            if one.prior is not None and own:
+                places = [parameters.index(one.parameters[index]) for index in own]
+                matrix[np.ix_(places, places)] += one.prior[np.ix_(own, own)]
         return matrix
 
     def _covariances(self, fit: Fit, segmenting: Segmenting | None) -> tuple[Covariance, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import oracle
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import strategies as st
 from sample_robots import ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
 from oed.estimation.prediction.segments import SegmentReadings
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.measurement.sensor import LeverArm, Sensor, readings
+from oed.robots.sensors import Poses, Ranges, YawRate
 
 COUNT, PERIODS = 3, 6
 XYH = ("x", "y", "heading")
@@ -25,15 +29,15 @@ def drawn(robot: Example, seed: int = 0) -> dict[str, np.ndarray]:
         "inputs": inputs.reshape(COUNT, PERIODS, -1),
         "times": rng.uniform(0.05, 0.2, (COUNT, PERIODS)),
         "parameters": np.array(model.nominal) * (1 + rng.uniform(-0.02, 0.02, len(model.nominal))),
-        "place": np.array([0.12, -0.07, 0.3]),
+        "nuisances": np.array([0.12, -0.07, 0.3]),
     }
 
 
 def readings_of(robot: Example, quantities=None, rule="arc", periods: int = PERIODS) -> SegmentReadings:
-    return SegmentReadings(robot.model, rule, quantities or robot.model.states, COUNT, periods)
+    return SegmentReadings.logged(robot.model, rule, quantities or robot.model.states, COUNT, periods)
 
 
-def plain(robot: Example, rule: str, starts, inputs, times, parameters, place) -> np.ndarray:
+def plain(robot: Example, rule: str, starts, inputs, times, parameters, nuisances) -> np.ndarray:
     """The same, period by period."""
     motion, found = motion_by_parameters(robot), []
     for start, held, steps in zip(starts, inputs, times, strict=True):
@@ -45,7 +49,7 @@ def plain(robot: Example, rule: str, starts, inputs, times, parameters, place) -
             inner = robot.internal(states[-1], asked, step, parameters) if robot.internal else []
             states.append(np.concatenate([pose, inner]))
         x, y, heading, *rest = np.array(states).T
-        ahead, left, turned = place
+        ahead, left, turned = nuisances
         across = np.cos(heading), np.sin(heading)
         read = [
             x + ahead * across[0] - left * across[1],
@@ -96,7 +100,7 @@ class TestReadings:
             for name, values in arguments.items()
         }
         one |= {"inputs": one["inputs"][:, :1], "times": one["times"][:, :1]}
-        found = SegmentReadings(robot.model, "arc", XYH, 1, 1)(**one)
+        found = SegmentReadings.logged(robot.model, "arc", XYH, 1, 1)(**one)
         assert found.shape == (1, 2, 3)
         assert found[0] == pytest.approx(readings_of(robot)(**arguments)[0, :2], abs=1e-14)
 
@@ -129,7 +133,7 @@ class TestDerivatives:
                     "parameters": arguments["parameters"] + point[:size],
                     # Every start moves by the same: rows of other segments do not depend on it.
                     "starts": arguments["starts"] + point[size : size + states],
-                    "place": arguments["place"] + point[size + states :],
+                    "nuisances": arguments["nuisances"] + point[size + states :],
                 }
             )
 
@@ -144,3 +148,40 @@ class TestDerivatives:
         changed = readings(**other) != readings(**arguments)
         assert changed[1].any()
         assert not changed[[0, 2]].any()
+
+
+SENSORS = (
+    Ranges(beacons=((4.0, 3.0), (-3.5, 2.5)), noise=3e-3, every=2, lever_arm=LeverArm(x=0.1, known=False)),
+    YawRate(noise=0.02),
+    YawRate(noise=0.02, every=4, bias="known"),
+    Poses(quantities=("heading", "x"), noise={"position": 1e-3, "position_per_speed": 0.02, "heading": 0.01}),
+)
+
+
+class TestAnySensor:
+    """A segment is a drive: what a sensor reads of it is what a design counts on."""
+
+    @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: f"{sensor.kind} {sensor.every}")
+    @pytest.mark.parametrize("robot", [ROBOTS[0], ROBOTS[-1]], ids=str)
+    def test_reads_what_it_reads_of_a_drive(self, robot: Example, sensor: Sensor):
+        arguments = drawn(robot)
+        arguments["times"][:] = 0.1
+        arguments["nuisances"] = np.array([one.nominal for one in sensor.nuisances])
+        segments = SegmentReadings(robot.model, "arc", sensor, COUNT, PERIODS)
+        found, slopes = segments.derivatives(**arguments)
+        assert np.array_equal(segments(**arguments), found)
+        white = segments.whitening(**arguments)
+        for index in range(COUNT):
+            drive = roll_out(
+                robot.model,
+                "arc",
+                inputs=ca.DM(arguments["inputs"][index]),
+                start=ca.DM(arguments["starts"][index]),
+                parameters=ca.DM(arguments["parameters"]),
+                period=ca.DM(0.1),
+            )
+            expected = readings(sensor, drive)
+            rows = found[index].size
+            np.testing.assert_allclose(found[index].ravel(), np.array(expected.response).ravel(), atol=1e-12)
+            np.testing.assert_allclose(slopes[index].reshape(rows, -1), expected.jacobian, atol=1e-10)
+            np.testing.assert_allclose(np.hstack(white[index]), expected.whitening, rtol=1e-10)

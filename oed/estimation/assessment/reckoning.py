@@ -109,7 +109,7 @@ def _stretches(
     inputs = layout.inputs(offsets)
 
     def paths(quantities: tuple[str, ...]) -> Callable[[Array], Array]:
-        readings = SegmentReadings(robot, integration, quantities, layout.count, layout.periods)
+        readings = SegmentReadings.logged(robot, integration, quantities, layout.count, layout.periods)
         return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
 
     further = further_starts(robot, integration, layout, offsets, parameters)

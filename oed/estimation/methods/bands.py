@@ -1,9 +1,11 @@
-"""Symmetric block-tridiagonal matrices of 3 x 3 blocks, kept as their lower band (6, 3 S).
+"""Symmetric matrices kept as their lower band; that of windows, (6, 3 S), is of 3 x 3 blocks.
 
 Entry (j + d, j) of the matrix is entry (d, j) of the band. What is beyond the matrix's end is 0.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,19 +35,26 @@ def banded(own: Array, below: Array | None = None) -> Array:
     return band
 
 
+def band_of(matrix: Any, width: int) -> Array:
+    """The lower band (width + 1, n) of a sparse symmetric matrix (n, n)."""
+    return np.stack(
+        [np.pad(matrix.diagonal(-off), (0, min(off, matrix.shape[0]))) for off in range(width + 1)]
+    )
+
+
 def factor(band: Array) -> Array:
     """The band of the lower triangular L of a positive matrix L L'."""
     return np.asarray(scipy.linalg.cholesky_banded(band, lower=True))
 
 
 def whitened(root: Array, rows: Array) -> Array:
-    """L^-1 times rows (3 S, k): as independent of each other as their noise L L' makes them."""
+    """L^-1 times rows (n, k): as independent of each other as their noise L L' makes them."""
     found, _ = scipy.linalg.lapack.dtbtrs(root, rows, uplo="L")
     return np.asarray(found)
 
 
 def weighed(root: Array, white: Array) -> Array:
-    """L^-T times rows (3 S, k)."""
+    """L^-T times rows (n, k)."""
     found, _ = scipy.linalg.lapack.dtbtrs(root, white, uplo="L", trans="T")
     return np.asarray(found)
 

@@ -11,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gls import WeighedWindows
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
-from oed.estimation.methods.window_fit import window_fit
+from oed.estimation.methods.two_stage import TwoStage
+from oed.estimation.methods.windows import Windows, usual_seconds
 from oed.estimation.prediction.layout import Layout, cut
 from oed.estimation.preprocessing.ready import ReadyLogs
 from oed.estimation.setup.noise import group_of, specified_noise
@@ -117,15 +119,25 @@ class Fitting:
             last.append(found.values)
             return found
 
+        chosen = self.options.segment
+        seconds = math.inf if isinstance(chosen, str) else chosen
         if self.options.method != "joint":
-            known, stated = self._known(unknowns), self._stated(logs[0])
-            found = window_fit(self.options, layout, unknowns, self.integration, offsets, known, stated)
-            return None, found
-        if self.options.segment == "auto":
+            length = usual_seconds(layout(math.inf)) if chosen == "auto" else seconds
+            return None, self._over_windows(Windows(layout(length), unknowns, self.integration, offsets))
+        if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
             return segmenting, segmenting.fit
-        seconds = math.inf if self.options.segment == "log" else self.options.segment
         return None, fit(layout(seconds))
+
+    def _over_windows(self, windows: Windows) -> Fit:
+        options, known = self.options, self._known(windows.unknowns)
+        if options.loss != "linear":
+            text = f"loss: {options.loss} bounds single readings, of which windows are made up"
+            raise ProblemError([Flaw(("calibration", "loss"), f"{text}; use method: joint")])
+        stated = self._stated(windows.layout.logs[0])
+        if options.method == "gls":
+            return WeighedWindows(windows, known, stated, grows=options.noise != "constant").fit()
+        return TwoStage(windows, known, stated).fit()
 
     def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
         return JointSearch(

@@ -17,6 +17,7 @@ from oed.estimation.methods.gauss_newton import NEAR, STEPS, downhill
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum, inverse_of_told
 from oed.estimation.methods.losses import robust_loss
 from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.logged_states import LoggedStates
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.prediction.starts import first_starts, further_starts
 from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
@@ -95,14 +96,14 @@ class JointSearch:
     @cached_property
     def _readings(self) -> SegmentReadings:
         layout = self.layout
-        return SegmentReadings(
+        return SegmentReadings.logged(
             self.unknowns.robot, self.integration, layout.quantities, layout.count, layout.periods
         )
 
     @cached_property
     def _headings(self) -> SegmentReadings:
         # Of robots whose headings are not read.
-        return replace(self._readings, quantities=("heading",))
+        return replace(self._readings, sensor=LoggedStates.of(self.unknowns.robot, ["heading"]))
 
     def _first_starts(self, values: Array) -> Array:
         parameters, place, clocks = self.unknowns.parts(values)

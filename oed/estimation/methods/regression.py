@@ -7,12 +7,13 @@ known, predicted by the first stage [Choi, eq. 16], or measured at every sample.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
+from oed.estimation.methods.bands import band_of, factor, weighed, whitened
 from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
@@ -29,6 +30,8 @@ from oed.robots.sensors.displacements import Displacements
 Array = npt.NDArray[np.float64]
 Heading = Literal["known", "predicted", "measured"]
 
+WIDTH = 2
+"""How many rows on of a displacement's coordinate are correlated with it at most."""
 METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_variables")
 
 
@@ -180,7 +183,8 @@ class Regression(Estimator):
                 design = self._measured_headings.designs(errors)[:, :, 0]
             own = values[first : first + design.shape[1]]
             first += design.shape[1]
-            parts.append(self._whiteners[name] @ (readings[name][0] - design @ own) / self._noise(name))
+            left = (readings[name][0] - design @ own) / self._noise(name)
+            parts.append(whitened(self._roots[name], left[:, None])[:, 0])
         return np.concatenate(parts)
 
     def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
@@ -222,32 +226,30 @@ class Regression(Estimator):
     def _noise(self, name: str) -> float:
         return float(getattr(self.measurement.noise, name) or 0.0)
 
-    def _shape(self, name: str) -> Array:
-        # K of the noise's covariance sigma^2 K: neighbours share the error of the pose between them.
+    def _spread(self, name: str) -> Any:
+        # D (rows, draws) of noise sigma D z, z white: neighbours share the error of the pose between them.
         rows = len(self.regressors.nominal_designs[name])
         if self.measurement.noise_model == "increments":
-            return np.eye(rows)
+            return scipy.sparse.eye_array(rows, format="csr")
         coordinates, runs = 2 if name == "position" else 1, self.regressors.trajectory.runs
         segments = rows // coordinates // runs
-        differences = np.diff(np.eye(segments + 1), axis=0)
-        return np.asarray(np.kron(np.eye(runs), np.kron(differences @ differences.T, np.eye(coordinates))))
+        steps = scipy.sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(segments, segments + 1))
+        one_run = scipy.sparse.kron(steps, scipy.sparse.eye_array(coordinates))
+        return scipy.sparse.kron(scipy.sparse.eye_array(runs), one_run, format="csr")
 
     def _covariance(self, name: str) -> Array:
-        return np.asarray(self._noise(name) ** 2 * self._shape(name))
+        spread = self._noise(name) * self._spread(name)
+        return np.asarray((spread @ spread.T).toarray())
 
     def _draw(self, rng: np.random.Generator, name: str, count: int) -> Array:
-        rows = len(self.regressors.nominal_designs[name])
-        if self.measurement.noise_model == "increments":
-            return np.asarray(self._noise(name) * rng.standard_normal((count, rows)))
-        coordinates, runs = 2 if name == "position" else 1, self.regressors.trajectory.runs
-        poses = rng.standard_normal((count, runs, rows // coordinates // runs + 1, coordinates))
-        return np.asarray(self._noise(name) * np.diff(poses, axis=2).reshape(count, rows))
+        spread = self._spread(name)
+        return np.asarray(self._noise(name) * (rng.standard_normal((count, spread.shape[1])) @ spread.T))
 
     @cached_property
-    def _whiteners(self) -> dict[str, Array]:
-        return {
-            name: np.linalg.inv(np.linalg.cholesky(self._shape(name))) for name in ("heading", "position")
-        }
+    def _roots(self) -> dict[str, Array]:
+        # Bands of the noise's covariance, its size apart, as factors of which rows are whitened.
+        spreads = {name: self._spread(name) for name in ("heading", "position")}
+        return {name: factor(band_of(spread @ spread.T, WIDTH)) for name, spread in spreads.items()}
 
     @property
     def _weighs(self) -> bool:
@@ -255,21 +257,20 @@ class Regression(Estimator):
 
     def _weighted(self, name: str) -> Array:
         design = self.regressors.nominal_designs[name]
-        return self._whiteners[name] @ design if self._weighs else design
+        return whitened(self._roots[name], design) if self._weighs else design
 
     def _map(self, name: str) -> Array:
         # (q, rows): the estimator at the true design, from readings to coefficients.
         if name not in self._maps:
-            inverse = np.linalg.pinv(self._weighted(name))
-            self._maps[name] = np.asarray(inverse @ self._whiteners[name] if self._weighs else inverse)
+            inverse = np.asarray(np.linalg.pinv(self._weighted(name)).T, dtype=float)
+            self._maps[name] = (weighed(self._roots[name], inverse) if self._weighs else inverse).T
         return self._maps[name]
 
     def _least_squares(self, designs: Array, measured: Array) -> Array:
         # Of replicates, (2 P, q, R) and (2 P, R).
         if self._weighs:
-            whitener = self._whiteners["position"]
-            rows = designs.reshape(len(designs), -1)
-            designs, measured = (whitener @ rows).reshape(designs.shape), whitener @ measured
+            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
+            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
         return least_squares(designs, measured)
 
     @cached_property

@@ -228,8 +228,8 @@ class Windows:
 
     @cached_property
     def _readings(self) -> SegmentReadings:
-        layout = self.layout
-        return SegmentReadings(self.unknowns.robot, self.integration, READ, layout.count, layout.periods)
+        robot, layout = self.unknowns.robot, self.layout
+        return SegmentReadings.logged(robot, self.integration, READ, layout.count, layout.periods)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets

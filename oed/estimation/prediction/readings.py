@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import product
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.kernel.dynamics.rollout import roll_out
+from oed.estimation.prediction.segments import SegmentReadings
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import JointReadings, Sensor, joint_readings, start_nuisances
+from oed.kernel.measurement.sensor import Sensor, labelled_nuisances, start_nuisances
 from oed.robots.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
 
-WRITTEN_OUT = 2000
-"""Samples up to which the readings are compiled into one sequence of operations."""
-
 
 class PredictedReadings:
     """What sensors read of one drive, as functions of the unknowns: parameters, initial pose, nuisances.
+
+    Every run of the drive is a segment; readings are sensor by sensor, run by run and time by time.
 
     Args:
         robot: whose parameters are unknown.
@@ -43,57 +41,72 @@ class PredictedReadings:
         trajectory: Trajectory,
         parameters: Sequence[str],
     ) -> None:
-        """Keep the parts; functions are compiled when first used."""
-        self._robot, self._trajectory, self.sensors = robot, trajectory, tuple(sensors)
-        self._integration: Integration = integration
-        start = start_nuisances(sensors, robot, trajectory.runs)
+        """Arrange the runs as segments, and the unknowns one after the other."""
+        runs = trajectory.runs
+        periods = trajectory.samples // runs
+        self._each = tuple(SegmentReadings(robot, integration, one, runs, periods) for one in sensors)
+        self._inputs = trajectory.inputs.reshape(runs, periods, -1)
+        self._times = np.full((runs, periods), trajectory.period)
+        start = start_nuisances(sensors, robot, runs)
         names = [parameter.name for parameter in robot.parameters]
         self._places = [names.index(name) for name in parameters]
         self._places += range(len(names), len(names) + len(start))
         self._nominal = np.concatenate([robot.nominal, trajectory.starts.ravel()])
-        self.nuisances: tuple[Nuisance, ...] = (*start, *self._joint(self._nominal, None).nuisances)
+        self.nuisances: tuple[Nuisance, ...] = (*start, *labelled_nuisances(sensors))
 
     @cached_property
     def initial(self) -> Array:
         """The unknowns' nominal values, SI."""
-        own = [entry.nominal for entry in self.nuisances[-self._own_count :]] if self._own_count else []
+        own = [nuisance.nominal for one in self._each for nuisance in one.sensor.nuisances]
         return np.concatenate([self._nominal[self._places], own])
 
     def response(self, unknowns: Array) -> Array:
         """The noise-free readings (M,), SI."""
-        return np.array(self._functions[0](unknowns)).ravel()
+        return np.concatenate([one(*given).ravel() for one, given in self._at(unknowns)])
 
     def slope(self, unknowns: Array) -> Array:
         """Their derivatives by the unknowns, (M, unknowns)."""
-        return np.array(self._functions[1](unknowns))
+        parts, first = list[Array](), len(self._nominal)
+        for one, given in self._at(unknowns):
+            parts.append(self._by_all(one, one.derivatives(*given)[1], first))
+            first += len(one.sensor.nuisances)
+        return np.concatenate(parts)[:, [*self._places, *range(len(self._nominal), first)]]
+
+    def _by_all(self, one: SegmentReadings, slopes: Array, first: int) -> Array:
+        # By all parameters, starts of runs and sensors' nuisances; its own of these begin at `first`.
+        size, states = len(one.model.parameters), len(one.model.states)
+        parameters, starts, nuisances = np.split(slopes, [size, size + states], axis=-1)
+        found = np.zeros((*slopes.shape[:-1], len(self._nominal) + self._own_count))
+        found[..., :size], found[..., first : first + nuisances.shape[-1]] = parameters, nuisances
+        for run in range(one.count):
+            begin = size + run * states
+            found[run, ..., begin : begin + states] = starts[run]
+        return found.reshape(-1, found.shape[-1])
 
     def unwrapped(self, readings: Array) -> Array:
         """Readings (M,) whose angles run on where they jumped by full turns, and begin near the nominal."""
-        found, nominal, first = readings.copy(), self.response(self.initial), 0
-        for sensor, one in zip(self.sensors, self._joint(self._nominal, None).each, strict=True):
-            size, rows = one.whitening.shape[0], one.response.numel()
-            each = rows // self._trajectory.runs
-            for begin, place in product(range(first, first + rows, each), sensor.angles):
-                own = slice(begin + place, begin + each, size)
-                angles = np.unwrap(found[own])
-                found[own] = angles + 2 * np.pi * np.rint((nominal[own][0] - angles[0]) / (2 * np.pi))
-            first += rows
+        found, first = readings.copy(), 0
+        for one, given in self._at(self.initial):
+            nominal = one(*given)
+            own = found[first : first + nominal.size].reshape(nominal.shape)
+            for run, place in product(range(len(own)), one.sensor.angles):
+                angles = np.unwrap(own[run, :, place])
+                turns = np.rint((nominal[run, 0, place] - angles[0]) / (2 * np.pi))
+                own[run, :, place] = angles + 2 * np.pi * turns
+            first += nominal.size
         return found
 
     @cached_property
     def whitener(self) -> Any:
         """Block diagonal A (M, M) with A R A' = 1, at the nominal values: the noise is taken for known."""
-        joint = self._joint(self._nominal, None)
-        matrices = []
-        for sensor, one in zip(self.sensors, joint.each, strict=True):
-            whole = sensor.joint_whitening
-            if whole is not None:
-                matrices += [scipy.sparse.csr_array(whole)] * self._trajectory.runs
-                continue
-            side_by_side = np.array(ca.evalf(one.whitening))
-            size = side_by_side.shape[0]
-            matrices.append(scipy.sparse.block_diag(np.hsplit(side_by_side, side_by_side.shape[1] // size)))
-        return scipy.sparse.csr_array(scipy.sparse.block_diag(matrices))
+        blocks = list[Any]()
+        for one, given in self._at(self.initial):
+            whole = one.sensor.joint_whitening
+            if whole is None:
+                blocks += [each for run in one.whitening(*given) for each in run]
+            else:
+                blocks += [scipy.sparse.csr_array(whole)] * one.count
+        return scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
 
     @cached_property
     def colour(self) -> Any:
@@ -102,40 +115,13 @@ class PredictedReadings:
 
     @property
     def _own_count(self) -> int:
-        return sum(len(sensor.nuisances) for sensor in self.sensors)
+        return sum(len(one.sensor.nuisances) for one in self._each)
 
-    def _joint(self, values: Any, own: Any) -> JointReadings:
-        # The readings at parameters and start `values` (numbers or symbols).
-        size = len(self._robot.parameters)
-        inputs = ca.MX(ca.DM(self._trajectory.inputs))
-        values = ca.MX(ca.DM(values)) if isinstance(values, np.ndarray) else values
-        drive = roll_out(
-            self._robot,
-            self._integration,
-            inputs=inputs,
-            start=ca.reshape(values[size:], len(self._robot.states), self._trajectory.runs).T,
-            parameters=values[:size],
-            period=ca.MX(self._trajectory.period),
-            runs=self._trajectory.runs,
-        )
-        return joint_readings(self.sensors, drive, own)
-
-    @cached_property
-    def _functions(self) -> tuple[ca.Function, ca.Function]:
-        unknowns = ca.MX.sym("unknowns", len(self._places) + self._own_count)
-        values = ca.MX(ca.DM(self._nominal))
-        values[self._places] = unknowns[: len(self._places)]
-        joint = self._joint(values, unknowns[len(self._places) :])
-        own = range(joint.leading, joint.leading + len(joint.nuisances))
-        slope = joint.jacobian[:, [*self._places, *own]]
-        functions = (
-            ca.Function("response", [unknowns], [joint.response]),
-            ca.Function("slope", [unknowns], [ca.densify(slope)]),
-        )
-        # Written out, a call is five times as fast; very long drives stay compact.
-        written_out = self._trajectory.samples <= WRITTEN_OUT
-        return (functions[0].expand(), functions[1].expand()) if written_out else functions
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What workers need: compiled functions are made again there."""
-        return {key: value for key, value in vars(self).items() if key != "_functions"}
+    def _at(self, unknowns: Array) -> Iterator[tuple[SegmentReadings, tuple[Array, ...]]]:
+        # Each sensor's readings, with their arguments.
+        values = self._nominal.copy()
+        values[self._places], own = np.split(unknowns, [len(self._places)])
+        for one in self._each:
+            parameters, starts = np.split(values, [len(one.model.parameters)])
+            nuisances, own = np.split(own, [len(one.sensor.nuisances)])
+            yield one, (starts.reshape(one.count, -1), self._inputs, self._times, parameters, nuisances)

@@ -1,130 +1,144 @@
-"""Pieces of logged drives: the readings that a pose sensor makes of them, and their derivatives.
+"""Pieces of drives: the readings that a sensor makes of them, and their derivatives.
 
-A log is cut into segments, each driven from a start of its own. All segments are computed in one call;
-shorter ones are padded with periods of no time, which change nothing.
+Each segment is driven from a start of its own. All segments are computed in one call; shorter ones are padded
+with periods of no time, which change nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.setup.unknowns import PLACE
+from oed.estimation.prediction.logged_states import LoggedStates
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import carrier
-from oed.kernel.measurement.sensor import LeverArm, Moment
+from oed.kernel.measurement.sensor import Sensor, moment_reading
 from oed.robots.models.model import Integration, Model, step
-from oed.robots.sensors.poses import Poses
 
 Array = npt.NDArray[np.float64]
+What = Literal["readings", "slopes", "whitening"]
+
+OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,)}
+"""Of the function of a moment's reading."""
 
 
 @dataclass(frozen=True)
 class SegmentReadings:
-    """What segments with given inputs read.
+    """What a sensor reads of segments with given inputs.
 
     Attributes:
         model: the robot.
         integration: rule by which its poses follow from its twist.
-        quantities: what is read at every time: states of the robot, x, y and heading at the sensor's place.
+        sensor: reads K times of a segment, q numbers each.
         count: S, segments.
         periods: n, of the longest of them.
     """
 
     model: Model
     integration: Integration
-    quantities: tuple[str, ...]
+    sensor: Sensor
     count: int
     periods: int
 
-    def __call__(self, starts: Array, inputs: Array, times: Array, parameters: Array, place: Array) -> Array:
-        """The readings (S, n + 1, quantities), SI.
+    @classmethod
+    def logged(
+        cls, model: Model, integration: Integration, quantities: Sequence[str], count: int, periods: int
+    ) -> SegmentReadings:
+        """What logs hold of segments: the model's states of those names, at all n + 1 times."""
+        return cls(model, integration, LoggedStates.of(model, quantities), count, periods)
+
+    def __call__(
+        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
+    ) -> Array:
+        """The readings (S, K, q), SI.
 
         Args:
             starts: states at the segments' beginnings, (S, states).
             inputs: held in each period, (S, n, inputs).
             times: lengths of the periods [s], 0 beyond a segment's end, (S, n).
             parameters: (p,), SI.
-            place: of the sensor: ahead, to the left [m], turned [rad], (3,).
+            nuisances: the sensor's own, (k,), SI.
         """
-        (found,) = direct_call(self._plain, starts, inputs, times, parameters, place)
+        (found,) = direct_call(self._function("readings"), starts, inputs, times, parameters, nuisances)
         return self._by_segment(found)
 
     def derivatives(
-        self, starts: Array, inputs: Array, times: Array, parameters: Array, place: Array
+        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
     ) -> tuple[Array, Array]:
-        """The readings, and their derivatives (S, n + 1, quantities, p + states + 3).
+        """The readings, and their derivatives (S, K, q, p + states + k).
 
-        The columns are the parameters, the segment's own start, the sensor's place.
+        The columns are the parameters, the segment's own start, the sensor's nuisances.
         """
-        found, slopes = direct_call(self._both, starts, inputs, times, parameters, place)
-        width = len(self.model.parameters) + len(self.model.states) + len(PLACE)
+        function = self._function("slopes")
+        found, slopes = direct_call(function, starts, inputs, times, parameters, nuisances)
+        width = len(self.model.parameters) + len(self.model.states) + len(self.sensor.nuisances)
         return self._by_segment(found), self._by_segment(slopes, width)
 
+    def whitening(
+        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
+    ) -> Array:
+        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
+        (found,) = direct_call(self._function("whitening"), starts, inputs, times, parameters, nuisances)
+        return self._by_segment(found, self._size).swapaxes(-1, -2)
+
     def _by_segment(self, found: Array, *width: int) -> Array:
-        return found.reshape(self.count, self.periods + 1, len(self.quantities), *width)
+        return found.reshape(self.count, -1, self._size, *width)
 
-    @cached_property
-    def _plain(self) -> ca.Function:
-        function = _segment(self.model, self.integration, self.quantities, self.periods, slopes=False)
-        return _mapped(function, self.count)
+    @property
+    def _size(self) -> int:
+        return int(moment_reading(self.sensor, self.model).size1_out(0))
 
-    @cached_property
-    def _both(self) -> ca.Function:
-        function = _segment(self.model, self.integration, self.quantities, self.periods, slopes=True)
-        return _mapped(function, self.count)
+    def _function(self, what: What) -> ca.Function:
+        return _segments(self.model, self.integration, self.sensor, self.count, self.periods, what)
 
 
-def _mapped(function: ca.Function, count: int) -> ca.Function:
-    # Parameters and place are common to all segments.
+@lru_cache(maxsize=64)
+def _segments(
+    model: Model, integration: Integration, sensor: Sensor, count: int, periods: int, what: What
+) -> ca.Function:
+    # Parameters and nuisances are common to all segments.
+    function = _segment(model, integration, sensor, periods, what)
     return function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
 
 
 @lru_cache(maxsize=32)
-def _segment(
-    model: Model, integration: Integration, quantities: tuple[str, ...], periods: int, *, slopes: bool
-) -> ca.Function:
+def _segment(model: Model, integration: Integration, sensor: Sensor, periods: int, what: What) -> ca.Function:
     states, size = len(model.states), len(model.parameters)
     start, parameters = ca.MX.sym("start", states), ca.MX.sym("p", size)
     inputs, times = ca.MX.sym("inputs", len(model.inputs), periods), ca.MX.sym("times", 1, periods)
-    place = ca.MX.sym("place", len(PLACE))
-    arguments = [start, inputs, times, parameters, place]
+    nuisances = ca.MX.sym("nuisances", len(sensor.nuisances))
     repeated = ca.repmat(parameters, 1, periods)
-    following = step(model, integration).mapaccum(periods)(start, inputs, repeated, times)
-    poses = ca.horzcat(start, following)
-    everywhere = ca.repmat(place, 1, periods + 1)
-    if not slopes:
-        read = ca.densify(_reading(model, quantities).map(periods + 1)(poses, everywhere))
-        return ca.Function("readings", arguments, [read])
-    begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
-    carry = carrier(model, integration).mapaccum(periods)
-    carried = ca.horzcat(begin, carry(begin, poses[:, :periods], inputs, repeated, times))
-    both = _slopes(model, quantities).map(periods + 1)(poses, everywhere, carried)
-    return ca.Function("readings", arguments, list(both))
+    poses = ca.horzcat(start, step(model, integration).mapaccum(periods)(start, inputs, repeated, times))
+    columns = sensor.columns(periods)
+    count = len(columns)
+    lengths = times[:, columns] if sensor.when == "in periods" else ca.MX.zeros(1, count)
+    # At the last time the inputs are those held until then.
+    held = inputs[:, [min(column, periods - 1) for column in columns]]
+    moments = [poses[:, columns], held, ca.repmat(parameters, 1, count)]
+    moments += [ca.repmat(nuisances, 1, count), lengths]
+    if what == "slopes":
+        begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
+        carry = carrier(model, integration).mapaccum(periods)
+        carried = ca.horzcat(begin, carry(begin, poses[:, :periods], inputs, repeated, times))
+        width = size + states
+        stacked = [width * column + offset for column in columns for offset in range(width)]
+        moments.append(carried[:, stacked])
+    found = _moment(sensor, model, what).map(count).call(moments)
+    return ca.Function(what, [start, inputs, times, parameters, nuisances], found)
 
 
 @lru_cache(maxsize=32)
-def _reading(model: Model, quantities: tuple[str, ...]) -> ca.Function:
-    pose, place = ca.SX.sym("pose", len(model.states)), ca.SX.sym("place", len(PLACE))
-    sensor = Poses(lever_arm=LeverArm(known=False))
-    own = {"lever_arm.x": place[0], "lever_arm.y": place[1]}
-    x, y = sensor.position(Moment(pose, ca.SX(0, 1), ca.SX(3, 1), own))
-    read = dict(zip(model.states, ca.vertsplit(pose), strict=True))
-    read |= {"x": x, "y": y, "heading": pose[2] + place[2]}
-    return ca.Function("reading", [pose, place], [ca.vertcat(*(read[name] for name in quantities))])
-
-
-@lru_cache(maxsize=32)
-def _slopes(model: Model, quantities: tuple[str, ...]) -> ca.Function:
-    # Derivatives row by row: by the parameters and the start through the pose, by the place directly.
-    states, size = len(model.states), len(model.parameters)
-    pose, place = ca.SX.sym("pose", states), ca.SX.sym("place", len(PLACE))
-    carried = ca.SX.sym("S", states, size + states)
-    read = _reading(model, quantities)(pose, place)
-    through, direct = ca.jacobian(read, pose) @ carried, ca.jacobian(read, place)
-    rows = ca.densify(ca.horzcat(through, direct))
-    return ca.Function("slopes", [pose, place, carried], [read, ca.vec(rows.T)])
+def _moment(sensor: Sensor, model: Model, what: What) -> ca.Function:
+    # What is wanted of one moment's reading; how the pose follows from the unknowns comes last, if at all.
+    whole = moment_reading(sensor, model)
+    symbols = [ca.SX.sym(whole.name_in(place), *whole.size_in(place)) for place in range(whole.n_in())]
+    pose, carried, *others = symbols
+    found = whole.call(symbols)
+    wanted = [ca.densify(found[place]) for place in OUTPUTS[what]]
+    return ca.Function("moment", [pose, *others, *([carried] if what == "slopes" else [])], wanted)

@@ -74,7 +74,7 @@ def further_starts(
         held, times = layout.before(offsets)
     else:
         held, times = inputs[:, :1], np.full((layout.count, 1), SETTLED)
-    driven = SegmentReadings(robot, integration, robot.states[3:], *times.shape)
+    driven = SegmentReadings.logged(robot, integration, robot.states[3:], *times.shape)
     return driven(starts, held, times, parameters, np.zeros(len(PLACE)))[:, -1]
 
 

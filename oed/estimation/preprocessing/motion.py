@@ -65,7 +65,7 @@ class Moves:
         """
         layout = self.layout
         chosen = layout.inputs(offsets) if inputs is None else inputs
-        readings = SegmentReadings(
+        readings = SegmentReadings.logged(
             self.robot, self.integration, ("x", "y", "heading"), layout.count, layout.periods
         )
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))

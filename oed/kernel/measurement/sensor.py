@@ -252,8 +252,8 @@ class Readings:
     white_jacobian: Expression
 
 
-def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) -> Readings:
-    """What `sensor` reads of `drive`, its nuisances at their nominal values or those given."""
+def readings(sensor: Sensor, drive: Drive) -> Readings:
+    """What `sensor` reads of `drive`, its nuisances at their nominal values."""
     samples, runs = drive.samples, range(drive.runs)
     own = sensor.columns(samples)
     columns = [run * (samples + 1) + column for run in runs for column in own]
@@ -261,12 +261,12 @@ def readings(sensor: Sensor, drive: Drive, nuisances: Expression | None = None) 
     held = [run * samples + min(column, samples - 1) for run in runs for column in own]
     width = len(drive.model.parameters) + len(drive.model.states)
     stacked = [width * column + offset for column in columns for offset in range(width)]
-    values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances]) if nuisances is None else nuisances
+    values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
     count = len(columns)
     period = drive.period if sensor.when == "in periods" else 0.0
-    response, transposed, whitening, white_response, white_transposed = _reading(sensor, drive.model).map(
-        count
-    )(
+    each = moment_reading(sensor, drive.model).map(count)
+    each = moment_reading(sensor, drive.model).map(count)
+    response, transposed, whitening, white_response, white_transposed = each(
         drive.poses.T[:, columns],
         drive.sensitivities[:, stacked],
         drive.inputs.T[:, held],
@@ -310,13 +310,18 @@ def row_times(
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
         for run in range(runs)
         for column in sensor.columns(samples)
-        for _ in range(_reading(sensor, model).size1_out(0))
+        for _ in range(moment_reading(sensor, model).size1_out(0))
     ]
 
 
 @lru_cache(maxsize=64)
-def _reading(sensor: Sensor, model: Model) -> ca.Function:
-    # One moment: the chain rule through the pose, and what depends on parameters and nuisances directly.
+def moment_reading(sensor: Sensor, model: Model) -> ca.Function:
+    """What a sensor reads at one moment, as a function of (pose, S, inputs, parameters, nuisances, period).
+
+    S (states, p + states) are the pose's derivatives by parameters and start. The results are the reading
+    (q,), its derivatives by these and the nuisances (columns, q), its whitening (q, q), and the first two in
+    units of the noise.
+    """
     states, size = len(model.states), len(model.parameters)
     pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
     parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
@@ -376,19 +381,20 @@ class JointReadings:
         return ca.vertcat(*rows)
 
 
-def joint_readings(
-    sensors: Sequence[Sensor], drive: Drive, nuisances: Expression | None = None
-) -> JointReadings:
-    """What all sensors read of `drive`, their nuisances (stacked) at nominal values or those given."""
-    each, found, first = [], list[Nuisance](), 0
-    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
-        own = sensor.nuisances
-        values = None if nuisances is None else nuisances[first : first + len(own)]
-        first += len(own)
-        each.append(readings(sensor, drive, values))
-        found += [replace(nuisance, name=f"{label}.{nuisance.name}") for nuisance in own]
+def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> JointReadings:
+    """What all sensors read of `drive`, their nuisances at nominal values."""
+    each = tuple(readings(sensor, drive) for sensor in sensors)
     leading = len(drive.model.parameters) + drive.runs * len(drive.model.states)
-    return JointReadings(tuple(each), tuple(found), leading)
+    return JointReadings(each, labelled_nuisances(sensors), leading)
+
+
+def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
+    """The sensors' own nuisances, their names made unique."""
+    return tuple(
+        replace(nuisance, name=f"{label}.{nuisance.name}")
+        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+        for nuisance in sensor.nuisances
+    )
 
 
 def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
