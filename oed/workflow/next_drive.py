@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from oed.optimize import Progress, Workers
 from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import TRUST, recorded_study
+from oed.records.stored.estimate import Estimated
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 from oed.uncertainty.uncertainty import Uncertainty
@@ -202,7 +204,11 @@ def _aims(study: Study, targets: Mapping[str, str]) -> dict[str, _Aim]:
 
 
 def _error(found: EstimateRecord, name: str) -> float:
-    return next(float(entry["standard_error"]) for entry in found.parameters if entry["name"] == name)
+    return next(_own_error(one) for one in found.parameters if one.name == name)
+
+
+def _own_error(one: Estimated) -> float:
+    return math.nan if one.standard_error is None else one.standard_error
 
 
 def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
@@ -265,8 +271,8 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
 
 def _excess(found: EstimateRecord) -> float:
     # How many times the variances are what F^-1 says.
-    entries = [(one["standard_error"], one["standard_errors"]["information"]) for one in found.parameters]
-    return max(1.0, float(np.mean([(error / promised) ** 2 for error, promised in entries if promised])))
+    pairs = [(_own_error(one), (one.standard_errors or {}).get("information")) for one in found.parameters]
+    return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
 
 
 def _precision(
@@ -274,15 +280,15 @@ def _precision(
 ) -> tuple[Mapping[str, Any], ...]:
     return tuple(
         {
-            "name": entry["name"],
-            "unit": entry["unit"],
-            "value": entry["value"],
-            "now": entry["standard_error"],
-            "size": entry["size"],
-            "wanted": wanted.get(entry["name"]),
-            "next": predicted.get(entry["name"]),
+            "name": one.name,
+            "unit": one.unit,
+            "value": one.value,
+            "now": one.standard_error,
+            "size": one.size,
+            "wanted": wanted.get(one.name),
+            "next": predicted.get(one.name),
         }
-        for entry in found.parameters
+        for one in found.parameters
     )
 
 

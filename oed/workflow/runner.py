@@ -28,6 +28,7 @@ from oed.records.problem_tables import input_table, nuisance_table, parameter_ta
 from oed.records.record import FILE, FORMAT, Record
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.simulation import StoredValidation
+from oed.records.stored.study_record import Provenance
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, Study
@@ -372,14 +373,14 @@ def _scored_path(study: Study, path: Trajectory, name: str) -> Solution:
         return unscored(name, "path", error)
 
 
-def provenance() -> dict[str, Any]:
+def provenance() -> Provenance:
     """What made a record: versions of the packages that compute, of Python and the platform, and when."""
-    return {
-        "packages": {name: package_version(name) for name in PACKAGES},
-        "python": platform.python_version(),
-        "platform": f"{platform.system()} {platform.machine()}",
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+    return Provenance(
+        packages={name: package_version(name) for name in PACKAGES},
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        finished=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
 
 
 def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:

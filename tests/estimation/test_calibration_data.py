@@ -10,13 +10,8 @@ import pytest
 from simulated import TRUTH, course, log_of, options, problem_of, several
 
 from oed.estimation import Calibration, calibrate
-from oed.records.calibration_record import (
-    PATHS,
-    EstimateRecord,
-    calibration_data,
-    load_estimate,
-    mean_numbers,
-)
+from oed.records.calibration_outcome import PATHS, estimate_of, mean_numbers
+from oed.records.calibration_record import EstimateRecord, load_estimate
 from oed.workflow.saving import save_estimate
 
 NOISE = (0.002, 0.005)
@@ -36,7 +31,7 @@ def calibration() -> Calibration:
 
 @pytest.fixture(scope="module")
 def data(calibration: Calibration) -> dict:
-    return calibration_data(calibration)
+    return estimate_of(calibration).plain()
 
 
 class TestData:
@@ -76,7 +71,7 @@ class TestData:
         monkeypatch.setattr("oed.records.calibration_record.POINTS", 10)
         monkeypatch.setattr("oed.records.calibration_record.RESIDUALS", 50)
         logs = several(14, seconds=2.5, noise=NOISE)
-        found = calibration_data(calibrate(problem_of(), logs, options(segment="log")))
+        found = estimate_of(calibrate(problem_of(), logs, options(segment="log"))).plain()
         assert len(found["paths"]) == PATHS
         for path in found["paths"]:
             assert len({len(values) for name, values in path.items() if name not in ("log", "role")}) == 1
@@ -100,7 +95,7 @@ class TestData:
     @pytest.mark.parametrize("quantities", [("heading",), ("x", "y")])
     def test_of_some_quantities_alone(self, quantities):
         logs = several(2, seconds=5.0, noise=NOISE, quantities=quantities)
-        found = calibration_data(calibrate(problem_of(), logs, options(segment="log")))
+        found = estimate_of(calibrate(problem_of(), logs, options(segment="log"))).plain()
         assert plain(found)
         assert [entry["about"] for entry in found["noise"]] == [
             "position" if quantities == ("x", "y") else "heading"
@@ -108,4 +103,4 @@ class TestData:
 
     def test_of_a_robot_at_rest(self):
         log = log_of(course(inputs=np.zeros((50, 2)), seconds=5))
-        assert plain(calibration_data(calibrate(problem_of(), [log, log], options(segment="log"))))
+        assert plain(estimate_of(calibrate(problem_of(), [log, log], options(segment="log"))).plain())

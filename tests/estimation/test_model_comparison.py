@@ -35,7 +35,8 @@ from oed.estimation.assessment.comparison import SLIGHT, Compared, scored
 from oed.estimation.assessment.likelihood import Likelihood, Readings, inflation
 from oed.foundation.errors import ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
-from oed.records.calibration_record import calibration_data, load_estimate
+from oed.records.calibration_outcome import estimate_of
+from oed.records.calibration_record import load_estimate
 from oed.report import write_estimate
 from oed.robots.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
 from oed.study.study import Study
@@ -368,7 +369,7 @@ def test_a_record_holds_it():
     icr = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.1, y_icr_right=-0.1)
     loose = Alternative(robot=SkidSteer(wheel_radius=0.05, track=0.2))
     found = calibrate(problem_of(), logs, options(segment="log", models=[Alternative(robot=icr), loose]))
-    data = calibration_data(found)["comparison"]
+    data = estimate_of(found).plain()["comparison"]
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     own, other, open_ = data["models"]
     assert (own["name"], own["own"], other["own"]) == ("differential_drive", True, False)
@@ -442,4 +443,4 @@ class TestStudy:
 def test_none_are_compared_where_none_are_named():
     found = calibrate(problem_of(), FEW, options(segment="log"))
     assert found.comparison is None
-    assert calibration_data(found)["comparison"] is None
+    assert estimate_of(found).plain()["comparison"] is None

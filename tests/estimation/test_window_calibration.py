@@ -14,7 +14,7 @@ from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.foundation.errors import ProblemError
 from oed.logs.log import Log
-from oed.records.calibration_record import calibration_data
+from oed.records.calibration_outcome import estimate_of
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ def test_slow_poses_make_longer_windows():
 
 
 def test_everything_after_the_fit_works_as_for_any_other(found):
-    data = json.loads(json.dumps(calibration_data(found), allow_nan=False, default=float))
+    data = json.loads(json.dumps(estimate_of(found).plain(), allow_nan=False, default=float))
     assert data["converged"]
     assert data["segments"]["count"] == 45
     assert len(data["left_out"]) == 3

@@ -21,6 +21,18 @@ class TestSaving:
         assert load_estimate(path).data == load_estimate(path.parent).data == RECORD.data
         assert load_estimate(path).values == {"track": 0.2}
 
+    def test_a_comparison_by_one_measure_alone_agrees_with_nothing(self, tmp_path: Path):
+        # Few readings leave the other measures without a value.
+        score = {"value": 1.0, "difference": 0.0, "interval": None, "equal": True}
+        own = {"name": "a", "kind": "skid_steer", "own": True, "comparable": True, "reason": "", "doubt": ""}
+        numbers = {"parameters": [], "unknowns": 1.0, "starts": 0.0, "log_likelihood": 2.0}
+        model = {**own, **numbers, "scores": {"bic": score}}
+        found = {"readings": 6.0, "inflation": 1.0, "inflation_by": "blocks", "best": {"bic": "a"}}
+        comparison = {**found, "models": [model], "agree": None, "favourites": ["a"]}
+        path = save_estimate(EstimateRecord({**RECORD.data, "comparison": comparison}), tmp_path / "new")
+        (read,) = load_estimate(path).models
+        assert (read.name, read.scores["bic"].value) == ("a", 1.0)
+
     def test_what_json_cannot_hold_is_not_written(self, tmp_path: Path):
         with pytest.raises(ValueError, match="not JSON compliant"):
             save_estimate(EstimateRecord({**RECORD.data, "x": math.nan}), tmp_path)

@@ -257,6 +257,7 @@ def test_reports_only_read() -> None:
         "oed.foundation.work.folders",
         "oed.foundation.errors",
         "oed.kernel.criteria",
+        "oed.kernel.solution",
         "oed.report",
         "oed.foundation.shown",
     }

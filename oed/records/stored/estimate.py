@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from oed.records.stored.parts import (
     Count,
     Interval,
+    Keyed,
     Number,
     Positive,
     Seed,
@@ -38,7 +39,7 @@ class Estimates(Stored):
     parameters: list[Value]
 
 
-class Estimated(Stored):
+class Estimated(Keyed):
     """A parameter with its estimate."""
 
     name: str
@@ -115,6 +116,7 @@ class ReadLog(Stored):
     file: str | None = None
     seconds: Positive | None = None
     poses: Count | None = None
+    quantities: list[str] | None = None
     clock_offset: Maybe = None
     findings: list[Finding] | None = None
 
@@ -126,6 +128,7 @@ class Known(Stored):
     before: list[Steps]
     after: list[Steps]
     parameters: dict[str, Maybe] | Column | None = None
+    mean: dict[str, Steps] | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Known:
@@ -133,7 +136,7 @@ class Known(Stored):
         return self
 
 
-class FittedParameter(Stored):
+class FittedParameter(Keyed):
     """A parameter of a model."""
 
     name: str
@@ -142,7 +145,7 @@ class FittedParameter(Stored):
     standard_error: Positive | None
 
 
-class Score(Stored):
+class Score(Keyed):
     """How good a model is by a measure."""
 
     value: Maybe
@@ -151,7 +154,7 @@ class Score(Stored):
     equal: bool
 
 
-class ComparedModel(Stored):
+class ComparedModel(Keyed):
     """A model that was compared."""
 
     name: str
@@ -175,7 +178,7 @@ class Models(Stored):
     inflation: Maybe
     inflation_by: str
     best: dict[str, str]
-    agree: bool
+    agree: bool | None
     favourites: list[str]
 
     @model_validator(mode="after")
@@ -191,6 +194,7 @@ class Reckoned(Stored):
 
     log: str
     role: str | None = None
+    t: Column | None = None
     x: Column
     y: Column
     before_x: Column

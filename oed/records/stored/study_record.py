@@ -60,7 +60,7 @@ class StoredNuisance(Keyed):
     deviation: Positive | None
 
 
-class Provenance(Stored):
+class Provenance(Keyed):
     """What made the file."""
 
     packages: dict[str, str]

@@ -164,8 +164,9 @@ def _mark(record: Record, names: Sequence[str]) -> str:
 
 def _digest(record: Record, names: Sequence[str]) -> str:
     study = record.data["study"]
-    drives = [record.result(name) for name in names]
-    shown = [study["robot"], study["limits"], [None if one is None else one["drive"] for one in drives]]
+    results = [record.result(name) for name in names]
+    drives = [None if one is None or one.drive is None else one.drive.plain() for one in results]
+    shown = [study["robot"], study["limits"], drives]
     return hashlib.sha256(json.dumps(shown, sort_keys=True).encode()).hexdigest()[:16]
 
 
