@@ -10,7 +10,8 @@ import numpy.typing as npt
 import scipy
 
 from oed.kernel.measurement.measurement import Measurement
-from oed.robots.sensors.logged import LoggedSensor, Noise
+from oed.robots.sensors.logged import LoggedSensor
+from oed.robots.sensors.logged import Noise as Noise
 from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
