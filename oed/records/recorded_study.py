@@ -47,8 +47,12 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
 
 
 def recorded_file(record: Record) -> StudyFile:
-    """The study of a record as it was written; nobody's code is run, and robots of code cannot move."""
-    return StudyFile.model_validate(record.data["study"], context=UNMADE)
+    """The study of a record as it was written; nobody's code is run, and robots of code cannot move.
+
+    Raises:
+        RecordError: as `checked_echo` does.
+    """
+    return _read(record.data["study"], record.file or Path("record"))
 
 
 def checked_echo(data: Any, file: Path) -> dict[str, Any]:
@@ -57,12 +61,15 @@ def checked_echo(data: Any, file: Path) -> dict[str, Any]:
     Raises:
         RecordError: names the file and the study's key of every mistake.
     """
+    plain: dict[str, Any] = _read(data, file).model_dump(mode="json", exclude_none=True)
+    return plain
+
+
+def _read(data: Any, file: Path) -> StudyFile:
     try:
-        read = StudyFile.model_validate(data, context=UNMADE)
+        return StudyFile.model_validate(data, context=UNMADE)
     except (ValidationError, ProblemError) as error:
         raise _in_record(error, data, file) from None
-    plain: dict[str, Any] = read.model_dump(mode="json", exclude_none=True)
-    return plain
 
 
 def _in_record(error: ValidationError | ProblemError | StudyError, data: Any, file: Path) -> RecordError:
