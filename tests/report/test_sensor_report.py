@@ -18,6 +18,7 @@ import pytest
 import sample_records
 from places import REPORTS
 
+from oed.foundation.errors import RecordError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import Moment, Sensor
@@ -475,3 +476,8 @@ def test_sensors_compare_with_displacements(tmp_path: Path):
     rows = [line.split(" | ") for line in text.splitlines() if line.startswith(("| first |", "| second |"))]
     assert rows[0][6:8] == ["–", "–"]  # no regressor
     assert "–" not in rows[1][6:8]
+
+
+def test_a_study_that_nobody_understands_is_refused_by_its_key():
+    with pytest.raises(RecordError, match=r"study\.measurement.*compass"):
+        measured_as(changed("sensors", measurement={"kind": "compass"}))
