@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from oed.estimation.methods import Estimate, Loss, Nonlinear
 from oed.estimation.methods.losses import loss_moments, robust_loss
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
 from oed.kernel.evaluation import evaluate
@@ -476,6 +476,12 @@ class TestFit:
         count = len(PLAIN.estimator.predicted())
         with pytest.raises(ValueError, match=f"expected {count} finite readings, got {count + change}"):
             PLAIN.estimator.fit(np.zeros(count + change))
+
+    def test_a_covariance_of_another_number_of_readings(self):
+        (case,) = [case for case in CASES if case.name == "correlated_over_time"]
+        longer = random_drive(problem_of(Poses(noise=XYH), samples=60), 3, 5.0)
+        with pytest.raises(UserMistake, match="is for 18 of them; this drive gives 26"):
+            Nonlinear(case.problem, longer)
 
     def test_no_readings(self):
         with pytest.raises(ValueError, match="got 0"):

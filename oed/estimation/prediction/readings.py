@@ -14,7 +14,7 @@ import scipy
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import Sensor, labelled_nuisances, start_nuisances
+from oed.kernel.measurement.sensor import Sensor, labelled_nuisances, start_nuisances, whole_whitening
 from oed.robots.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
@@ -101,9 +101,10 @@ class PredictedReadings:
         """Block diagonal A (M, M) with A R A' = 1, at the nominal values: the noise is taken for known."""
         blocks = list[Any]()
         for one, given in self._at(self.initial):
-            whole = one.sensor.joint_whitening
+            each = one.whitening(*given)
+            whole = whole_whitening(one.sensor, each[0, ..., 0].size)
             if whole is None:
-                blocks += [each for run in one.whitening(*given) for each in run]
+                blocks += [*each.reshape(-1, *each.shape[2:])]
             else:
                 blocks += [scipy.sparse.csr_array(whole)] * one.count
         return scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))

@@ -265,7 +265,6 @@ def readings(sensor: Sensor, drive: Drive) -> Readings:
     count = len(columns)
     period = drive.period if sensor.when == "in periods" else 0.0
     each = moment_reading(sensor, drive.model).map(count)
-    each = moment_reading(sensor, drive.model).map(count)
     response, transposed, whitening, white_response, white_transposed = each(
         drive.poses.T[:, columns],
         drive.sensitivities[:, stacked],
@@ -274,13 +273,8 @@ def readings(sensor: Sensor, drive: Drive) -> Readings:
         ca.repmat(ca.reshape(values, -1, 1), 1, count),
         ca.repmat(period, 1, count),
     )
-    whole = sensor.joint_whitening
+    whole = whole_whitening(sensor, response.numel() // drive.runs)
     if whole is not None:
-        rows = response.numel() // drive.runs
-        if len(whole) != rows:
-            raise UserMistake(
-                f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
-            )
         weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
         white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
     return Readings(
@@ -290,6 +284,20 @@ def readings(sensor: Sensor, drive: Drive) -> Readings:
         ca.vec(white_response),
         _by_run(white_transposed, drive).T,
     )
+
+
+def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
+    """`joint_whitening` of a run that gives so many numbers, (rows, rows).
+
+    Raises:
+        UserMistake: it is for another number.
+    """
+    whole = sensor.joint_whitening
+    if whole is not None and len(whole) != rows:
+        raise UserMistake(
+            f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
+        )
+    return whole
 
 
 def _by_run(transposed: Expression, drive: Drive) -> Expression:
@@ -355,22 +363,10 @@ class JointReadings:
     leading: int
 
     @property
-    def response(self) -> Expression:
-        """Noise-free, (M,), SI."""
-        return ca.vertcat(*(one.response for one in self.each))
-
-    @property
-    def jacobian(self) -> Expression:
-        """By (parameters, start state, nuisances), (M, columns)."""
-        return self._stacked([one.jacobian for one in self.each])
-
-    @property
     def white_jacobian(self) -> Expression:
-        """The same in units of the noise."""
-        return self._stacked([one.white_jacobian for one in self.each])
-
-    def _stacked(self, matrices: Sequence[Expression]) -> Expression:
+        """By (parameters, start state, nuisances), in units of the noise, (M, columns)."""
         # Parameters and start are common to all sensors, the other columns are each sensor's own.
+        matrices = [one.white_jacobian for one in self.each]
         widths = [matrix.shape[1] - self.leading for matrix in matrices]
         rows = []
         for index, matrix in enumerate(matrices):
