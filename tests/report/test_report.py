@@ -252,7 +252,7 @@ def test_text_filters() -> None:
 
 def test_reports_only_read() -> None:
     allowed = {
-        "oed.records.record",
+        "oed.records",
         "oed.foundation.files",
         "oed.foundation.work.folders",
         "oed.foundation.errors",
