@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
             print_certificate(record.certificate)
         if page is not None:
             tell(f"report: {page}")
-    told(record.data["notes"], trouble or unwritten)
+    told(record.notes, trouble or unwritten)
     if interrupted and trouble is None:
         say(cut_short(record.folder, out))
     return FAILED if trouble or unwritten else verdict(record)

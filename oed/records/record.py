@@ -22,7 +22,7 @@ from oed.records.stored.parts import Stored
 from oed.records.stored.result import Drive, Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
-from oed.records.stored.study_record import StoredInput, StoredState, StudyRecord
+from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
 from oed.study.own_code import unmade
 from oed.study.study import StudyFile
 
@@ -97,6 +97,11 @@ class Record:
         return self._part_or_none(StoredValidation, "validation")
 
     @cached_property
+    def parameters(self) -> tuple[StoredParameter, ...]:
+        """The estimated parameters."""
+        return tuple(self._part(StoredParameter, one) for one in self.data["parameters"])
+
+    @cached_property
     def inputs(self) -> tuple[StoredInput, ...]:
         """The robot's inputs; none in older records."""
         return tuple(self._part(StoredInput, one) for one in self.data.get("inputs") or ())
@@ -110,6 +115,11 @@ class Record:
     def interrupted(self) -> bool:
         """Whether the run was cut short."""
         return bool(self.data.get("interrupted", False))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else is to be known of the run."""
+        return tuple(self.data["notes"])
 
     @property
     def seed(self) -> int:

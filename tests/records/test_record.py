@@ -263,6 +263,9 @@ class TestParts:
         ]
         assert made.validation is not None
         assert made.validation.plain() == made.data["validation"]
+        assert [one.plain() for one in made.parameters] == made.data["parameters"]
+        assert [one.name for one in made.inputs] == list(PROBLEM.model.input_names)
+        assert [one.name for one in made.states] == list(PROBLEM.model.states)
         assert (made.certificate, made.robustness, made.interrupted, made.seed) == (None, None, False, 3)
 
     def test_are_made_and_read_alike(self, made: Record):

@@ -63,7 +63,7 @@ def scored(regressor: str = "position", noise: str = "{position: 10 cm, heading:
         "study": study.echo(),
         "study_text": study.text,
         "seed": 7,
-        "parameters": parameter_table(study.problem),
+        "parameters": [one.plain() for one in parameter_table(study.problem)],
         "results": [drive(study, name, *pair) for name, pair in SHAPES.items()],
         "certificate": None,
         "validation": None,

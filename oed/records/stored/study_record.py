@@ -41,7 +41,9 @@ class StoredState(Keyed):
 
 
 class StoredParameter(Keyed):
-    """An estimated parameter."""
+    """An estimated parameter: nominal value, SI unit, the block of readings that it follows from and their
+    noise, and whether the criterion judges it.
+    """
 
     name: Identifier
     nominal: Number
@@ -52,7 +54,7 @@ class StoredParameter(Keyed):
 
 
 class StoredNuisance(Keyed):
-    """What is estimated along."""
+    """A nuisance parameter: SI unit, the block of readings that it is of, its prior standard deviation."""
 
     name: str
     unit: str
