@@ -73,5 +73,5 @@ def body_text(room: Room) -> str:
 def robot_width(record: Record) -> float:
     """Width [m] of the triangle that stands for the robot; 0 where its size is not known."""
     robot = record.study.robot
-    width = min(robot.width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
+    width = min(robot.body_width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
     return width if math.isfinite(width) else 0.0

@@ -38,7 +38,7 @@ class Ackermann(Model):
         )
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """That of a car of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
 

@@ -34,7 +34,7 @@ class Mecanum(Model):
     )
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """As much as its length [m]."""
         return self.half_wheelbase_plus_half_track
 

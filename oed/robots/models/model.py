@@ -186,7 +186,7 @@ class Model(Component, ABC):
         return self
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """Width of its body, roughly [m]; 0 where its geometry says nothing of it."""
         return 0.0
 

@@ -35,7 +35,7 @@ class OmniThree(Model):
     )
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """Of the triangle of its wheels [m]."""
         return 1.5 * self.centre_distance
 

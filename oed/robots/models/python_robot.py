@@ -74,7 +74,7 @@ class PythonRobot(Model):
         return made
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """Its `track` [m], if it is given one; no code is run for it."""
         try:
             return parse_quantity((self.model_extra or {}).get("track", 0.0), "m")

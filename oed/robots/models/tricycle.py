@@ -29,7 +29,7 @@ class Tricycle(Model):
     )
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """That of a cart of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
 

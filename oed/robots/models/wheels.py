@@ -35,7 +35,7 @@ class TwoSidedGeometry(Component):
     track: PositiveLength
 
     @property
-    def width(self) -> float:
+    def body_width(self) -> float:
         """The track [m]."""
         return self.track
 

@@ -30,7 +30,7 @@ RADIUS = {"wheel_radius": 0.05}
     ids=lambda value: value.kind if isinstance(value, Model) else "",
 )
 def test_robots_know_their_width_and_that_they_tow_nothing(robot: Model, width: float, sideways: bool):
-    assert robot.width == pytest.approx(width)
+    assert robot.body_width == pytest.approx(width)
     assert robot.sideways is sideways
     assert robot.towed is None
     assert robot.body(np.zeros((4, 3))).shape == (4, 0, 2)
