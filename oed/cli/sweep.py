@@ -40,24 +40,24 @@ def _run(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
         done, trouble = saved(lambda: swept(options.study, axes, out, **more))
-        data = done.data
+        found = done.found
         page, unwritten = None, None
-        if done.folder is not None and not data["interrupted"]:
-            folders = [row["folder"] for row in data["points"] if options.reports and row["record"]]
-            page, unwritten = reported(lambda: _pages(data, out, folders, listener), out)
-    if data["kept"]:
-        say(f"note: {data['kept']} of {len(data['points'])} points kept as they were found in {out}")
+        if done.folder is not None and not found.interrupted:
+            folders = [one.folder for one in found.points if options.reports and one.record]
+            page, unwritten = reported(lambda: _pages(done.data, out, folders, listener), out)
+    if found.kept:
+        say(f"note: {found.kept} of {len(found.points)} points kept as they were found in {out}")
     if options.json:
-        print_json({**data, **place(done.folder, trouble or unwritten)})
+        print_json({**done.data, **place(done.folder, trouble or unwritten)})
     else:
-        print_sweep(data)
+        print_sweep(found)
         if page is not None:
             tell(f"report: {page}")
     told((), trouble or unwritten)
-    if data["interrupted"] and trouble is None:
+    if found.interrupted and trouble is None:
         say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
-    found = any(row["objective"] is not None for row in data["points"])
-    return DONE if found and not (data["interrupted"] or trouble or unwritten) else FAILED
+    any_drive = any(one.objective is not None for one in found.points)
+    return DONE if any_drive and not (found.interrupted or trouble or unwritten) else FAILED
 
 
 def _pages(data: Mapping[str, Any], out: Path, folders: Sequence[str], listener: Progress) -> Path:

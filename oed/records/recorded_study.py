@@ -12,7 +12,7 @@ from oed.records.recorded_prior import prior_of
 from oed.records.stored.echo import in_record
 from oed.study.own_code import robots_of_code
 from oed.study.study import PriorRecord, Study, StudyFile, read_study
-from oed.study.yaml_source import PlainSource
+from oed.study.yaml_source import plain_source
 
 TRUST = "if you trust it give --trust (in Python trust=True): it holds for this one call"
 """What to do with a record that asks for more than to be read."""
@@ -33,8 +33,8 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     place, trusted = record.file or Path("record"), trust or record.file is None
     if not trusted:
         _refuse_code(record.study, place)
-    source = PlainSource(str(place), str(record.data.get("study_text", "")), record.data["study"])
     try:
+        source = plain_source(str(place), str(record.data.get("study_text", "")), record.data["study"])
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
         raise in_record(error.flaws) from None

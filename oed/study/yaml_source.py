@@ -76,6 +76,33 @@ class PlainSource(Source):
         return tuple(found), 0, 0
 
 
+def plain_source(file: str, text: str, data: Any) -> PlainSource:
+    """Data that is part of something else, as the source of a study.
+
+    Raises:
+        StudyError: texts with characters that no study has.
+    """
+    source = PlainSource(file, text, data)
+    found = ((path, _character_flaw(one)) for path, one in _texts(data, ()))
+    flaws = [source.flaw(path, reason) for path, reason in found if reason]
+    if flaws:
+        raise StudyError(flaws)
+    return source
+
+
+def _texts(value: Any, path: KeyPath) -> Iterator[tuple[KeyPath, str]]:
+    # Keys are texts as well.
+    if isinstance(value, str):
+        yield path, value
+    elif isinstance(value, Mapping):
+        for key, one in value.items():
+            yield path, key
+            yield from _texts(one, (*path, key))
+    elif isinstance(value, list):
+        for place, one in enumerate(value):
+            yield from _texts(one, (*path, place))
+
+
 def _has(value: Any, part: str | int) -> bool:
     if isinstance(value, list):
         return isinstance(part, int) and part < len(value)
@@ -183,12 +210,14 @@ def _kind(node: yaml.Node) -> str:
 
 
 def _text_flaw(node: yaml.ScalarNode) -> str:
-    found = _FORBIDDEN.search(node.value)
-    if found is not None:
-        return f"the character {found.group()!a} cannot stand in a study"
     if _kind(node) in ("int", "float") and len(node.value) > NUMBER:
         return f"expected a number of at most {NUMBER} characters, got {len(node.value)}"
-    return ""
+    return _character_flaw(node.value)
+
+
+def _character_flaw(text: str) -> str:
+    found = _FORBIDDEN.search(text)
+    return "" if found is None else f"the character {found.group()!a} cannot stand in a study"
 
 
 def _is_odd_number(node: yaml.ScalarNode) -> bool:

@@ -61,6 +61,11 @@ class TestItsStudy:
         (flaw,) = caught.value.flaws
         assert (flaw.file, flaw.line, flaw.key) == ("record", 0, "study.limits.path_length")
 
+    def test_characters_that_steer_terminals_are_refused_as_in_a_file(self, saved: Record):
+        changed = Record({**saved.data, "study": {**saved.data["study"], "name": "a\x1b[2J"}})
+        with pytest.raises(RecordError, match=r"study\.name: the character '\\x1b' cannot stand in a study"):
+            recorded_study(changed)
+
 
 class TestPriorOfARecord:
     @pytest.fixture

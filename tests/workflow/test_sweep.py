@@ -15,6 +15,7 @@ from oed.cli.terminal.console import print_sweep
 from oed.foundation.errors import Failure, RecordError
 from oed.foundation.work.folders import Draft
 from oed.records.record import Record, load_record, save_record
+from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.workflow.runner import run as real_run
 from oed.workflow.saving import NotSaved
 from oed.workflow.studies import load_study
@@ -73,7 +74,9 @@ def test_names_are_no_markup(swept, capsys: pytest.CaptureFixture[str]):
     data["keys"][0]["name"] = "[bold]speed[/]\x1b[2J"
     data["points"][0].update(status="[red]", design="[/nope]", message="[link=x]", objective=None)
     data["points"][0]["values"] = {"limits.wheel_speed": "[5]"}
-    print_sweep(data)
+    keys = [SweptKey.model_construct(**one) for one in data["keys"]]
+    points = [SweptPoint.model_construct(**one) for one in data["points"]]
+    print_sweep(StoredSweep.model_construct(**{**data, "keys": keys, "points": points}))
     out = capsys.readouterr().out
     assert {text for text in MARKUP if text in out} == set(MARKUP)
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from oed.records.stored.certificate import StoredCertificate
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
+    from oed.records.stored.sweep import StoredSweep
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
 
@@ -236,12 +237,11 @@ def print_estimate(data: Mapping[str, Any]) -> None:
         _print_line(console, line)
 
 
-def print_sweep(data: Mapping[str, Any]) -> None:
+def print_sweep(found: StoredSweep) -> None:
     """A sweep's points as a table, the best marked, and what went wrong, on standard output."""
-    keys = [axis["key"] for axis in data["keys"]]
     table = Table(box=None, pad_edge=False)
     for heading in (
-        *(shown(axis["name"]) for axis in data["keys"]),
+        *(shown(axis.name) for axis in found.keys),
         "best result",
         "objective",
         "lambda_min",
@@ -250,23 +250,22 @@ def print_sweep(data: Mapping[str, Any]) -> None:
         "time [s]",
     ):
         table.add_column(Text(heading), justify="left" if heading in ("best result", "status") else "right")
-    for row in data["points"]:
-        objective = number(row["objective"]) + (" *" if row["folder"] == data["best"] else "  ")
+    for one in found.points:
         table.add_row(
-            *(_cell(row["values"][key]) for key in keys),
-            _cell(row["design"] or "-"),
-            objective,
-            number(row["lambda_min"]),
-            "-" if row["gap"] is None else percent(row["gap"]),
-            _cell(row["status"]),
-            number(row["seconds"], 3),
+            *(_cell(one.values[axis.key]) for axis in found.keys),
+            _cell(one.design or "-"),
+            number(one.objective) + (" *" if one.folder == found.best else "  "),
+            number(one.lambda_min),
+            "-" if one.gap is None else percent(one.gap),
+            _cell(one.status),
+            number(one.seconds, 3),
         )
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
-    if data["best"] is not None:
+    if found.best is not None:
         tell("* the best of them")
-    elif not data["comparable"]:
+    elif not found.comparable:
         tell("objectives of different criteria, parameters or measurements do not compare")
-    for row in data["points"]:
-        if row["objective"] is None:
-            _print_line(console, f"{row['label']}: {'; '.join(row['message'].splitlines())}")
+    for one in found.points:
+        if one.objective is None:
+            _print_line(console, f"{one.label}: {'; '.join(one.message.splitlines())}")

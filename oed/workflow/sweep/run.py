@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from oed.foundation.errors import FileFlaw, OedError, RecordError
 from oed.foundation.files import inside
@@ -19,14 +19,14 @@ from oed.optimize import Progress, Silent, Workers, default_workers
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, load_record, pages, saved_file
 from oed.records.stored.door import checked, read_object
-from oed.records.stored.sweep import StoredSweep
+from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
 from oed.workflow.runner import package_version, run
 from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
-FORMAT = 1
+FORMAT: Final = 1
 FILE = "sweep.json"
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
@@ -52,10 +52,15 @@ def sweep(
 
 @dataclass(frozen=True)
 class Swept:
-    """A sweep: what sweep.json holds, and the folder where it is; None where it is nowhere."""
+    """A sweep: what it found, and the folder where it is saved; None where it is nowhere."""
 
-    data: dict[str, Any]
+    found: StoredSweep
     folder: Path | None = None
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What sweep.json holds."""
+        return self.found.plain()
 
 
 def swept(
@@ -88,7 +93,7 @@ def swept(
     """
     points, listener = grid(str(file), axes), progress or Silent()
     with drafted(out) as draft:
-        done = _Sweep(points, draft, seed, lambda sweep: sweep.data(Path(file), axes))
+        done = _Sweep(points, draft, seed, lambda sweep: sweep.table(Path(file), axes))
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
 
@@ -136,9 +141,9 @@ class _Sweep:
         points: Sequence[Point],
         draft: Draft,
         seed: int | None,
-        data: Callable[[_Sweep], dict[str, Any]],
+        table: Callable[[_Sweep], StoredSweep],
     ) -> None:
-        self.points, self.draft, self._data = points, draft, data
+        self.points, self.draft, self._table = points, draft, table
         self.seeds = [point.study.seed if seed is None else seed for point in points]
         self.records: dict[int, Record] = {}
         self.failures: dict[int, str] = {}
@@ -184,7 +189,7 @@ class _Sweep:
             names = sorted(result.files, key=lambda name: name == RECORD)
             self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
             # Lest the process be killed: what is there by now is a sweep that was cut short.
-            self.draft.write(_file({**self._data(self), "interrupted": True}))
+            self.draft.write(_file(self._table(self).model_copy(update={"interrupted": True})))
         except OedError as error:
             # Without room for this one there is none for the others.
             self.unsaved = error
@@ -215,20 +220,20 @@ class _Sweep:
         """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
         finished one.
         """
-        data, draft = self._data(self), self.draft
+        found, draft = self._table(self), self.draft
         if self.unsaved is not None:
-            raise self._not_saved(self.unsaved, data)
+            raise self._not_saved(self.unsaved, found)
         if self.interrupted and self._in_the_way():
             if len(self.records) == len(self.kept):
                 draft.discard()
-                return Swept(data)
-            draft.write(_file(data))
-            return Swept(data, draft.put_aside())
+                return Swept(found)
+            draft.write(_file(found))
+            return Swept(found, draft.put_aside())
         try:
-            draft.write(_file(data))
-            return Swept(data, draft.publish(pages(draft.target)))
+            draft.write(_file(found))
+            return Swept(found, draft.publish(pages(draft.target)))
         except OedError as error:
-            raise self._not_saved(error, data) from None
+            raise self._not_saved(error, found) from None
 
     def _in_the_way(self) -> bool:
         # Whether there is a finished sweep, or a finished point that is another one now.
@@ -238,73 +243,79 @@ class _Sweep:
         fresh = [self.points[index].folder for index in self.records if index not in self.kept]
         return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
 
-    def _not_saved(self, error: OedError, data: dict[str, Any]) -> NotSaved:
+    def _not_saved(self, error: OedError, found: StoredSweep) -> NotSaved:
         kept = self.draft.put_aside()
         text = f"{error}: make room"
-        return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(data))
+        return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(found))
 
-    def data(self, file: Path, axes: Sequence[Axis]) -> dict[str, Any]:
-        """What sweep.json holds."""
+    def table(self, file: Path, axes: Sequence[Axis]) -> StoredSweep:
+        """The points side by side."""
         rows = [self._row(index) for index in range(len(self.points))]
         comparable = all(_comparable(axis) for axis in axes)
-        found = [row for row in rows if comparable and row["objective"] is not None]
-        largest = max((float(row["objective"]) for row in found), default=0.0)
-        # The first of those that only rounding tells apart.
-        close = largest - ROUNDING * abs(largest)
-        best = next((row for row in found if row["objective"] >= close), None)
-        return {
-            "format": FORMAT,
-            "oed_version": _version(),
-            "study": file.name,
-            "name": self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
-            "keys": [
-                {
-                    "key": axis.key,
-                    "name": name,
-                    "unit": axis.unit,
-                    "values": list(axis.texts),
-                    "numeric": axis.numbers is not None,
-                }
+        return StoredSweep.model_construct(
+            format=FORMAT,
+            oed_version=_version(),
+            study=file.name,
+            name=self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
+            keys=[
+                SweptKey.model_construct(
+                    key=axis.key,
+                    name=name,
+                    unit=axis.unit,
+                    values=list(axis.texts),
+                    numeric=axis.numbers is not None,
+                )
                 for axis, name in zip(axes, short_names([axis.key for axis in axes]), strict=True)
             ],
-            "points": rows,
-            "best": None if best is None else best["folder"],
-            "comparable": comparable,
-            "kept": len(self.kept),
-            "interrupted": self.interrupted,
-        }
+            points=rows,
+            best=_best(rows) if comparable else None,
+            comparable=comparable,
+            kept=len(self.kept),
+            interrupted=self.interrupted,
+        )
 
-    def _row(self, index: int) -> dict[str, Any]:
+    def _row(self, index: int) -> SweptPoint:
         point, record = self.points[index], self.records.get(index)
         best = None if record is None else record.best
         certificate = None if record is None else record.certificate
         seconds = None if record is None else sum(one.wall_seconds for one in record.results)
-        return {
-            "values": dict(point.texts),
-            "numbers": dict(point.numbers),
-            "label": point.label,
-            "folder": point.folder,
-            "record": None if record is None else f"{point.folder}/{RECORD}",
-            **self._outcome(index, record),
-            "seed": self.seeds[index],
-            "design": None if best is None else best.name,
-            "objective": None if best is None else best.objective,
-            "lambda_min": None if best is None else best.lambda_min,
-            "standard_deviations": {} if best is None else dict(best.standard_deviations),
-            "upper_bound": None if certificate is None else certificate.upper_bound,
-            "gap": None if certificate is None else certificate.gap,
-            "seconds": None if seconds is None else round(seconds, 6),
-        }
+        status, message = self._outcome(index, record)
+        return SweptPoint.model_construct(
+            values=dict(point.texts),
+            numbers=dict(point.numbers),
+            label=point.label,
+            folder=point.folder,
+            record=None if record is None else f"{point.folder}/{RECORD}",
+            status=status,
+            message=message,
+            seed=self.seeds[index],
+            design=None if best is None else best.name,
+            objective=None if best is None else best.objective,
+            lambda_min=None if best is None else best.lambda_min,
+            standard_deviations={} if best is None else dict(best.standard_deviations),
+            upper_bound=None if certificate is None else certificate.upper_bound,
+            gap=None if certificate is None else certificate.gap,
+            seconds=None if seconds is None else round(seconds, 6),
+        )
 
-    def _outcome(self, index: int, record: Record | None) -> dict[str, Any]:
+    def _outcome(self, index: int, record: Record | None) -> tuple[str, str]:
+        # How a point ended, in a word and in a sentence.
         if index in self.failures:
-            return {"status": "failed", "message": self.failures[index]}
+            return "failed", self.failures[index]
         if record is None:
-            return {"status": "not run", "message": "The sweep was interrupted before this point was done."}
+            return "not run", "The sweep was interrupted before this point was done."
         if record.best is None:
             messages = (f"{one.name}: {one.message}" for one in record.results)
-            return {"status": "no feasible drive", "message": next(messages, "")}
-        return {"status": record.best.status, "message": record.best.message}
+            return "no feasible drive", next(messages, "")
+        return record.best.status, record.best.message
+
+
+def _best(rows: Sequence[SweptPoint]) -> str | None:
+    # Folder of the first of those that only rounding tells apart.
+    known = {row.folder: row.objective for row in rows if row.objective is not None}
+    largest = max(known.values(), default=0.0)
+    close = largest - ROUNDING * abs(largest)
+    return next((folder for folder, objective in known.items() if objective >= close), None)
 
 
 def _is_finished(folder: Path) -> bool:
@@ -313,8 +324,8 @@ def _is_finished(folder: Path) -> bool:
     return False
 
 
-def _file(data: Mapping[str, Any]) -> dict[str, str]:
-    return {FILE: json.dumps(data, indent=1, allow_nan=False) + "\n"}
+def _file(found: StoredSweep) -> dict[str, str]:
+    return {FILE: json.dumps(found.plain(), indent=1, allow_nan=False) + "\n"}
 
 
 def _comparable(axis: Axis) -> bool:
