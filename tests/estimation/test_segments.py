@@ -162,7 +162,7 @@ class TestAnySensor:
     """A segment is a drive: what a sensor reads of it is what a design counts on."""
 
     @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: f"{sensor.kind} {sensor.every}")
-    @pytest.mark.parametrize("robot", [ROBOTS[0], ROBOTS[-1]], ids=str)
+    @pytest.mark.parametrize("robot", [ROBOTS[0], ROBOTS[-1]], ids=lambda robot: robot.name)
     def test_reads_what_it_reads_of_a_drive(self, robot: Example, sensor: Sensor):
         arguments = drawn(robot)
         arguments["times"][:] = 0.1
