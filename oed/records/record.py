@@ -17,13 +17,12 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_object
-from oed.records.stored.echo import checked_echo
+from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
 from oed.records.stored.result import Drive, Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
-from oed.study.own_code import unmade
 from oed.study.study import StudyFile
 
 Part = TypeVar("Part", bound=Stored)
@@ -54,7 +53,7 @@ class Record:
         """The study, its parts as objects that describe themselves; robots of code that was not run yet
         cannot move.
         """
-        return self.asked or unmade(self.data["study"])
+        return self.asked or read_echo(self.data["study"], self.file or Path(FILE))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the objects that are made of the data again."""

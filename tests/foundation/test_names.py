@@ -14,6 +14,7 @@ from oed.foundation.errors import FileFlaw, Flaw, UserMistake
 from oed.foundation.files import inside
 from oed.foundation.names import file_stem, name_flaw
 from oed.foundation.shown import shown
+from oed.records.stored.result import Result
 
 ESCAPE = "\x1b[2J\x1b]0;gone\x07"
 BIDI = "safe\u202etxt.exe"
@@ -96,7 +97,7 @@ class TestTerminal:
             "message": f"{BIDI}[/bold]",
             "violations": {f"[/x]{ESCAPE}": 1.0},
         }
-        print_results([entry])
+        print_results([Result.model_construct(**entry)])
         written = capsys.readouterr().out
         assert written.count(shown(ESCAPE)) == 3
         assert f"{shown(BIDI)}[/bold]" in written

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import RecordError
+from oed.kernel.criteria import CRITERIA
 from oed.records.stored.door import flaws_of
 
+KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 LARGEST_LOGARITHM = 300.0
 """Of a determinant, per parameter."""
 Data = Mapping[str, Any]
@@ -20,7 +22,7 @@ def require_one_study(data: Data, path: Path) -> None:
     Raises:
         RecordError: names the file and the keys.
     """
-    flaws = flaws_of(path, [*_unknown(data), *_impossible(data)])
+    flaws = flaws_of(path, [*_unknown(data), *_strangers(data)]) or flaws_of(path, _impossible(data))
     if flaws:
         raise RecordError(flaws)
 
@@ -34,6 +36,16 @@ def _unknown(data: Data) -> Iterator[tuple[str, str]]:
             yield "parameters", f"expected {name}, of which the study's prior speaks"
     if not any(one["judged"] for one in data["parameters"]):
         yield "parameters", "expected one that the criterion judges"
+
+
+def _strangers(data: Data) -> Iterator[tuple[str, str]]:
+    # Criteria that there are not: those of a user's own are in no file.
+    for place, one in enumerate(data["results"]):
+        kinds = {"criterion": [one["criterion"] or KINDS[0]], "criteria": one["criteria"]}
+        for key, names in kinds.items():
+            for name in names:
+                if name not in KINDS:
+                    yield f"results.{place}.{key}", f"expected one of {', '.join(KINDS)}, got {name!r}"
 
 
 def _impossible(data: Data) -> Iterator[tuple[str, str]]:

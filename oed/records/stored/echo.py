@@ -15,20 +15,28 @@ from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource
 
 
-def checked_echo(data: Any, file: Path) -> dict[str, Any]:
-    """A saved study as plain data, defaults filled in; no robot is made of it.
+def read_echo(data: Any, file: Path) -> StudyFile:
+    """A saved study; no robot of somebody's code is made of it.
 
     Raises:
         RecordError: names the file and the study's key of every mistake.
     """
     source = PlainSource(str(file), "", data)
     try:
-        read = unmade(data)
+        return unmade(data)
     except ValidationError as error:
         raise in_record(explain(error, StudyFile, source)) from None
     except ProblemError as error:
         raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
-    plain: dict[str, Any] = read.model_dump(mode="json", exclude_none=True)
+
+
+def checked_echo(data: Any, file: Path) -> dict[str, Any]:
+    """The same as plain data, defaults filled in.
+
+    Raises:
+        RecordError: as `read_echo` does.
+    """
+    plain: dict[str, Any] = read_echo(data, file).model_dump(mode="json", exclude_none=True)
     return plain
 
 

@@ -7,7 +7,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from oed.kernel.criteria import CRITERIA
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
@@ -19,11 +18,9 @@ from oed.records.stored.parts import (
     Seed,
     Size,
     Sizes,
-    require_known,
     require_table,
 )
 
-KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 DEGREE = 7
 """Of splines, at most."""
 ROUNDING = 1e-6
@@ -178,8 +175,6 @@ class Result(Keyed):
             raise ValueError("drive: expected that of a feasible result, got none")
         if self.drive is not None and self.path_length is None:
             raise ValueError("path_length: expected that of the drive, got none")
-        require_known("criterion", [self.criterion or "E"], KINDS)
-        require_known("criteria", self.criteria, KINDS)
         self._require_order()
         return self
 
