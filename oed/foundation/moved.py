@@ -66,7 +66,8 @@ PLACES = RENAMED | {name: f"{room}.{name}" for room, names in ROOMS.items() for 
 def watch() -> None:
     """Answer imports by old names from now on."""
     if not any(isinstance(one, Moved) for one in sys.meta_path):
-        sys.meta_path.append(Moved())
+        # First, or folders that an older version left behind would be taken for packages.
+        sys.meta_path.insert(0, Moved())
 
 
 class Renamed:

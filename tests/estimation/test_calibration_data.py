@@ -68,8 +68,8 @@ class TestData:
 
     @pytest.mark.slow
     def test_sizes_are_bounded(self, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.records.calibration_record.POINTS", 10)
-        monkeypatch.setattr("oed.records.calibration_record.RESIDUALS", 50)
+        monkeypatch.setattr("oed.records.calibration_outcome.POINTS", 10)
+        monkeypatch.setattr("oed.records.calibration_outcome.RESIDUALS", 50)
         logs = several(14, seconds=2.5, noise=NOISE)
         found = estimate_of(calibrate(problem_of(), logs, options(segment="log"))).plain()
         assert len(found["paths"]) == PATHS

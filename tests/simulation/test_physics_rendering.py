@@ -14,8 +14,8 @@ from oed.simulation.physics import FourWheels, drive, frames
 from oed.simulation.physics.engine import engine_library
 
 SCRIPT = """
-from oed.errors import Failure
-from oed.validation.physics import FourWheels, drive, frames
+from oed.foundation.errors import Failure
+from oed.simulation.physics import FourWheels, drive, frames
 motion = drive(FourWheels(), [(6, 3)] * 3, 0.1)
 try:
     pictures = list(frames(FourWheels(), motion, rate=10, size=(120, 160)))

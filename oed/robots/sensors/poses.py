@@ -74,8 +74,12 @@ class AbsoluteNoise(Component):
 
     def of(self, quantity: Quantity) -> Noise | None:
         """That of one quantity; None where it is not given."""
-        size = self.deviation(quantity)
-        return None if size is None else Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
+        return None if self.deviation(quantity) is None else self.at_least(quantity)
+
+    def at_least(self, quantity: Quantity) -> Noise:
+        """The same, at rest 0 where it is not given."""
+        size = self.deviation(quantity) or 0.0
+        return Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
 
     def per_speed(self, quantity: Quantity) -> float:
         """The k_v of sigma^2 + (k_v V)^2 + (k_w Omega)^2, SI."""

@@ -13,7 +13,6 @@ from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Unit
 from oed.logs.log import Log
-from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.poses import AbsoluteNoise, Quantity
 from oed.simulation.physics.driving import Motion
 
@@ -88,7 +87,7 @@ class Sensing(Component):
         standard = rng.normal(size=(len(speeds), len(QUANTITIES)))
         if self.noise.covariance is not None:
             return np.asarray(standard @ np.linalg.cholesky(np.array(self.noise.covariance)).T)
-        own = [self.noise.of(name) or Noise(0.0) for name in QUANTITIES]
+        own = [self.noise.at_least(name) for name in QUANTITIES]
         return np.asarray(standard * np.column_stack([noise.deviation(speeds, yaw_rates) for noise in own]))
 
 
