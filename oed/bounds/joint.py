@@ -20,7 +20,6 @@ from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
-from oed.robots.sensors.several import sensors_of
 from oed.robots.sensors.yaw_rate import YawRate
 
 Array = npt.NDArray[np.float64]
@@ -28,7 +27,7 @@ Array = npt.NDArray[np.float64]
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
     """Every bound known for the problem's sensors."""
-    sensors = sensors_of(problem.measurement)
+    sensors = problem.measurement.joint_sensors
     precisions = [_position_precision(sensor) for sensor in sensors]
     if any(precision is None for precision in precisions) or not sensors:
         return

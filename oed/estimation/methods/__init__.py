@@ -12,7 +12,6 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.problem import Problem
 from oed.robots.sensors.displacements import Displacements
-from oed.robots.sensors.several import sensors_of
 
 
 def usual_estimator(measurement: Measurement) -> EstimatorName:
@@ -45,7 +44,7 @@ def estimator_flaws(
         missing = missing_noise(measurement, heading)
         text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
         return [Flaw(("measurement", "noise"), text)] if missing else []
-    if not sensors_of(measurement):
+    if not measurement.joint_sensors:
         return [Flaw(("validation",), f"no simulation is known for {measurement.kind}")]
     if chosen != "nonlinear":
         text = f"{measurement.kind} are estimated by nonlinear least squares; not by {chosen}"

@@ -18,7 +18,6 @@ from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
-from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -48,7 +47,7 @@ class Nonlinear(Estimator):
 
     def __init__(self, problem: Problem, trajectory: Trajectory, loss: Loss = "linear") -> None:
         """Write the readings as functions of the unknowns."""
-        sensors = sensors_of(problem.measurement)
+        sensors = problem.measurement.joint_sensors
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
             raise ProblemError([Flaw(("validation", "estimators"), text)])

@@ -12,7 +12,6 @@ import scipy
 from oed.kernel.measurement.measurement import Measurement
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
-from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +47,7 @@ def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, No
     Means of `averaged` readings, whose noise is independent, have that much less.
     """
     found: dict[str, Noise] = {}
-    for sensor in sensors_of(measurement):
+    for sensor in measurement.joint_sensors:
         own = sensor.noises if isinstance(sensor, LoggedSensor) else {}
         for quantity, noise in own.items():
             group = group_of(quantity)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from oed.kernel.measurement.measurement import Measurement
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import LoggedSensor, Mount
-from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 
@@ -102,5 +101,5 @@ class Unknowns:
 
 def specified_mount(measurement: Measurement) -> Mount:
     """Where the first sensor sits that says so; at the robot's origin if none does."""
-    logged = (sensor for sensor in sensors_of(measurement) if isinstance(sensor, LoggedSensor))
+    logged = (sensor for sensor in measurement.joint_sensors if isinstance(sensor, LoggedSensor))
     return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())

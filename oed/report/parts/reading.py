@@ -13,7 +13,6 @@ from oed.foundation.component import Component
 from oed.foundation.text import Unit, common_units, words
 from oed.records.record import Record
 from oed.robots.sensors import Displacements
-from oed.robots.sensors.several import sensors_of
 
 Array = npt.NDArray[np.float64]
 Entry = Mapping[str, Any]
@@ -60,7 +59,7 @@ def is_regression(record: Record) -> bool:
 def beacons(record: Record) -> Array:
     """Positions (n, 2) [m] of all beacons that distances are measured to."""
     found = [
-        place for sensor in sensors_of(record.study.measurement) for place in getattr(sensor, "beacons", ())
+        place for sensor in record.study.measurement.joint_sensors for place in getattr(sensor, "beacons", ())
     ]
     return np.array(found, dtype=float).reshape(-1, 2)
 

@@ -67,8 +67,3 @@ class Several(Measurement):
     def sentence(self, samples: int) -> str:
         """What each sensor says of itself."""
         return "; ".join(sensor.sentence(samples) for sensor in self.sensors)
-
-
-def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
-    """The sensors of a measurement that are estimated from together; () for any other measurement."""
-    return measurement.joint_sensors
