@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from oed.foundation.component import OneOf
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
@@ -21,6 +22,7 @@ from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import TRUST, recorded_study
 from oed.records.stored.estimate import Estimated
+from oed.robots.models import MODELS
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 from oed.uncertainty.uncertainty import Uncertainty
@@ -215,7 +217,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
     robot = study.problem.model.with_values(values)
-    data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
+    data["robot"] = OneOf(MODELS).as_data(robot)
     data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)

@@ -649,7 +649,7 @@ BROKEN_SENSORS = {
         "kind: gyroscope",
         "- kind: gyroscope",
         "measurement.1",
-        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', got 'gyroscope'",
+        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', 'python', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",

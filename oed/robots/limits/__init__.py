@@ -7,6 +7,7 @@ from oed.kernel.limit import Limit, Rows
 from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
 from oed.robots.limits.end_pose import EndHeading, EndPosition
 from oed.robots.limits.path_length import PathLength
+from oed.robots.limits.python_limit import PythonLimit
 from oed.robots.limits.steering import SteeringAngle, SteeringRate
 from oed.robots.limits.trailer_angle import TrailerAngle
 from oed.robots.limits.wheel_acceleration import WheelAcceleration
@@ -57,6 +58,7 @@ __all__ = [
     "PathLength",
     "Polygon",
     "PolygonalObstacle",
+    "PythonLimit",
     "Rectangle",
     "Rows",
     "SteeringAngle",

@@ -39,6 +39,13 @@ def own_module(folder: Path, name: str) -> ModuleType | None:
     return importlib.import_module(f"{_package_of(place)}.{name}")
 
 
+def folder_of(name: str) -> tuple[str, Path | None]:
+    """A loaded module's name as its own folder has it, and that folder; None for one of Python's own path."""
+    package, _, own = name.partition(".")
+    known = _packages.get(package)
+    return (name, None) if known is None else (own, known.folder)
+
+
 @dataclass(frozen=True)
 class _Package:
     # A folder as a package, and what stood in its files as they were read.
