@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
 from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
+from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.sensors.displacements import Displacements
 
@@ -22,8 +23,11 @@ SPEEDS = "wheel speeds and accelerations within their limits"
 NO_ROOM = "the room is left out"
 
 
-def regression_bounds(problem: Problem, measurement: Displacements) -> Iterator[Bound]:
-    """Bounds for the paper's regressions with independent increments."""
+def regression_bounds(problem: Problem) -> Iterator[Bound]:
+    """Bounds on E for the paper's regressions with independent increments."""
+    measurement = problem.measurement
+    if type(problem.criterion) is not E or not isinstance(measurement, Displacements):
+        return
     if measurement.noise_model != "increments":
         return
     for one in problem.any_estimations:

@@ -16,6 +16,7 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
+from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.sensors.poses import Poses
@@ -26,8 +27,8 @@ Array = npt.NDArray[np.float64]
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
-    """Every bound known for the problem's sensors."""
-    sensors = problem.measurement.joint_sensors
+    """Bounds on E for sensors that are estimated from together; none where the noise of one is not known."""
+    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
     precisions = [_position_precision(sensor) for sensor in sensors]
     if any(precision is None for precision in precisions) or not sensors:
         return

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from own_parts import OWN_PARTS
 
 import oed
 from oed.cli import main
@@ -25,66 +26,6 @@ from oed.study.study import Study
 from oed.workflow.experiments import validated, validation_options
 from oed.workflow.runner import run
 from oed.workflow.studies import load_study, parse_study
-
-MODULE = '''
-from math import log
-from pathlib import Path
-from typing import ClassVar, Literal
-
-import casadi as ca
-import numpy as np
-import oed
-
-Path(__file__).with_name("was_run").touch()
-
-
-class Compass(oed.Sensor):
-    """The heading, to a magnetic north that nobody knows exactly."""
-
-    kind: Literal["compass"] = "compass"
-    noise: float = 0.05
-    units: ClassVar = ("rad",)
-
-    @property
-    def nuisances(self):
-        return (oed.Nuisance("north", 0.0, "rad"),)
-
-    def reading(self, moment):
-        return moment.pose[2] + moment.nuisances["north"]
-
-    def whitening(self, moment):
-        return ca.SX(1 / self.noise)
-
-
-class LogSmallest(oed.E):
-    """E-optimality, on a logarithmic scale."""
-
-    kind: Literal["log_smallest"] = "log_smallest"
-    number: ClassVar[str] = "log λ_min"
-    definition: ClassVar[str] = "the logarithm of the smallest eigenvalue"
-    share: ClassVar[str] = ""
-    proportional: ClassVar[bool] = False
-
-    def judge(self, information):
-        with np.errstate(divide="ignore"):
-            return np.log(super().judge(information))
-
-    def efficiency(self, value, best, size):
-        return None
-
-
-class Strip(oed.Limit):
-    """The robot stays within a strip along the x axis."""
-
-    name: ClassVar[str] = "strip"
-    looks_at: ClassVar[str] = "state"
-    half_width: float
-
-    def rows(self, drive):
-        y = drive.path[:, 1]
-        bounds = np.full(y.shape[0], self.half_width)
-        return oed.Rows(y, -bounds, bounds, self.half_width, "m")
-'''
 
 STUDY = """\
 format: 1
@@ -118,7 +59,7 @@ def forget() -> None:
     modules._packages.clear()
 
 
-def load(folder: Path, text: str = STUDY, module: str = MODULE) -> Study:
+def load(folder: Path, text: str = STUDY, module: str = OWN_PARTS) -> Study:
     (folder / "own.py").write_text(module)
     (folder / "study.yaml").write_text(text)
     return load_study(folder / "study.yaml")
@@ -216,15 +157,15 @@ class TestFromPython:
 
     def study(self, folder: Path) -> Study:
         sys.path.insert(0, str(folder))
-        (folder / "own_parts.py").write_text(MODULE)
-        sys.modules.pop("own_parts", None)
-        import own_parts
+        (folder / "my_parts.py").write_text(OWN_PARTS)
+        sys.modules.pop("my_parts", None)
+        import my_parts
 
         plain = load(folder, STUDY.replace("python, object: own:Compass", "yaw_rate"))
         parts = {
-            "measurement": own_parts.Compass(noise=0.03),
-            "criterion": own_parts.LogSmallest(subset=("track",)),
-            "limits": type(plain.file.limits)(wheel_speed=6, own=(own_parts.Strip(half_width=0.3),)),
+            "measurement": my_parts.Compass(noise=0.03),
+            "criterion": my_parts.LogSmallest(subset=("track",)),
+            "limits": type(plain.file.limits)(wheel_speed=6, own=(my_parts.Strip(half_width=0.3),)),
         }
         file = plain.file.model_copy(update=parts)
         limits = (plain.problem.limits[0], parts["limits"].own[0])
@@ -236,7 +177,7 @@ class TestFromPython:
         file = study.file.model_copy(update={"estimate": ("track",)})
         fresh = run(replace(study, file=file), folder / "out", workers=1)
         echo = fresh.data["study"]
-        assert echo["measurement"]["object"] == "own_parts:Compass"
+        assert echo["measurement"]["object"] == "my_parts:Compass"
         assert echo["measurement"]["folder"] == str(folder)
         assert echo["criterion"]["described"]["kind"] == "log_smallest"
         read = load_record(folder / "out")
@@ -327,9 +268,9 @@ def test_mistakes_are_named_with_their_key(folder: Path, old: str, new: str, key
 def test_a_part_that_does_not_work_is_named_where_it_is(
     folder: Path, old: str, new: str, key: str, words: str
 ) -> None:
-    assert old in MODULE
+    assert old in OWN_PARTS
     with pytest.raises(StudyError) as caught:
-        load(folder, module=MODULE.replace(old, new))
+        load(folder, module=OWN_PARTS.replace(old, new))
     (flaw,) = caught.value.flaws
     assert flaw.key.startswith(key)
     assert flaw.line > 4

@@ -26,21 +26,24 @@ from oed.robots.limits.workspace import (
 )
 
 LIMITS: dict[str, Any] = {
-    WheelSpeed.name: WheelSpeed,
-    WheelAcceleration.name: WheelAcceleration,
-    WheelJerk.name: WheelJerk,
-    SteeringAngle.name: SteeringAngle,
-    SteeringRate.name: SteeringRate,
-    BodySpeed.name: BodySpeed,
-    YawRate.name: YawRate,
-    LateralAcceleration.name: LateralAcceleration,
-    TurningRadius.name: TurningRadius,
-    TrailerAngle.name: TrailerAngle,
-    Workspace.name: Annotated[Workspace, OneOf(WORKSPACES)],
-    Obstacles.name: Obstacles,
-    PathLength.name: PathLength,
-    EndPosition.name: EndPosition,
-    EndHeading.name: EndHeading,
+    one.name: Annotated[one, OneOf(WORKSPACES)] if one is Workspace else one
+    for one in (
+        WheelSpeed,
+        WheelAcceleration,
+        WheelJerk,
+        SteeringAngle,
+        SteeringRate,
+        BodySpeed,
+        YawRate,
+        LateralAcceleration,
+        TurningRadius,
+        TrailerAngle,
+        Workspace,
+        Obstacles,
+        PathLength,
+        EndPosition,
+        EndHeading,
+    )
 }
 """What a study's `limits:` may hold: key -> type."""
 
