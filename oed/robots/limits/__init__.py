@@ -6,13 +6,10 @@ from oed.foundation.component import OneOf
 from oed.kernel.limit import Limit, Rows
 from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
 from oed.robots.limits.end_pose import EndHeading, EndPosition
+from oed.robots.limits.inputs import SteeringAngle, SteeringRate, WheelAcceleration, WheelJerk, WheelSpeed
 from oed.robots.limits.path_length import PathLength
 from oed.robots.limits.python_limit import PythonLimit
-from oed.robots.limits.steering import SteeringAngle, SteeringRate
 from oed.robots.limits.trailer_angle import TrailerAngle
-from oed.robots.limits.wheel_acceleration import WheelAcceleration
-from oed.robots.limits.wheel_jerk import WheelJerk
-from oed.robots.limits.wheel_speed import WheelSpeed
 from oed.robots.limits.workspace import (
     WORKSPACES,
     Circle,

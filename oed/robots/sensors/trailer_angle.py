@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import casadi as ca
 from pydantic import Field
 
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import InitialPose, Moment, Sensor
+from oed.kernel.measurement.sensor import InitialPose, Moment
 from oed.robots.models.model import Model
+from oed.robots.sensors.biased import BiasedSensor
 from oed.robots.sensors.logged import Noise
 
 STATE = 3
 """Place of the trailer's angle among the states."""
 
 
-class TrailerAngle(Sensor):
+class TrailerAngle(BiasedSensor):
     """The trailer's heading relative to the tractor's [rad], at every n-th sample, plus a constant bias.
 
     Attributes:
@@ -31,6 +30,7 @@ class TrailerAngle(Sensor):
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"
+    unit = "rad"
     noise: Annotated[Angle, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[Angle, Field(gt=0)] = "known"
     initial_pose: InitialPose = "unknown"
@@ -45,36 +45,14 @@ class TrailerAngle(Sensor):
         """The reading itself."""
         return (0,)
 
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The bias, where it is not known."""
-        if self.bias == "known":
-            return ()
-        deviation = self.bias if isinstance(self.bias, float) else None
-        return (Nuisance("bias", 0.0, "rad", deviation),)
-
-    def reading(self, moment: Moment) -> Expression:
-        """Angle and bias."""
-        return moment.pose[STATE] + moment.nuisances.get("bias", 0.0)
-
-    def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma."""
-        return ca.SX(1 / self.noise)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Of the reading."""
-        return ("rad",)
+    def quantity(self, moment: Moment) -> Expression:
+        """The angle."""
+        return moment.pose[STATE]
 
     @property
     def subject(self) -> str:
         """The angle."""
         return "the trailer's angle"
-
-    @property
-    def remark(self) -> str:
-        """That there is no bias, where that is known."""
-        return " and no bias" if self.bias == "known" else ""
 
     def brief(self, samples: int) -> str:
         """How many are read."""
