@@ -25,7 +25,7 @@ class Context:
     Attributes:
         seed: of every random draw.
         workers: processes to use, or a cluster.
-        progress: who is told how far it is.
+        progress: who is informed how far it is.
         earlier: solutions of the searches before this one, by name.
     """
 
