@@ -52,7 +52,7 @@ def bound(
     Args:
         problem: with criterion E.
         nodes: of the search by branch and bound at most; by default as many as take some seconds.
-        time_limit: of that search [s]; none by default, for what it leaves depends on the machine.
+        time_limit: of that search [s]; none by default, for where it stops depends on the machine.
         gap: at which that search ends.
     """
     began = time.perf_counter()
@@ -160,7 +160,7 @@ def _sampled(problem: Problem) -> bool:
 
 
 def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
-    # Limits of the speeds, weights, and what is known beforehand.
+    # Limits of the speeds, weights, and the prior.
     space, one = problem.design, problem.any_estimations[-1]
     rate = float(largest_rates(problem).max())
     ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
@@ -172,7 +172,7 @@ def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
     if problem.design.integration == "arc":
-        assumptions.append("arcs tell at most as much as chords of full length")
+        assumptions.append("arcs are at most as informative as chords of full length")
     return Bound(value, method, tuple(assumptions), found.multiplier)
 
 

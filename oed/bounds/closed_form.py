@@ -40,7 +40,7 @@ def regression_bounds(problem: Problem) -> Iterator[Bound]:
 
 
 def noise_of(problem: Problem, one: Estimation) -> float:
-    """What the objective divides W by: the noise, or 1 where it leaves that out."""
+    """What the objective divides W by: the noise, or 1 where it takes that as it is."""
     raw = one.block.raw and problem.criterion.scaling == "none"
     return 1.0 if raw or one.block.noise is None else one.block.noise
 
@@ -50,7 +50,7 @@ def _columns(one: Estimation) -> list[int]:
 
 
 def prior_matrix(problem: Problem, one: Estimation) -> Array:
-    """What is known beforehand of the judged parameters, scaled, were the others known: (p, p)."""
+    """The prior information on the judged parameters, scaled, were the others known: (p, p)."""
     size = len(one.judged)
     known = None if problem.prior is None else prior_of(problem.prior, one.block, one.parameters)
     if known is None:
@@ -126,7 +126,7 @@ def largest_squares(lengths: Array, budget: float) -> float:
 def along(
     problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
 ) -> Bound:
-    """The bound from one direction: `change` of the judged parameters, SI, tells at most `value`.
+    """The bound from one direction: `change` of the judged parameters, SI, has at most information `value`.
 
     In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
     """

@@ -1,8 +1,8 @@
 """Upper bounds for sensors that are estimated from together, from two directions nobody can do much about.
 
-Growing all lengths of the robot alike moves every position away from the start in proportion: it tells as
-much as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every position
-along a circle of the track's size.
+Growing all lengths of the robot alike moves every position away from the start in proportion: that is as
+informative as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every
+position along a circle of the track's size.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def joint_bounds(problem: Problem) -> Iterator[Bound]:
     weights = [float(precision or 0.0) for precision in precisions]
     (one,) = problem.any_estimations
     if problem.robot.physical is not problem.robot:
-        yield from _circle_cap(problem, one, sensors, weights)
+        yield from _circle_bound(problem, one, sensors, weights)
     else:
         yield from _size_bounds(problem, one, sensors, weights)
 
@@ -60,7 +60,7 @@ def _unknown_start(sensors: Sequence[Sensor]) -> bool:
     return bool(known) and all(entry == "unknown" for entry in known)
 
 
-def _circle_cap(
+def _circle_bound(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)

@@ -46,7 +46,7 @@ class Component(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **keywords: Any) -> None:
-        """Have every field but the kind, by which classes are told apart, look out for true and false."""
+        """Have every field but the kind, by which classes are known, look out for true and false."""
         for name, field in cls.model_fields.items():
             if name != "kind":
                 field.metadata = [

@@ -9,7 +9,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.kernel.violation import Leaving
 from oed.optimize.solver import Context, Solver
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.robust import Robust
 
 ROUNDS = 12
@@ -84,7 +84,7 @@ class _Assured:
         progress, draws = self.context.progress, self.robust.draws
         progress.begin(f"simulate {draws} robots", 1)
         try:
-            found = leaving(
+            found = violation_probability(
                 self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
             )
         except KeyboardInterrupt:

@@ -90,7 +90,7 @@ AnyPrior = Annotated[
 
 
 class ValidationOptions(Component):
-    """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
+    """Simulated experiments to compare the predicted covariance with; see `oed.validate`."""
 
     replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
     estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
@@ -183,10 +183,10 @@ class Study:
         return self.file.seed
 
     def require_identifiable(self) -> None:
-        """Refuse a study whose parameters no drive tells apart, or whose drives are not finite.
+        """Refuse a study whose parameters no drive makes identifiable, or whose drives are not finite.
 
         Raises:
-            StudyError: names what is not finite, or every combination that cannot be told, and what to do.
+            StudyError: names what is not finite, or every combination that is not identifiable, with advice.
         """
         try:
             require_identifiable(self.problem)
@@ -299,7 +299,7 @@ def _problem(file: StudyFile) -> Problem:
 
 
 def _name_flaws(file: StudyFile) -> list[Flaw]:
-    # Results are told apart by their names, and saved in files named after them.
+    # Results are known by their names, and saved in files named after them.
     entries: list[tuple[tuple[str | int, ...], str]] = [
         (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
     ]

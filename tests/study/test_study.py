@@ -691,7 +691,7 @@ BROKEN_SENSORS = {
         "[x, heading]",
         "noise:",
         "measurement.0.noise",
-        "the noise of heading is needed to weigh the readings",
+        "the noise of heading is needed to weight the readings",
     ),
     "negative noise": (
         "noise: 10 cm",

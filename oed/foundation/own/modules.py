@@ -58,7 +58,7 @@ class _Package:
 
 
 _packages: dict[str, _Package] = {}
-"""By their names; the newest of a folder last."""
+"""Packages by their names; the newest of a folder last."""
 
 
 def _package_of(folder: Path) -> str:
@@ -106,7 +106,7 @@ _FINDER = _Finder()
 
 
 class _Loader(SourceFileLoader):
-    """Compiles what stands in the file: compiled files tell a change by the second and the size only."""
+    """Compiles what stands in the file: compiled files show a change by the second and the size only."""
 
     def get_code(self, fullname: str) -> CodeType:
         file = self.get_filename(fullname)

@@ -47,7 +47,7 @@ class OwnPart(Component):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **keywords: Any) -> None:
-        """Answer what was saved; whatever else a family's class leaves open needs the code."""
+        """Answer what was saved; whatever else a family's class does not say needs the code."""
         super().__pydantic_init_subclass__(**keywords)
         for name in cls._saved_names():
             if name != "kind":
@@ -145,7 +145,7 @@ class _Saved:
     """An attribute that a part was saved with; the family's own where it was not."""
 
     def __init__(self, owner: type[OwnPart], name: str) -> None:
-        """Of which class, and what it is called."""
+        """Keep the class that has it, and its name."""
         self.owner, self.name = owner, name
 
     def __get__(self, part: OwnPart | None, owner: type | None = None) -> Any:
@@ -158,7 +158,7 @@ class _Saved:
 
 @cache
 def guarded(named: type[Component]) -> type[Component]:
-    """A class of the user's own whose errors are told by its name, and whose parts other processes find."""
+    """A class of the user's own whose errors name it, and whose parts other processes find."""
     members: dict[str, Any] = {}
     for one in reversed(named.__mro__):
         if one.__module__.partition(".")[0] not in ("oed", "pydantic", "builtins", "abc", "typing"):
@@ -227,7 +227,7 @@ class OwnCodeError(UserMistake):
         super().__init__(f"{place}: {reason}")
 
     def __reduce__(self) -> tuple[type[OwnCodeError], tuple[str, str]]:
-        """By its parts, from the worker that met it."""
+        """What pickles it by its parts, from the worker that met it."""
         return OwnCodeError, (self.object, self.reason)
 
 

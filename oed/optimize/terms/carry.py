@@ -58,7 +58,7 @@ class Carry:
 
     @property
     def gathered_size(self) -> int:
-        """Of the information that a part gathers."""
+        """Size of the information that a part gathers."""
         return self._parameters + self._states + self._nuisances
 
     def table(self, carried: Expression) -> Expression:

@@ -27,7 +27,7 @@ def compiler() -> str | None:
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """The same function in machine code; itself where it cannot be compiled."""
+    """A function in machine code; itself where it cannot be compiled."""
     tool = compiler()
     if tool is None:
         return function

@@ -28,7 +28,7 @@ class Move:
     sideways: float = 0.0
 
     @property
-    def on_the_spot(self) -> bool:
+    def in_place(self) -> bool:
         """Whether the robot's origin stays where it is."""
         return self.forward == 0 and self.sideways == 0
 
@@ -79,7 +79,7 @@ def slalom(size: float, lap: int) -> list[Move]:
 
 
 def straight_and_spin(size: float, lap: int) -> list[Move]:
-    """There, a full turn on the spot, back, and the turn undone."""
+    """There, a full turn in place, back, and the turn undone."""
     return [Move(size, 0.0), Move(0.0, FULL_TURN), Move(-size, 0.0), Move(0.0, -FULL_TURN)]
 
 

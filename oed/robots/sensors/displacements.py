@@ -76,7 +76,7 @@ class Displacements(Measurement):
         return ("heading", "position") if self.regressor == "both" else (self.regressor,)
 
     def flaws(self, model: Model, samples: int) -> list[Flaw]:
-        """Robots without coefficients, more segments than samples, too few to tell two parameters apart."""
+        """Robots without coefficients, more segments than samples, too few to identify two parameters."""
         if not model.coefficient_names:
             text = f"displacements need a robot whose twist is linear in coefficients; {model.kind} is not"
             return [Flaw(("measurement", "kind"), text)]
@@ -87,7 +87,7 @@ class Displacements(Measurement):
         columns = len(model.coefficient_names[0])
         if self.regressor != "position" and count < columns:
             text = (
-                f"one heading row per segment cannot tell {columns} coefficients apart: expected at least "
+                f"one heading row per segment cannot identify {columns} coefficients: expected at least "
                 f"{columns} segments, got {count}"
             )
             return [Flaw(("measurement", "segments"), text)]
@@ -121,7 +121,7 @@ class Displacements(Measurement):
         return 1 if self.segments == "samples" else self.segments
 
     def coarser(self, times: float) -> Displacements:
-        """The same: segments are parts of the drive, or its samples."""
+        """This measurement: segments are parts of the drive, or its samples."""
         return self
 
     def _heading_block(self, drive: Drive) -> Block:

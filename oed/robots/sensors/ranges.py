@@ -42,7 +42,7 @@ class Ranges(PlacedSensor):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of every distance."""
+        """The unit of every distance."""
         return ("m",) * len(self.beacons)
 
     @property

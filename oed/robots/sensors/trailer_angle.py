@@ -24,9 +24,9 @@ class TrailerAngle(BiasedSensor):
 
     Attributes:
         noise: standard deviation of one reading [rad].
-        bias: the encoder's zero: "known", "unknown" (eliminated), or its standard deviation known
-            beforehand [rad].
-        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
+        bias: the encoder's zero: "known", "unknown" (eliminated), or the standard deviation of its
+            prior [rad].
+        initial_pose: "unknown" (eliminated), "known", or a prior's standard deviations.
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"
@@ -60,7 +60,7 @@ class TrailerAngle(BiasedSensor):
 
     @property
     def noises(self) -> dict[str, Noise]:
-        """That of the angle."""
+        """The noise of the angle."""
         return {"trailer_angle": Noise(self.noise)}
 
     @property

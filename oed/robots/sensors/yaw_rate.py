@@ -18,7 +18,7 @@ class YawRate(BiasedSensor):
 
     Attributes:
         noise: standard deviation of one reading [rad/s].
-        bias: "unknown" (eliminated), "known", or its standard deviation known beforehand [rad/s].
+        bias: "unknown" (eliminated), "known", or the standard deviation of its prior [rad/s].
     """
 
     kind: Literal["yaw_rate"] = "yaw_rate"
