@@ -75,7 +75,7 @@ class Certificate(Renamed):
         return gap(self.upper_bound, objective)
 
     def loose(self, objective: float) -> bool:
-        """Whether the bound leaves much open about a design of that objective."""
+        """Whether the bound says little about a design of that objective."""
         return self.gap(objective) > LOOSE
 
 

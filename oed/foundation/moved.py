@@ -37,7 +37,11 @@ RENAMED = {
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""The same of those that have another name there."""
+"""Folders of the top level by where they are now, under another name."""
+
+
+NAMES = {"leaving": "violation_probability"}
+"""Public names by those that they had."""
 
 
 class Moved:

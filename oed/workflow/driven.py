@@ -65,8 +65,8 @@ class DrivenPaths:
         paths: part by part, in order.
         best: name and objective of the best design known, or None.
         bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
-        robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
-            nothing in reserve.
+        robustness: how many robots violate the limits on them, as a record has it; None where the study has
+            no back-off.
         findings: by the name of the log, what was found in it.
     """
 

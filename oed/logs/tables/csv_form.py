@@ -34,7 +34,7 @@ class CsvForm(LogForm):
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
-        runs: the column that tells runs apart; "run" by default, where there is one.
+        runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
     """
 

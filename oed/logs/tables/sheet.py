@@ -30,7 +30,7 @@ class Layout:
         time: of the inputs, and of the poses without a clock of their own.
         inputs: by the robot's names of them.
         poses: of the reference.
-        runs: tells runs apart; None for a column "run" where there is one.
+        runs: says which run a row belongs to; None for a column "run" where there is one.
         keep: values of columns, or [low, high], in rows whose poses are wanted.
     """
 
@@ -132,7 +132,7 @@ def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], r
     labels = gathered.take(lambda: _run_labels(table, runs))
     found = [one for one in read if one is not None]
     if clock is not None and gathered.flaws and labels is None:
-        # What is wrong with the times is told along with what is wrong with the numbers.
+        # What is wrong with the times is named along with what is wrong with the numbers.
         gathered.flaws += (
             _series(table, time, clock, ())
             .rows(distinct_rows(table, clock[1], np.arange(len(table.rows))))
@@ -175,7 +175,7 @@ def _read_poses(
         return tuple(poses.columns), _read_tum(beside, poses)
     if beside is not None:
         table = read_table(beside)
-        # A file of poses need not tell runs apart, even where the log does.
+        # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
     block = _read_block(table, poses.time or layout.time, columns, runs)
@@ -207,8 +207,8 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
         values = _numbers(table, place)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
-        told = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {told}")])
+        wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
+        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {wanted_rows}")])
     return kept
 
 

@@ -73,7 +73,7 @@ class Terms(ABC):
 
     @property
     def coefficients(self) -> Expression:
-        """Of all splines (SX of `unknowns`), (n, inputs)."""
+        """Coefficients of all splines (SX of `unknowns`), (n, inputs)."""
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
         table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)

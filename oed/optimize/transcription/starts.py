@@ -19,7 +19,7 @@ DISCOUNT = 1.0
 """Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
 USUAL = (-1.0, 1.0)
 """Where a start state of any other unit is tried, SI, if no limit bounds it."""
-KICK = 0.15
+PERTURBATION = 0.15
 """Standard deviation of a perturbation, as a share of each input's largest value."""
 
 
@@ -111,10 +111,10 @@ def _merit(values: Array, violations: Array) -> Array:
 
 
 def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
-    """A neighbour of a design: every coefficient kicked, within the inputs' bounds."""
+    """A neighbour of a design: every coefficient perturbed, within the inputs' bounds."""
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     per_input = design.coefficient_count // len(bounds)
-    kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
-    head = kicked[: design.coefficient_count]
+    moved = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
+    head = moved[: design.coefficient_count]
     np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
-    return np.asarray(kicked)
+    return np.asarray(moved)

@@ -83,7 +83,7 @@ def _keeping(radius: float) -> str:
 
 
 class Workspace(Area):
-    """An area that the robot must not leave."""
+    """An area in which the robot has to stay."""
 
     name: ClassVar[str] = "workspace"
     kind: str
@@ -94,7 +94,7 @@ class Workspace(Area):
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
     def state_bounds(self) -> dict[str, tuple[float, float]]:
-        """Of x and y: the bounding box [m]."""
+        """Bounds of x and y: the bounding box [m]."""
         x_min, x_max, y_min, y_max = self.extent
         return {"x": (x_min, x_max), "y": (y_min, y_max)}
 
@@ -221,7 +221,7 @@ class Polygon(Workspace):
 
     @property
     def extent(self) -> Extent:
-        """Its bounding box [m]."""
+        """The polygon's bounding box [m]."""
         return self.outline.extent
 
     @property
@@ -301,7 +301,7 @@ class CircularObstacle(Obstacle):
 
     @property
     def size(self) -> float:
-        """Its radius [m]."""
+        """The column's radius [m]."""
         return self.radius
 
     @property

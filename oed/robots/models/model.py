@@ -18,10 +18,10 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, UserMistake
+from oed.foundation.own.code import in_words
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
-from oed.robots.models.own_code import in_words
 
 Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
@@ -258,8 +258,9 @@ class Model(Component, System):
 
     @property
     def body_width(self) -> float:
-        """Width of its body, roughly [m]; 0 where its geometry says nothing of it."""
-        return 0.0
+        """Width of its body, roughly [m]: its `track`; 0 where its geometry says nothing of it."""
+        track = getattr(self, "track", 0.0)
+        return track if isinstance(track, float) else 0.0
 
     @property
     def towed(self) -> tuple[float, float] | None:
