@@ -154,7 +154,7 @@ class TestNonlinear:
     def test_pickled_it_estimates_the_same(self):
         estimator = Nonlinear(problem_of(SENSORS["several"]), drive_of())
         again = pickle.loads(pickle.dumps(estimator))
-        first, second = (one.replicate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
+        first, second = (one.simulate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
         np.testing.assert_array_equal(first, second)
 
     def test_another_number_of_readings_is_refused(self):

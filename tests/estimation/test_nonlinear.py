@@ -513,7 +513,7 @@ class TestMonteCarlo:
         np.testing.assert_allclose((gain @ gain.T)[:count, :count], case.estimator.promised, rtol=1e-7)
 
     def test_a_promise_five_per_cent_off_is_noticed(self):
-        estimates, linear = PLAIN.estimator.replicate(np.random.default_rng(3), 2)
+        estimates, linear = PLAIN.estimator.simulate(np.random.default_rng(3), 2)
         assert estimates.shape == linear.shape == (2, 3)
         errors = np.random.default_rng(4).multivariate_normal(np.zeros(3), PLAIN.estimator.promised, 10_000)
         assert all(check.passed for check in check_all(errors, PLAIN.estimator.promised, 0.01))
@@ -526,7 +526,7 @@ class TestMonteCarlo:
         for share in (1.0, 0.5):
             noise = {name: share * size for name, size in XYH.items()}
             estimator = Nonlinear(problem_of(Poses(noise=noise)), PLAIN.drive)
-            estimates, linear = estimator.replicate(np.random.default_rng(5), 50)
+            estimates, linear = estimator.simulate(np.random.default_rng(5), 50)
             rests.append(np.abs(estimates - linear).sum())
         assert rests[1] == pytest.approx(rests[0] / 4, rel=0.05)
 
@@ -718,10 +718,10 @@ class TestWorkers:
     @cases
     def test_workers_get_the_same(self, case: Case):
         estimator = Nonlinear(case.problem, case.drive, "huber")
-        estimator.replicate(np.random.default_rng(1), 1)
+        estimator.simulate(np.random.default_rng(1), 1)
         again = pickle.loads(pickle.dumps(estimator))
         found, expected = (
-            np.hstack(one.replicate(np.random.default_rng(2), 3)) for one in (again, estimator)
+            np.hstack(one.simulate(np.random.default_rng(2), 3)) for one in (again, estimator)
         )
         np.testing.assert_allclose(found, expected, rtol=1e-12)
         np.testing.assert_array_equal(again.promised, estimator.promised)
@@ -735,7 +735,7 @@ class TestWorkers:
 
     def test_the_same_seed_gives_the_same_result(self):
         first, again, other = (
-            PLAIN.estimator.replicate(np.random.default_rng(seed), 3)[0] for seed in (1, 1, 2)
+            PLAIN.estimator.simulate(np.random.default_rng(seed), 3)[0] for seed in (1, 1, 2)
         )
         np.testing.assert_array_equal(first, again)
         assert np.abs(first - other).max() > 0
