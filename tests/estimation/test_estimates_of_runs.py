@@ -148,7 +148,7 @@ class TestNonlinear:
         np.testing.assert_allclose(predicted[1, :, 2], 0, atol=1e-12)
         wrapped = predicted.copy()
         wrapped[..., 2] = np.angle(np.exp(1j * wrapped[..., 2]))
-        found = Nonlinear(problem, drive).readings.unwrapped(wrapped.ravel())
+        found = Nonlinear(problem, drive)._readings.unwrapped(wrapped.ravel())
         np.testing.assert_allclose(found, predicted.ravel(), rtol=0, atol=1e-9)
 
     def test_pickled_it_estimates_the_same(self):

@@ -1,11 +1,11 @@
-"""Least squares by Gauss-Newton steps, halved where they make the misfit worse."""
+"""Least squares by Gauss-Newton steps, damped where they make the misfit worse."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import NamedTuple, Protocol, TypeVar
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +18,20 @@ from oed.kernel.measurement.square_root import SquareRoot
 Array = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
 
-STEPS = 40
+STEPS = 100
 """Gauss-Newton steps at most."""
 RENEWALS = 15
 """Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
-HALVINGS = 8
-"""How often a step that makes the misfit worse is halved."""
+SHARES = tuple(0.5**halving for halving in range(8))
+"""Of a step that are tried in turn while they make the misfit worse."""
+DAMPINGS = (0.0, *(10.0**power for power in range(-6, 3)))
+"""What is tried in turn instead far from the least squares, where halving creeps along: squared lengths that
+are added to the columns of derivatives, in units of their own [Marquardt: An algorithm for least-squares
+estimation of nonlinear parameters, 1963]. What the readings say little of then moves less and less."""
+EASED = 2
+"""By how many of these a step is damped less than the one before it, to begin with."""
+FAR = 10.0
+"""Length of a step in standard errors from which on it is damped, not halved."""
 NEAR = 0.05
 """Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
 piecewise linear in a clock's offset, and the least squares may lie in a corner."""
@@ -36,6 +44,9 @@ WORSE = 1e-12
 FLAT = 0.1
 """Least curvature of a loss, relative to its weight, for it bends back beyond outliers. The parabola of its
 weights lies above a loss, so that this share of a step at least leads downhill."""
+
+BEYOND = 1e30
+"""How many times their size unknowns may become, and residuals their noise."""
 
 
 class Rows(NamedTuple):
@@ -55,6 +66,17 @@ class Rows(NamedTuple):
     def of(cls, residuals: Array, slopes: Array) -> Rows:
         """Those (m,) and (m, q) of a single segment without unknowns of its own."""
         return cls(residuals[None], slopes[None], np.zeros((1, len(residuals), 0)))
+
+    def damped(self, damping: float) -> Rows:
+        """With rows that keep the segments' own unknowns where they are, as long as the columns by them times
+        the root of `damping`.
+        """
+        if damping == 0:
+            return self
+        lengths = np.sqrt(damping) * np.linalg.norm(self.own, axis=1)
+        more = lengths[..., None] * np.eye(lengths.shape[-1])
+        zeros = (np.zeros((*more.shape[:2], *one.shape[2:])) for one in (self.residuals, self.slopes))
+        return Rows(*(np.concatenate(pair, axis=1) for pair in zip(self, (*zeros, more), strict=True)))
 
 
 class HasRows(Protocol):
@@ -124,7 +146,7 @@ class LeastSquares:
         rows: HasRows,
         values: Array,
         starts: Array | None = None,
-        renewed: Callable[[HasRows, Array, Array], HasRows] | None = None,
+        renewed: Callable[[Any, Array, Array], HasRows] | None = None,
     ) -> Found:
         """The least squares.
 
@@ -135,12 +157,12 @@ class LeastSquares:
             renewed: rows in units of the noise that those at a point show; as they are by default.
         """
         point = _Point(self, rows, values, np.zeros((1, 0)) if starts is None else starts)
-        free = np.ones(len(values), dtype=bool)
+        free, damped = np.ones(len(values), dtype=bool), 0
         for number in range(STEPS):
             if renewed is not None and number < RENEWALS:
                 point = replace(point, at=renewed(point.at, point.values, point.starts))
             step = point.step(free)
-            following = downhill(point, partial(point.moved, step))
+            following, damped = self._following(point, step, free, max(damped - EASED, 0))
             early = renewed is not None and number < 2
             # Where no part of a step makes it better, the search has arrived only if the step is of no size.
             if following is point and not early:
@@ -156,6 +178,14 @@ class LeastSquares:
                 return point.found(arrived=True)
         return point.found(arrived=False)
 
+    def _following(self, point: _Point, step: _Step, free: Booleans, damped: int) -> tuple[_Point, int]:
+        # Where a step leads to, and by which of the dampings.
+        if step.length < FAR:
+            return downhill(point, lambda share: point.moved(step, share), SHARES)[0], 0
+        tries = DAMPINGS[damped:]
+        following, more = downhill(point, lambda size: point.moved(point.step(free, size)), tries)
+        return following, damped + more
+
     @cached_property
     def root(self) -> Array:
         """Rows (k, q) whose square is what is known."""
@@ -164,22 +194,23 @@ class LeastSquares:
         return np.asarray(np.sqrt(values[told])[:, None] * vectors[:, told].T / self.scale)
 
 
-def downhill(here: Place, after: Callable[[float], Place]) -> Place:
-    """Where the longest step that makes the misfit no worse leads to; `here` itself if none does.
+def downhill(here: Place, after: Callable[[float], Place], tries: Sequence[float]) -> tuple[Place, int]:
+    """Where the first step that makes the misfit no worse leads to, `here` itself if none does; and how many
+    were tried in vain.
 
     Args:
         here: before the step.
-        after: where a share of the step leads to.
+        after: where a share or a damping leads to.
+        tries: of these.
     """
-    for halving in range(HALVINGS):
-        tried = after(0.5**halving)
-        if tried.misfit <= here.misfit * (1 + WORSE):
-            return tried
-    return here
+    for number, tried in enumerate(tries):
+        there = after(tried)
+        if there.misfit <= here.misfit * (1 + WORSE):
+            return there, number
+    return here, len(tries)
 
 
-@dataclass(frozen=True)
-class _Step:
+class _Step(NamedTuple):
     # Of the unknowns and the segments' own; standard errors; the step's length in units of these.
     values: Array
     starts: Array
@@ -206,35 +237,39 @@ class _Point:
 
     @property
     def misfit(self) -> float:
+        # From as far as this, such as a track without end, no derivative leads back.
+        unknowns, residuals = self.values / self.search.scale, self.rows.residuals
+        if max(np.abs(one).max(initial=0.0) for one in (unknowns, residuals)) > BEYOND:
+            return np.inf
         return float(self.losses[0].sum()) + self.search.known.misfit(self.values)
 
-    def moved(self, step: _Step, share: float) -> _Point:
+    def moved(self, step: _Step, share: float = 1.0) -> _Point:
         values, starts = self.values + share * step.values, self.starts + share * step.starts
         return replace(self, values=values, starts=starts)
 
     def found(self, *, arrived: bool) -> Found:
         return Found(self.values, self.starts, self.at, arrived)
 
-    def step(self, free: Booleans) -> _Step:
-        # Of the free unknowns, the others held. A robust loss is least squares again, with the weights of its
-        # slope and of its curvature.
+    @cached_property
+    def weighted(self) -> Rows:
+        # A robust loss is least squares again, with the weights of its slope and of its curvature.
         squares, (_, slope, second) = self.rows.residuals**2, self.losses
         bend = np.sqrt(np.maximum(slope + 2 * squares * second, FLAT * slope))
-        residuals = self.rows.residuals * slope / bend
-        slopes, own = self.rows.slopes[..., free] * bend[..., None], self.rows.own * bend[..., None]
-        known = self.search.root
-        left, _ = projected(slopes, own)
-        stacked = np.vstack([left.reshape(-1, left.shape[-1]), known[:, free]])
-        before = known @ (self.search.known.centre - self.values)
-        factor = SquareRoot.of_rows(stacked).factor
-        along = factor.T @ (stacked.T @ np.concatenate([residuals.ravel(), before]))
+        wide = bend[..., None]
+        return Rows(self.rows.residuals * slope / bend, self.rows.slopes * wide, self.rows.own * wide)
+
+    def step(self, free: Booleans, damping: float = 0.0) -> _Step:
+        # Of the free unknowns, the others held.
+        residuals, slopes, own = self.weighted.damped(damping)
+        slopes, known = slopes[..., free], self.search.root[:, free]
+        left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
+        before = self.search.root @ (self.search.known.centre - self.values)
+        right = left.T @ np.concatenate([residuals.ravel(), before])
+        damped = np.sqrt(damping) * np.diag(np.linalg.norm(left, axis=0))
+        factor = SquareRoot.of_rows(np.vstack([left, damped]) if damping else left).factor
         step, errors = np.zeros(len(free)), np.zeros(len(free))
-        step[free], errors[free] = factor @ along, np.linalg.norm(factor, axis=1)
-        rest = residuals - slopes @ step[free]
-        return _Step(step, _fitted(own, rest), errors, float(np.linalg.norm(along)))
-
-
-def _fitted(own: Array, residuals: Array) -> Array:
-    # Least squares (S, c) of residuals (S, m) by columns (S, m, c).
-    across = own.transpose(0, 2, 1)
-    return np.asarray((inverse_of_told(across @ own) @ (across @ residuals[..., None]))[..., 0])
+        step[free], errors[free] = factor @ (factor.T @ right), np.linalg.norm(factor, axis=1)
+        across = own.transpose(0, 2, 1)
+        rest = across @ (residuals - slopes @ step[free])[..., None]
+        starts = (inverse_of_told(across @ own) @ rest)[..., 0]
+        return _Step(step, starts, errors, float(np.linalg.norm(factor.T @ right)))

@@ -40,9 +40,8 @@ ROUGH = 0.01
 
 
 class _Linearised(NamedTuple):
-    """Readings less their prediction (S, K, k), derivatives of the prediction by the unknowns (S, K, k, q) and
-    by the segments' own starts (S, K, k, c), SI, and the speeds and yaw rates at logged readings, (S, K).
-    """
+    # Readings less their prediction (S, K, k), derivatives of the prediction by the unknowns (S, K, k, q) and
+    # by the segments' own starts (S, K, k, c), SI, and the speeds and yaw rates at logged readings, (S, K).
 
     residuals: Array
     slopes: Array
@@ -187,6 +186,7 @@ class JointSearch:
         if "x" not in quantities or "y" not in quantities:
             return np.zeros(found.shape[:2])
         return self.layout.rates(found[..., [quantities.index("x"), quantities.index("y")]])
+
 
 @dataclass(frozen=True)
 class _Weighted:

@@ -58,7 +58,9 @@ class Nonlinear(Estimator):
         robot, rule = problem.robot, problem.design.integration
         self._readings = DriveReadings.of(robot, rule, sensors, trajectory)
         starts = start_nuisances(sensors, robot, trajectory.runs)
-        begins = [replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)]
+        begins = [
+            replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
+        ]
         own = labelled_nuisances(sensors)
         self._unknowns = Unknowns(
             robot,
@@ -126,7 +128,9 @@ class Nonlinear(Estimator):
             before[self._known_places] += self._spread @ surprise
             measured = exact + self._readings.colour @ white
             estimates[index] = self._searching(measured, before).found().values[:size]
-            linear[index] = self.true + (gain @ np.concatenate([white[self._readings.order], surprise]))[:size]
+            linear[index] = (
+                self.true + (gain @ np.concatenate([white[self._readings.order], surprise]))[:size]
+            )
         return estimates, linear
 
     def _searching(self, measured: Array, before: Array) -> JointSearch:

@@ -24,7 +24,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class DriveReadings:
-    """Readings of a drive: given and drawn sensor by sensor, run by run and time by time; computed run by run.
+    """Readings of a drive: given sensor by sensor, run by run and time by time; computed run by run.
 
     Attributes:
         each: what every sensor reads of the runs.
@@ -128,7 +128,7 @@ class DriveReadings:
 
     @cached_property
     def whitener(self) -> Any:
-        """A with A R A' = 1 for the covariance R of the readings' noise, which is taken for known, run by run."""
+        """A with A R A' = 1 for the specified covariance R of the readings, run by run."""
         return self._whitener[self.order][:, self.order]
 
     @cached_property

@@ -1,7 +1,8 @@
 """Drives cut into segments: what is read at which time, and which wheel motion lies between.
 
-Drives are logged, or designed and their readings simulated. Every segment begins at a pose of its own, which is estimated along: so that neither a sensor's frame nor
-what went wrong before matters. Neighbours share the pose between them, and no motion is lost.
+Drives are logged, or designed and their readings simulated. A log's segments begin at poses of their own,
+which are nuisance parameters: so that neither a sensor's frame nor what went wrong before matters. Neighbours
+share the pose between them, and no motion is lost.
 """
 
 from __future__ import annotations

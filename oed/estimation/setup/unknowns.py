@@ -19,7 +19,7 @@ PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
 """Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
 [rad]."""
-UNITS = dict(zip(PLACE, ("m", "m", "rad"), strict=True))
+UNITS: Mapping[str, str] = dict(zip(PLACE, ("m", "m", "rad"), strict=True))
 SIZE = 0.1
 """Size of a sensor's place [m, rad] and of a clock's offset [s], for scaling only."""
 
@@ -90,7 +90,7 @@ class Unknowns:
         """Derivatives (S, ..., q) by the unknowns but the clocks, S segments.
 
         Args:
-            slopes: by all parameters, the segment's own start, all constants, (S, ..., p + states + constants).
+            slopes: by all parameters, the segment's own start and all constants, (S, ..., columns).
         """
         names, states = [parameter.name for parameter in self.robot.parameters], len(self.robot.states)
         own = slopes[..., list(map(names.index, self.parameters))]
