@@ -150,13 +150,13 @@ class TestNonlinear:
         np.testing.assert_allclose(predicted[1, :, 2], 0, atol=1e-12)
         wrapped = predicted.copy()
         wrapped[..., 2] = np.angle(np.exp(1j * wrapped[..., 2]))
-        found = Nonlinear(problem, drive).readings.unwrapped(wrapped.ravel())
+        found = Nonlinear(problem, drive)._readings.unwrapped(wrapped.ravel())
         np.testing.assert_allclose(found, predicted.ravel(), rtol=0, atol=1e-9)
 
     def test_pickled_it_estimates_the_same(self):
         estimator = Nonlinear(problem_of(SENSORS["several"]), drive_of())
         again = pickle.loads(pickle.dumps(estimator))
-        first, second = (one.replicate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
+        first, second = (one.simulate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
         np.testing.assert_array_equal(first, second)
 
     def test_another_number_of_readings_is_refused(self):

@@ -220,7 +220,7 @@ class TestFirstOrder:
     def test_the_linear_estimates_have_it(self, name: EstimatorName, heading: Heading, noise_model: str):
         # However large the noise is.
         regression = Regression(make(noise_model, "1 cm", "10 deg"), DRIVE, name, heading)
-        _, linear = regression.replicate(np.random.default_rng(3), REPLICATES)
+        _, linear = regression.simulate(np.random.default_rng(3), REPLICATES)
         assert passes(linear, regression.linear_covariance)
 
     @pytest.mark.slow
@@ -231,7 +231,7 @@ class TestFirstOrder:
     ):
         # Even where noise is large: the same mean and covariance, as far as two samples can tell.
         problem = make(noise_model, "1 cm", "3 deg")
-        ours, _ = Regression(problem, DRIVE, name, heading).replicate(np.random.default_rng(4), REPLICATES)
+        ours, _ = Regression(problem, DRIVE, name, heading).simulate(np.random.default_rng(4), REPLICATES)
         theirs = Experiment(problem, DRIVE).estimates(name, heading)
         covariances = [np.cov(sample, rowvar=False) for sample in (ours, theirs)]
         sizes = np.sqrt(np.diag(covariances[0]))
@@ -245,7 +245,7 @@ class TestFirstOrder:
     def test_the_sandwich_says_more_of_the_same_estimates(self, heading: Heading, noise_model: str):
         ols, sandwich = (Regression(make(noise_model), DRIVE, name, heading) for name in ("ols", "sandwich"))
         for one, other in zip(
-            *(found.replicate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
+            *(found.simulate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
         ):
             np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(sandwich.promised, ols.linear_covariance)
@@ -823,7 +823,7 @@ class TestMistakes:
 def test_workers_get_the_same(name: EstimatorName, heading: Heading):
     regression = Regression(make("absolute"), DRIVE, name, heading)
     found = [
-        np.hstack(one.replicate(np.random.default_rng(1), 5))
+        np.hstack(one.simulate(np.random.default_rng(1), 5))
         for one in (regression, pickle.loads(pickle.dumps(regression)))
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-12)

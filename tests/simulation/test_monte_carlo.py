@@ -68,7 +68,7 @@ def simulated(
 ):
     """The regression, and its estimates and linear estimates (R, p)."""
     regression = Regression(problem, drive, name, heading)
-    return regression, *regression.replicate(np.random.default_rng(seed), replicates)
+    return regression, *regression.simulate(np.random.default_rng(seed), replicates)
 
 
 class TestKnownHeading:
