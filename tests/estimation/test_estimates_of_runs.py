@@ -166,13 +166,13 @@ class TestNonlinear:
     @pytest.mark.slow
     @sensors
     def test_estimates_scatter_as_promised(self, measurement: Measurement):
-        result = validate(problem_of(measurement), drive_of(), replicates=REPLICATES, seed=0)
+        result = validate(problem_of(measurement), drive_of(), replicates=200, seed=0)
         assert_kept(result)
+        assert result.paired_error.max() < 0.005
 
 
 def assert_kept(result: Validation, tolerance: float = 0.01) -> None:
     assert result.passed, result.verdict
-    assert result.replicates == REPLICATES
     np.testing.assert_allclose(result.paired_ratio, 1.0, rtol=0, atol=tolerance)
 
 

@@ -36,7 +36,7 @@ GEOMETRY = (RADIUS, RADIUS, TRACK)
 UNKNOWN = (math.inf,) * 3
 CORRELATED = 1e-6 * np.kron(0.6 ** np.abs(np.subtract.outer(range(9), range(9))), [[1.0, 0.3], [0.3, 2.0]])
 ROBUST: tuple[Loss, ...] = ("huber", "soft_l1", "cauchy")
-REPLICATES = 300
+REPLICATES = 200
 
 Read = Callable[[np.ndarray, np.ndarray, Sequence[float]], np.ndarray]
 
@@ -625,10 +625,9 @@ class TestRobust:
         assert np.abs(np.mean(differences, axis=0)).max() < 0.04
         assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.02
 
-    @simulated_losses
     @pytest.mark.slow
-    def test_it_passes_the_checks(self, loss: Loss):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
+    def test_it_passes_the_checks(self):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="huber", seed=2)
         assert result.passed
 
     @losses
