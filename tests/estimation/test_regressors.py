@@ -7,11 +7,11 @@ import pickle
 import numpy as np
 import oracle
 import pytest
-from builders import make_problem
+from builders import problem_of
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
 from oed.estimation.prediction.regressors import Regressors
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.trajectory import Spline, Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
@@ -22,9 +22,10 @@ rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 
 
 def make(example: Example = ROBOTS[0], rule: str = "arc", segments=4) -> tuple[Problem, Trajectory]:
-    problem = make_problem(
+    problem = problem_of(
         model=example.model,
-        design=DesignSpace(duration=10, samples=40, spline=SPLINE, integration=rule),
+        spline=SPLINE,
+        integration=rule,
         measurement=Displacements(segments=segments, regressor="both"),
     )
     # Speeds that leave no doubt which side is the outer one.
