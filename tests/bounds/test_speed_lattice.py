@@ -12,11 +12,11 @@ from builders import problem_of
 
 from oed.bounds import bound
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice, lattice_bound
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.models import TractorTrailer
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 Array = npt.NDArray[np.float64]
 

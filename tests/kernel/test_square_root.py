@@ -16,7 +16,8 @@ from places import PROBLEMS
 
 from oed.kernel.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
 from oed.kernel.dynamics.rollout import roll_out
-from oed.kernel.dynamics.trajectory import Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.identifiability import ambiguities, require_identifiable
 from oed.kernel.measurement.matrices import eliminate
@@ -76,7 +77,6 @@ def jacobian_of(problem: Problem, drive: Trajectory) -> np.ndarray:
     model = problem.robot
     rolled = roll_out(
         model,
-        "arc",
         inputs=inputs,
         start=start,
         parameters=ca.MX(ca.DM(model.nominal)),

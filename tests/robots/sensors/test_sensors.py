@@ -601,7 +601,7 @@ class TestBounds:
     def test_radii_and_track(self, seed: int, amplitude: float, model: DifferentialDrive, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
         found = self.score(inputs, heading, model)
-        places = found.poses[:, :2]
+        places = found.states[:, :2]
         spread = ((places - places.mean(axis=0)) ** 2).sum()
         assert found.lambda_min <= spread / (3 * SIGMA**2) * (1 + 1e-9)
 
