@@ -18,7 +18,6 @@ from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw
 from oed.foundation.own.part import OwnCodeError
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
@@ -30,6 +29,7 @@ from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
+from oed.robots.space import DesignSpace
 from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws

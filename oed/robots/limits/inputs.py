@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar, Literal
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_flaws
-from oed.robots.models.model import Model
 
 SpeedPair = Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
 AccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "20 rad/s^2")]
@@ -27,34 +27,34 @@ class DerivativeLimit(InputLimit):
     def rows(self, drive: Drive) -> Rows:
         """One row per input and value that bounds the derivative."""
         return self.bounded(
-            (drive.input_values, drive.input_rates, drive.input_jerks)[self.order], drive.model
+            (drive.input_values, drive.input_rates, drive.input_jerks)[self.order], drive.system
         )
 
-    def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of a limit on the inputs themselves, by the inputs' names."""
-        return {} if self.order else self.bounds_by_name(model)
+        return {} if self.order else self.bounds_by_name(system)
 
-    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of a limit on the inputs' rates, by the inputs' names."""
-        return self.bounds_by_name(model) if self.order == 1 else {}
+        return self.bounds_by_name(system) if self.order == 1 else {}
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No such inputs, splines without that derivative, bounds without rest or beyond the equations."""
         if space.spline.degree < 2 and self.order == 2:
             text = f"a degree-{space.spline.degree} spline has no jerk; take spline.degree 2 or more"
             return [Flaw(("limits", self.name), text)]
-        flaws = super().flaws(model, space)
+        flaws = super().flaws(system, space)
         if flaws or self.order:
             return flaws
-        return rest_flaws(self, self.bounds_by_name(model).values(), self.unit, space) + self._beyond(model)
+        return rest_flaws(self, self.bounds_by_name(system).values(), self.unit, space) + self._beyond(system)
 
-    def _beyond(self, model: Model) -> list[Flaw]:
-        below = {entry.name: entry.below for entry in model.inputs}
-        pairs = self.bounds_by_name(model).items()
+    def _beyond(self, system: System) -> list[Flaw]:
+        below = {entry.name: entry.below for entry in system.inputs}
+        pairs = self.bounds_by_name(system).items()
         far = [name for name, pair in pairs if max(map(abs, pair)) >= below[name]]
         if not far:
             return []
-        text = f"must stay below {below[far[0]]:.4g} {self.unit}, or {model.kind} cannot roll"
+        text = f"must stay below {below[far[0]]:.4g} {self.unit}, or {label_of(system)} cannot roll"
         return [Flaw(("limits", self.name), f"{', '.join(far)} {text}")]
 
 

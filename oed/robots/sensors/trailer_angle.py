@@ -10,10 +10,11 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.sensor import InitialPose, Moment
-from oed.robots.models.model import Model
+from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.measurement.sensor import Moment, Start
 from oed.robots.sensors.biased import BiasedSensor
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import InitialPose, start_of
 
 STATE = 3
 """Place of the trailer's angle among the states."""
@@ -36,9 +37,9 @@ class TrailerAngle(BiasedSensor):
     initial_pose: InitialPose = "unknown"
 
     @property
-    def initial_pose_known(self) -> InitialPose | None:
+    def start_known(self) -> Start:
         """What is known of the initial pose, the trailer's angle among it."""
-        return self.initial_pose
+        return start_of(self.initial_pose)
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -47,7 +48,7 @@ class TrailerAngle(BiasedSensor):
 
     def quantity(self, moment: Moment) -> Expression:
         """The angle."""
-        return moment.pose[STATE]
+        return moment.state[STATE]
 
     @property
     def subject(self) -> str:
@@ -68,8 +69,10 @@ class TrailerAngle(BiasedSensor):
         """Nowhere: an angle of the robot itself."""
         return None
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """A robot without a trailer."""
-        if "trailer_angle" in model.states:
+        if "trailer_angle" in system.states:
             return []
-        return [Flaw(("measurement", "kind"), f"{model.kind} has no trailer whose angle could be measured")]
+        return [
+            Flaw(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
+        ]

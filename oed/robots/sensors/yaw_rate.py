@@ -29,7 +29,7 @@ class YawRate(BiasedSensor):
 
     def quantity(self, moment: Moment) -> Expression:
         """The yaw rate."""
-        return moment.twist[2]
+        return moment.signals["twist"][2]
 
     def brief(self, samples: int) -> str:
         """How many are read."""
