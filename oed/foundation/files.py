@@ -54,6 +54,11 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
 def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> str:
     """The text that a file holds; every line ends in a line feed.
 
+    Args:
+        file: to be read.
+        encoding: of its text.
+        most: bytes that it may have.
+
     Raises:
         OSError: as `read_bytes` does.
         UnicodeDecodeError: it is not such text.

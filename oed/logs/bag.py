@@ -53,6 +53,11 @@ class Bag:
     def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
         """The topic given, or the only one of one of the types.
 
+        Args:
+            given: the topic's name, or None.
+            types: message types that fit.
+            key: of the study, for errors.
+
         Raises:
             LogError: there is none, or there are several.
         """
@@ -131,6 +136,11 @@ class Joints:
 
 def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     """Every joint of a topic on the clock of the messages that have it.
+
+    Args:
+        bag: open.
+        topic: of joint states.
+        clock: that of the messages' headers, or of their recording.
 
     Raises:
         LogError: no messages, or stamps that are all zero.

@@ -56,7 +56,13 @@ class Source(ABC):
         """
 
     def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
-        """A flaw at `path`; `missing` is the name of a key that should stand there."""
+        """A flaw at `path`; `missing` is the name of a key that should stand there.
+
+        Args:
+            path: of the key.
+            message: what is wrong.
+            missing: name of a key that should stand there.
+        """
         found, line, column = self.place(path)
         parts = [*found, missing] if missing else list(found)
         return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
@@ -78,6 +84,11 @@ class PlainSource(Source):
 
 def plain_source(file: str, text: str, data: Any) -> PlainSource:
     """Data that is part of something else, as the source of a study.
+
+    Args:
+        file: name of the file, for errors.
+        text: that the study was written as.
+        data: what it says, plain.
 
     Raises:
         StudyError: texts with characters that no study has.

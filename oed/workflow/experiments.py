@@ -23,7 +23,15 @@ from oed.study.study import Study, ValidationOptions
 def simulated(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> StoredValidation | None:
-    """A record's `validation`; None for a study that does not ask for one."""
+    """A record's `validation`; None for a study that does not ask for one.
+
+    Args:
+        study: with the key `validation`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     options = study.file.validation
     return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
 
@@ -36,6 +44,12 @@ def validation_options(
     heading: str | None = None,
 ) -> ValidationOptions:
     """The simulation that a record's study asks for (or the default one), with what is given instead.
+
+    Args:
+        saved: the record.
+        replicates: simulated experiments.
+        estimators: their names.
+        heading: which headings the estimators use.
 
     Raises:
         UserMistake: fewer than 100 replicates.
@@ -121,7 +135,15 @@ def _simulated(
 def driven_in_physics(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> dict[str, Any] | None:
-    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
+    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none.
+
+    Args:
+        study: with the key `physics`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None

@@ -32,6 +32,12 @@ def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress
     """What the study's first search finds without tightened limits, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.
+
+    Args:
+        study: a robust one.
+        seed: of every random draw.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far the work is.
     """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust) or not robust.compare or not study.solvers:
@@ -48,7 +54,14 @@ def _scored(problem: Problem, solution: Solution) -> Any:
 
 
 def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
-    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: to be verified.
+        seed: of every random draw.
+        progress: informed how far the work is.
+    """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust):
         return list(solutions)
@@ -80,7 +93,13 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
 
 
 def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> StoredRobustness | None:
-    """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
+    """A record's `robustness`, of solutions that were tried; None for a study that is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: with their violation probabilities.
+        seed: of the paths that are shown.
+    """
     problem, robust = study.problem, study.problem.robust
     spread = spread_of(problem.uncertain_system)
     if not isinstance(robust, Robust) or spread is None:

@@ -261,7 +261,13 @@ def record(
 
 
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
-    """The files of a record and of its solutions' trajectories, by name; the most important first."""
+    """The files of a record and of its solutions' trajectories, by name; the most important first.
+
+    Args:
+        study: of the solutions.
+        solutions: whose trajectories are saved.
+        made: the record.
+    """
     drives = {
         _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.states)
         for one in solutions
@@ -309,7 +315,13 @@ def _file(solution: Solution) -> str:
 def certified(
     study: Study, certificate: Certificate, solutions: Sequence[Solution]
 ) -> StoredCertificate | None:
-    """A certificate with its gap to the best feasible of these solutions."""
+    """A certificate with its gap to the best feasible of these solutions.
+
+    Args:
+        study: that was bounded.
+        certificate: of its problem.
+        solutions: the drives known.
+    """
     samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [

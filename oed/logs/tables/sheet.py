@@ -100,6 +100,11 @@ class Sheet:
 def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     """Find the columns and read them.
 
+    Args:
+        table: the log's.
+        layout: which columns are what.
+        model: the robot that drove.
+
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
@@ -213,6 +218,12 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
 
 
 def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:
-    """The rows without those that repeat the one before, cell by cell, time and all."""
+    """The rows without those that repeat the one before, cell by cell, time and all.
+
+    Args:
+        table: the log's.
+        times: of its rows, (n,).
+        rows: to be looked at.
+    """
     same = np.flatnonzero(np.diff(times[rows]) == 0) + 1
     return np.delete(rows, [row for row in same if table.rows[rows[row]] == table.rows[rows[row - 1]]])

@@ -151,7 +151,13 @@ class Table:
         return values if (np.abs(values) < LARGEST).all() else None
 
     def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
-        """A cell that is no finite number."""
+        """A cell that is no finite number.
+
+        Args:
+            row: from 0.
+            place: of the column, from 0.
+            cell: its text; "" for none.
+        """
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
         text = f"expected a finite number, {got}{hint}"
