@@ -14,6 +14,7 @@ from oed.records.record import FILE, load_record
 from oed.records.recorded_study import recorded_study
 from oed.report.film.animation import MadeFilm, driven_result
 from oed.report.film.writing import Frame, require_format, require_length, usual_rate, write_frames
+from oed.robots.models.model import robot_of
 from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
 
 SIZE = (300, 400)
@@ -63,7 +64,11 @@ def film_physics(
     rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
     require_length(trajectory.duration / speed, rate, Path(file))
     study = recorded_study(saved, trust=trust)
-    robot = physics_robot(study.problem.model) if study.file.physics is None else study.file.physics.robot
+    robot = (
+        physics_robot(robot_of(study.problem.model))
+        if study.file.physics is None
+        else study.file.physics.robot
+    )
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
     )

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.text import in_degrees, words
+from oed.kernel.dynamics.system import Input
 from oed.kernel.limit import InputLimit
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.reading import heading
-from oed.robots.models.model import Input
+from oed.robots.models.model import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
 Array = npt.NDArray[np.float64]
@@ -94,7 +95,7 @@ def _pair(inputs: list[tuple[int, Input]]) -> tuple[Group, Group]:
     shown, factor = in_degrees(first.unit) if first.unit == "rad" else (first.unit, 1.0)
     values = Group(first.quantity, columns, names, shown, factor)
     per_second = f"{shown}^2" if shown.endswith("/s") else f"{shown or '1'}/s"
-    return values, replace(values, limit=first.rate, unit=per_second, rates=True)
+    return values, replace(values, limit=rate_of(first), unit=per_second, rates=True)
 
 
 @dataclass(frozen=True)
