@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, read_object
+from oed.records.stored.door import checked, json_text, read_object
 from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
 from oed.records.stored.result import Drive, Result
@@ -135,18 +134,7 @@ class Record:
 
     def to_json(self) -> str:
         """The text of record.json, every list of numbers on a line of its own."""
-        return _layout(self.data, "") + "\n"
-
-
-def _layout(value: Any, indent: str) -> str:
-    # As json.dumps(indent=1) would, but for lists of plain values.
-    inner = indent + " "
-    if isinstance(value, Mapping) and value:
-        lines = [f"{inner}{json.dumps(key)}: {_layout(entry, inner)}" for key, entry in value.items()]
-        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
-    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
-        return "[\n" + ",\n".join(f"{inner}{_layout(entry, inner)}" for entry in value) + f"\n{indent}]"
-    return json.dumps(value, allow_nan=False)
+        return json_text(self.data)
 
 
 def save_record(record: Record, folder: str | Path) -> Path:

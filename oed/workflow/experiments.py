@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,6 +14,7 @@ from oed.records.outcomes import validation_of
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredValidation
+from oed.records.stored.trial import StoredTrial
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import Study, ValidationOptions
@@ -115,15 +115,16 @@ def _simulated(
                 # A drive that tells too little without the prior, or without what the criterion leaves out.
                 continue
             entries.append(validation_of(solution.name, result))
-    return StoredValidation.model_construct(**options.model_dump(mode="json"), seed=seed, results=entries)
+    return StoredValidation.of(options, seed=seed, results=entries)
 
 
 def driven_in_physics(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> dict[str, Any] | None:
+) -> StoredTrial | None:
     """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None
     known = solutions[0] if study.solvers else None
-    return run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    found = run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    return StoredTrial.model_validate(found)

@@ -216,7 +216,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     data, values = study.echo(), found.values
     robot = study.problem.model.with_values(values)
     data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
-    data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
+    data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
     _stretch(data["trajectory"], duration)
@@ -259,7 +259,7 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     best = record.best
     if best is None or not best.covariances:
         return {}
-    names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
+    names, known = list(found.values), np.array(found.covariance, dtype=float)
     told = np.zeros_like(known)
     for one in best.covariances:
         places = [names.index(name) for name in one.parameters]
@@ -271,7 +271,7 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
 
 def _excess(found: EstimateRecord) -> float:
     # How many times the variances are what F^-1 says.
-    pairs = [(_own_error(one), (one.standard_errors or {}).get("information")) for one in found.parameters]
+    pairs = [(_own_error(one), one.error("information")) for one in found.parameters]
     return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
 
 

@@ -21,6 +21,7 @@ from oed.records.numbers import finite
 from oed.records.outcomes import result_of, validation_of
 from oed.records.record import Record, drive_of, load_record, save_record
 from oed.records.stored.result import Result
+from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
 from oed.study.study import ValidationOptions
 from oed.workflow.runner import record
@@ -60,7 +61,7 @@ def solutions() -> list[Solution]:
 def made() -> Record:
     result = validate(PROBLEM, random_drive(PROBLEM, 3, 1.0), replicates=200, seed=0)
     options = ValidationOptions(replicates=200).model_dump(mode="json")
-    validation = {**options, "seed": 0, "results": [validation_of("ipopt", result)]}
+    validation = StoredValidation.model_construct(**options, seed=0, results=[validation_of("ipopt", result)])
     return record(STUDY, solutions(), 3, validation=validation)
 
 

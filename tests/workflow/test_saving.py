@@ -23,6 +23,7 @@ from oed.foundation import files
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.work.folders import interrupted_runs, updated
 from oed.records.record import load_record
+from oed.records.stored.study_record import Provenance
 from oed.study.study import Study
 from oed.workflow.runner import run
 
@@ -201,7 +202,7 @@ class TestUnreadable:
 
     @pytest.fixture
     def damaged(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        made = {"packages": {}, "python": math.nan, "platform": "any", "finished": "now"}
+        made = Provenance.of(packages={}, python=math.nan, platform="any", finished="now")
         monkeypatch.setattr("oed.workflow.runner.provenance", lambda: made)
         (tmp_path / "spare").mkdir()
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
@@ -230,7 +231,7 @@ class TestUnreadable:
         text = TEXT.replace("10 rad/s", "1e10 rad/s").replace("20 rad/s^2", "1e11 rad/s^2")
         study = saved_study(tmp_path, text.replace("[-1 m, 1 m]", "[-1e11 m, 1e11 m]"))
         record = run(study, tmp_path / "out", workers=1)
-        speeds = [entry["drive"]["coefficients"] for entry in record.results]
+        speeds = [entry.drive.coefficients for entry in record.results]
         assert max(abs(value) for drive in speeds for row in drive for value in row) > 1e9
         assert load_record(tmp_path / "out").data == json.loads(record.to_json())
 

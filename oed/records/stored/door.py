@@ -1,4 +1,4 @@
-"""The one way in for saved JSON: a file's text, its syntax and its keys, every flaw named by file and key."""
+"""The one way in for saved JSON, every flaw named by file and key; and the way out, its text."""
 
 from __future__ import annotations
 
@@ -94,3 +94,23 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
 def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
     """Flaws of a file from keys and messages."""
     return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
+
+
+def json_text(data: Any) -> str:
+    """The text of a file, every list of numbers on a line of its own.
+
+    Raises:
+        ValueError: numbers that JSON has not.
+    """
+    return _laid_out(data, "") + "\n"
+
+
+def _laid_out(value: Any, indent: str) -> str:
+    # As json.dumps(indent=1) would, but for lists of plain values.
+    inner = indent + " "
+    if isinstance(value, Mapping) and value:
+        lines = [f"{inner}{json.dumps(key)}: {_laid_out(entry, inner)}" for key, entry in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
+        return "[\n" + ",\n".join(f"{inner}{_laid_out(entry, inner)}" for entry in value) + f"\n{indent}]"
+    return json.dumps(value, allow_nan=False)

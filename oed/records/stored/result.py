@@ -15,6 +15,8 @@ from oed.records.stored.parts import (
     Number,
     Numbers,
     Positive,
+    Rounded,
+    Seconds,
     Seed,
     Size,
     Sizes,
@@ -23,6 +25,16 @@ from oed.records.stored.parts import (
 
 DEGREE = 7
 """Of splines, at most."""
+NUMBERS = (
+    "objective",
+    "lambda_min",
+    "lambda_max",
+    "condition_number",
+    "smallest_singular_value",
+    "norm_y",
+    "path_length",
+)
+"""Of an evaluation, each a number of a result."""
 ROUNDING = 1e-6
 """Share by which two eigenvalues that are one may differ: each is computed in its own way."""
 
@@ -36,7 +48,7 @@ class Drive(Keyed):
     start: list[Size] | Sizes
     samples: Annotated[int, Field(ge=1)]
     runs: Annotated[int, Field(ge=1)] = 1
-    poses: Sizes
+    poses: Annotated[Sizes, Rounded(9)]
 
     @property
     def trajectory(self) -> Trajectory:
@@ -99,7 +111,7 @@ class StartPoint(Keyed):
 
     objective: Number | None
     status: str
-    wall_seconds: Positive
+    wall_seconds: Seconds
     iterations: Count
 
 
@@ -107,7 +119,7 @@ class Progress(Keyed):
     """The best objective after so many evaluations."""
 
     evaluations: Count
-    seconds: Positive
+    seconds: Seconds
     objective: Number | None
 
 
@@ -160,7 +172,7 @@ class Result(Keyed):
     standard_deviations: dict[str, Positive | None]
     covariances: list[Covariance] = Field(default_factory=list)
     margins: list[Margin] = Field(default_factory=list)
-    wall_seconds: Positive
+    wall_seconds: Seconds
     starts: list[StartPoint]
     stages: dict[str, Number | None]
     history: list[Progress] = Field(default_factory=list)

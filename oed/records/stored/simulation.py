@@ -15,6 +15,7 @@ from oed.records.stored.parts import (
     Name,
     Number,
     Numbers,
+    Rounded,
     Seed,
     Share,
     require_alike,
@@ -52,7 +53,7 @@ class Simulated(Keyed):
     paired_variance_ratio: Numbers
     paired_standard_error: Numbers
     checks: list[StoredCheck]
-    estimates: Annotated[Matrix, Field(min_length=2)]
+    estimates: Annotated[Matrix, Field(min_length=2), Rounded(10)]
 
     @model_validator(mode="after")
     def _fits(self) -> Simulated:
@@ -92,6 +93,7 @@ class StoredValidation(Keyed):
     """A record's `validation`: options left out are the usual ones."""
 
     replicates: Count = 0
+    estimators: list[str] | None = None
     heading: Literal["known", "predicted", "measured"] = "known"
     loss: str | None = "linear"
     alpha: Share = ALPHA
@@ -131,7 +133,7 @@ class Paths(Keyed):
 
     name: Name
     leaves: list[bool]
-    paths: list[list[Line]]
+    paths: Annotated[list[list[Line]], Rounded(4)]
 
     @model_validator(mode="after")
     def _fits(self) -> Paths:

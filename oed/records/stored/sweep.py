@@ -11,6 +11,7 @@ from oed.records.stored.parts import (
     Name,
     Number,
     Positive,
+    Seconds,
     Seed,
     Stored,
     require_different,
@@ -47,7 +48,7 @@ class SweptPoint(Stored):
     standard_deviations: dict[str, Positive | None]
     upper_bound: Number | None
     gap: Number | None
-    seconds: Positive | None
+    seconds: Seconds | None
 
     @model_validator(mode="after")
     def _in_its_folder(self) -> SweptPoint:
