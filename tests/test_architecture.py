@@ -70,7 +70,7 @@ FIGURE_MODULES = {
         "figures.stage",
         "figures.sweep_figures",
         "figures.trial_panels",
-        "estimate.figures",
+        "figures.estimate_figures",
     )
 }
 

@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
 def _pages(found: NextDrive, out: Path) -> Path:
     from oed.report import write_estimate, write_report
 
-    estimated = write_estimate(found.estimate.data, out)
+    estimated = write_estimate(found.estimate, out)
     return estimated if found.record is None else write_report(found.record, out)
 
 

@@ -23,9 +23,9 @@ from oed.records.stored.estimate import (
     ReckonedPath,
     Residuals,
     Segments,
-    TestedLogs,
     TriedLength,
     Unknown,
+    UnseenLogs,
 )
 
 Array = npt.NDArray[np.float64]
@@ -149,9 +149,9 @@ def _logs(found: Calibration) -> list[ReadLog]:
     ]
 
 
-def _tested(found: Calibration, one: HeldOut) -> TestedLogs:
+def _tested(found: Calibration, one: HeldOut) -> UnseenLogs:
     known = [parameter.name for parameter in found.robot.parameters]
-    return TestedLogs.of(
+    return UnseenLogs.of(
         one,
         logs=one.names,
         parameters={name: one.values[known.index(name)] for name in found.parameters},

@@ -434,8 +434,8 @@ class TestStudy:
         ]
         assert load_estimate(tmp_path).models == record.models
         assert record.data["comparison"]["best"]["bic"] == "differential_drive"
-        write_estimate(record.data, tmp_path)
-        print_estimate(record.data)
+        write_estimate(record, tmp_path)
+        print_estimate(record)
         for text in ((tmp_path / "estimate.md").read_text(encoding="utf-8"), capsys.readouterr().out):
             assert "differential drive is the best by" in " ".join(text.split())
 

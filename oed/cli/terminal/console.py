@@ -20,6 +20,7 @@ from oed.foundation.work.progress import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
+    from oed.records.calibration_record import EstimateRecord
     from oed.records.stored.certificate import StoredCertificate
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
@@ -126,7 +127,7 @@ def print_worth(found: DrivenPaths) -> None:
 def print_next(found: Mapping[str, Any]) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
     from oed.foundation.text import words
-    from oed.report.estimate.numbers import error_text, own_unit, to_error
+    from oed.report.parts.rounding import error_text, own_unit, to_error
 
     table = Table(box=None, pad_edge=False)
     for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):
@@ -221,19 +222,19 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
             return text
 
 
-def print_estimate(data: Mapping[str, Any]) -> None:
+def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
-    from oed.report.estimate.console import estimate_lines, estimate_rows
+    from oed.report.estimate.terminal import estimate_lines, estimate_rows
 
     table = Table(box=None, pad_edge=False)
     for heading in ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]"):
         left = heading in ("parameter", "unit")
         table.add_column(Text(heading), justify="left" if left else "right", no_wrap=True)
-    for row in estimate_rows(data):
+    for row in estimate_rows(record):
         table.add_row(*map(_cell, row))
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
-    for line in estimate_lines(data):
+    for line in estimate_lines(record):
         _print_line(console, line)
 
 

@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from oed.records.stored.parts import (
@@ -23,6 +25,7 @@ from oed.records.stored.parts import (
 )
 from oed.records.stored.study_record import Provenance
 
+Array = npt.NDArray[np.float64]
 Kind = TypeVar("Kind")
 Maybe = Number | None
 Column = list[Maybe]
@@ -176,7 +179,7 @@ class Reckoned(Stored):
     drift_heading: Maybe = None
 
 
-class TestedLogs(Stored):
+class UnseenLogs(Stored):
     """Dead reckoning of logs that an estimate does not know, with nominal and with its parameters."""
 
     logs: Annotated[list[str], Field(min_length=1)]
@@ -186,7 +189,7 @@ class TestedLogs(Stored):
     mean: dict[str, Reckoned] | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> TestedLogs:
+    def _fits(self) -> UnseenLogs:
         require_alike(len(self.logs), before=self.before, after=self.after)
         return self
 
@@ -245,7 +248,9 @@ class Models(Stored):
 
 
 class ReckonedPath(Stored):
-    """A path, measured and by dead reckoning."""
+    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters; None
+    where it is interrupted.
+    """
 
     log: str
     role: str | None = None
@@ -256,6 +261,18 @@ class ReckonedPath(Stored):
     before_y: Place
     after_x: Place
     after_y: Place
+
+    @property
+    def paths(self) -> tuple[Array, Array, Array]:
+        """Measured, before and after, each (n, 2)."""
+        measured = np.array([self.x, self.y], dtype=float).T
+        before = np.array([self.before_x, self.before_y], dtype=float).T
+        return measured, before, np.array([self.after_x, self.after_y], dtype=float).T
+
+    @property
+    def drawable(self) -> bool:
+        """Whether each has a point."""
+        return all(np.isfinite(path).all(axis=1).any() for path in self.paths)
 
     @model_validator(mode="after")
     def _fits(self) -> ReckonedPath:
@@ -317,8 +334,8 @@ class EstimateRecord(Stored):
     notes: Entries[str]
     diagnostics: Entries[Diagnostic]
     logs: Entries[ReadLog]
-    cross_validation: Annotated[Entries[TestedLogs], Field(alias="left_out")]
-    test_set: TestedLogs | None = Field(default=None, alias="held_out")
+    cross_validation: Annotated[Entries[UnseenLogs], Field(alias="left_out")]
+    test_set: UnseenLogs | None = Field(default=None, alias="held_out")
     comparison: Models | None = None
     paths: Entries[ReckonedPath]
     residuals: Entries[Residuals]
@@ -349,6 +366,25 @@ class EstimateRecord(Stored):
     def values(self) -> dict[str, float]:
         """Estimates by name, SI; NaN where there is none."""
         return {one.name: math.nan if one.value is None else one.value for one in self.parameters}
+
+    @property
+    def title(self) -> str:
+        """The study's name."""
+        return str((self.study or {}).get("name", "Robot"))
+
+    @property
+    def robot(self) -> str:
+        """The kind of robot."""
+        return str((self.study or {}).get("robot", {}).get("kind", ""))
+
+    def asked(self, option: str) -> Any:
+        """An option of the study's key `calibration`, "auto" where it does not say."""
+        return ((self.study or {}).get("calibration") or {}).get(option, "auto")
+
+    @property
+    def by_windows(self) -> bool:
+        """Whether motion between the ends of windows was compared, rather than all poses of segments."""
+        return self.method in ("gls", "two_stage")
 
     @property
     def models(self) -> list[ComparedModel]:
