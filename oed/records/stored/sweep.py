@@ -30,9 +30,14 @@ class SweptKey(Stored):
     values: Annotated[list[str], Field(min_length=1)]
     numeric: bool
 
+    @property
+    def varied(self) -> bool:
+        """Whether it has several values."""
+        return len(self.values) > 1
+
 
 class SweptPoint(Stored):
-    """A point, in a folder of its own."""
+    """A point, in a folder of its own: the values of the keys, and what its best drive reaches; SI."""
 
     values: dict[str, str]
     numbers: dict[str, Number | None]
@@ -88,6 +93,11 @@ class StoredSweep(Stored):
         if len(seen) < self._combinations:
             raise ValueError(f"points: expected all {self._combinations} combinations, got {len(seen)}")
         return self
+
+    @property
+    def varied(self) -> list[SweptKey]:
+        """The keys of several values."""
+        return [axis for axis in self.keys if axis.varied]
 
     @property
     def _combinations(self) -> int:

@@ -98,8 +98,8 @@ def swept(
         return done.finish()
 
 
-def load_sweep(folder: str | Path) -> dict[str, Any]:
-    """The table of the sweep in `folder`.
+def load_sweep(folder: str | Path) -> StoredSweep:
+    """The sweep in `folder`.
 
     Raises:
         RecordError: none there, or not one of this format.
@@ -109,7 +109,7 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
     data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
     if data.get("format") != FORMAT:
         raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
-    return checked(StoredSweep, data, path).plain()
+    return checked(StoredSweep, data, path)
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,8 @@ class _Sweep:
 
     def _in_the_way(self) -> bool:
         # Whether there is a finished sweep, or a finished point that is another one now.
-        with suppress(RecordError, KeyError):
-            if not load_sweep(self.draft.target)["interrupted"]:
+        with suppress(RecordError):
+            if not load_sweep(self.draft.target).interrupted:
                 return True
         fresh = [self.points[index].folder for index in self.records if index not in self.kept]
         return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
@@ -252,39 +252,31 @@ class _Sweep:
         """The points side by side."""
         rows = [self._row(index) for index in range(len(self.points))]
         comparable = all(_comparable(axis) for axis in axes)
-        return StoredSweep.model_construct(
+        names = short_names([axis.key for axis in axes])
+        return StoredSweep.of(
+            self,
             format=FORMAT,
             oed_version=_version(),
             study=file.name,
             name=self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
             keys=[
-                SweptKey.model_construct(
-                    key=axis.key,
-                    name=name,
-                    unit=axis.unit,
-                    values=list(axis.texts),
-                    numeric=axis.numbers is not None,
-                )
-                for axis, name in zip(axes, short_names([axis.key for axis in axes]), strict=True)
+                SweptKey.of(axis, name=name, values=axis.texts, numeric=axis.numbers is not None)
+                for axis, name in zip(axes, names, strict=True)
             ],
             points=rows,
             best=_best(rows) if comparable else None,
             comparable=comparable,
             kept=len(self.kept),
-            interrupted=self.interrupted,
         )
 
     def _row(self, index: int) -> SweptPoint:
         point, record = self.points[index], self.records.get(index)
         best = None if record is None else record.best
         certificate = None if record is None else record.certificate
-        seconds = None if record is None else sum(one.wall_seconds for one in record.results)
         status, message = self._outcome(index, record)
-        return SweptPoint.model_construct(
-            values=dict(point.texts),
-            numbers=dict(point.numbers),
-            label=point.label,
-            folder=point.folder,
+        return SweptPoint.of(
+            point,
+            values=point.texts,
             record=None if record is None else f"{point.folder}/{RECORD}",
             status=status,
             message=message,
@@ -292,10 +284,10 @@ class _Sweep:
             design=None if best is None else best.name,
             objective=None if best is None else best.objective,
             lambda_min=None if best is None else best.lambda_min,
-            standard_deviations={} if best is None else dict(best.standard_deviations),
+            standard_deviations={} if best is None else best.standard_deviations,
             upper_bound=None if certificate is None else certificate.upper_bound,
             gap=None if certificate is None else certificate.gap,
-            seconds=None if seconds is None else round(seconds, 6),
+            seconds=None if record is None else sum(one.wall_seconds for one in record.results),
         )
 
     def _outcome(self, index: int, record: Record | None) -> tuple[str, str]:
@@ -319,7 +311,7 @@ def _best(rows: Sequence[SweptPoint]) -> str | None:
 
 
 def _is_finished(folder: Path) -> bool:
-    with suppress(RecordError, KeyError):
+    with suppress(RecordError):
         return folder.is_dir() and not load_record(folder).interrupted
     return False
 
