@@ -66,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**found.data, **place(found.folder, trouble or unwritten)})
     else:
-        print_next(found.data)
+        print_next(found)
         if page is not None:
             tell(f"report: {page}")
     told((), trouble or unwritten)

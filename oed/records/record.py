@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -52,7 +52,7 @@ class Record:
         """The study, its parts as objects that describe themselves; robots of code that was not run yet
         cannot move.
         """
-        return self.asked or read_echo(self.data["study"], self.file or Path(FILE))
+        return self.asked or read_echo(self.echo, self.file or Path(FILE))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the objects that are made of the data again."""
@@ -108,6 +108,26 @@ class Record:
     def states(self) -> tuple[StoredState, ...]:
         """The robot's states; none in older records."""
         return tuple(self._part(StoredState, one) for one in self.data.get("states") or ())
+
+    @property
+    def version(self) -> str:
+        """Of the package that made it."""
+        return str(self.data["oed_version"])
+
+    @property
+    def echo(self) -> Mapping[str, Any]:
+        """The study as plain data, SI, defaults filled in."""
+        found: Mapping[str, Any] = self.data["study"]
+        return found
+
+    @property
+    def study_text(self) -> str:
+        """The study as it was written."""
+        return str(self.data.get("study_text", ""))
+
+    def with_validation(self, found: StoredValidation) -> Record:
+        """The record with other simulated experiments."""
+        return replace(self, data={**self.data, "validation": found.plain()})
 
     @property
     def interrupted(self) -> bool:

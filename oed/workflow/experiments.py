@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from pydantic import ValidationError
 
@@ -81,7 +80,7 @@ def validated(
     ]
     chosen = saved.seed if seed is None else seed
     outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return replace(saved, data={**saved.data, "validation": outcome.plain()})
+    return saved.with_validation(outcome)
 
 
 def _simulated(

@@ -427,7 +427,7 @@ class TestStudy:
     @pytest.mark.slow
     def test_an_estimate_has_them_everywhere(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
         record = estimate(study(MODELS), [LOG], out=tmp_path)
-        assert [one["name"] for one in record.models] == [
+        assert [one.name for one in record.models] == [
             "differential_drive",
             "skid_steer_slip",
             "half known",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from oed.records.stored.sweep import StoredSweep
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
+    from oed.workflow.next_drive import NextDrive
 
 
 class _Bars:
@@ -124,7 +125,7 @@ def print_worth(found: DrivenPaths) -> None:
             tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
 
 
-def print_next(found: Mapping[str, Any]) -> None:
+def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
     from oed.foundation.text import words
     from oed.report.parts.rounding import error_text, own_unit, to_error
@@ -132,13 +133,12 @@ def print_next(found: Mapping[str, Any]) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):
         table.add_column(Text(heading), justify="left" if heading in ("parameter", "unit") else "right")
-    for entry in found["precision"]:
-        unit, factor = own_unit(entry["unit"])
-        errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
-        estimate = to_error(entry["value"], entry["now"], factor)
-        table.add_row(_cell(words(entry["name"])), _cell(unit), estimate, *errors)
+    for one in found.precision:
+        unit, factor = own_unit(one.unit)
+        errors = (error_text(error, factor) for error in (one.now, one.wanted, one.next))
+        table.add_row(_cell(words(one.name)), _cell(unit), to_error(one.value, one.now, factor), *errors)
     Console(width=None if sys.stdout.isatty() else 120).print(table)
-    tell(found["reason"])
+    tell(found.reason)
 
 
 def print_certificate(certificate: StoredCertificate) -> None:

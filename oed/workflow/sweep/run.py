@@ -212,8 +212,8 @@ class _Sweep:
             record = load_record(folder)
         except RecordError:
             return None
-        same = record.data["study"] == self.points[index].study.echo() and record.seed == self.seeds[index]
-        finished = not record.interrupted and record.data["oed_version"] == _version()
+        same = record.echo == self.points[index].study.echo() and record.seed == self.seeds[index]
+        finished = not record.interrupted and record.version == _version()
         return record if same and finished else None
 
     def finish(self) -> Swept:
