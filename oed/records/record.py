@@ -18,7 +18,7 @@ from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, json_text, read_object
 from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
-from oed.records.stored.result import Drive, Result
+from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
@@ -226,7 +226,6 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
-def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
+def drive_of(one: Result) -> Trajectory | None:
     """The trajectory of a record's result, None where it has none."""
-    drive = entry["drive"]
-    return None if drive is None else Drive.model_validate(drive).trajectory
+    return None if one.drive is None else one.drive.trajectory

@@ -92,7 +92,7 @@ class TestAgain:
         assert record.folder == finished.with_name("out.interrupted")
         kept = load_record(record.folder)
         assert kept.data["interrupted"]
-        assert [entry["name"] for entry in kept.results] == ["genetic"]
+        assert [entry.name for entry in kept.results] == ["genetic"]
         assert (record.folder / "genetic.csv").is_file()
         # Nor does one that is cut short take the place of another such.
         again = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
@@ -105,7 +105,7 @@ class TestAgain:
         assert contents(finished) == before
         kept = finished.with_name("out.interrupted")
         assert str(kept) in caught.value.__notes__[0]
-        assert load_record(kept).best["name"] == "genetic"
+        assert load_record(kept).best.name == "genetic"
 
     @pytest.mark.slow
     def test_what_is_kept_has_a_report(self, study: Study, finished: Path, capsys):
@@ -156,7 +156,7 @@ class TestNoRoom:
             "out: cannot write there: No space left on device; what was in out is as it was"
         )
         (place,) = re.findall(r"The results are in (\S+) instead", line)
-        assert load_record(place).best["name"] == "genetic"
+        assert load_record(place).best.name == "genetic"
         assert (Path(place) / "genetic.csv").is_file()
 
     def test_nowhere_at_all(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
@@ -317,5 +317,5 @@ class TestProcess:
         else:
             # Whoever looks there next puts it in order.
             assert interrupted_runs(finished) == [beside]
-        assert load_record(beside).results[0]["name"] == "genetic"
+        assert load_record(beside).results[0].name == "genetic"
         assert not list(finished.parent.glob(".*"))

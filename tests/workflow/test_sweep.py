@@ -88,8 +88,8 @@ def test_a_point_is_what_a_run_of_its_study_is(swept, tmp_path: Path):
     file = write_study(tmp_path, small(solvers=TINY).replace("wheel_speed: 10", "wheel_speed: 5"))
     alone = real_run(load_study(file), workers=1)
     point = load_record(folder / "out" / data["points"][0]["record"])
-    assert point.best["objective"] == alone.best["objective"]
-    assert point.best["drive"] == alone.best["drive"]
+    assert point.best.objective == alone.best.objective
+    assert point.best.drive == alone.best.drive
 
 
 def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, runs: list[str]):
