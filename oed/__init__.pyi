@@ -23,9 +23,12 @@ from .kernel.criteria import G as G
 from .kernel.criteria import I as I
 from .kernel.criteria import ModifiedE as ModifiedE
 from .kernel.dynamics.rollout import Drive as Drive
-from .kernel.dynamics.trajectory import DesignSpace as DesignSpace
-from .kernel.dynamics.trajectory import Spline as Spline
-from .kernel.dynamics.trajectory import StartPose as StartPose
+from .kernel.dynamics.space import SignalSpace as SignalSpace
+from .kernel.dynamics.space import Space as Space
+from .kernel.dynamics.space import Spline as Spline
+from .kernel.dynamics.system import Input as Input
+from .kernel.dynamics.system import Parameter as Parameter
+from .kernel.dynamics.system import System as System
 from .kernel.dynamics.trajectory import Trajectory as Trajectory
 from .kernel.evaluation import Evaluation as Evaluation
 from .kernel.evaluation import Margin as Margin
@@ -81,12 +84,10 @@ from .robots.limits import WheelSpeed as WheelSpeed
 from .robots.limits import Workspace as Workspace
 from .robots.models import Ackermann as Ackermann
 from .robots.models import DifferentialDrive as DifferentialDrive
-from .robots.models import Input as Input
 from .robots.models import Mecanum as Mecanum
 from .robots.models import Model as Model
 from .robots.models import OffsetDrive as OffsetDrive
 from .robots.models import OmniThree as OmniThree
-from .robots.models import Parameter as Parameter
 from .robots.models import SkidSteer as SkidSteer
 from .robots.models import SkidSteerIcr as SkidSteerIcr
 from .robots.models import SkidSteerSlip as SkidSteerSlip
@@ -107,6 +108,8 @@ from .robots.sensors import Sensor as Sensor
 from .robots.sensors import Several as Several
 from .robots.sensors import YawRate as YawRate
 from .robots.sensors import regression as regression
+from .robots.space import DesignSpace as DesignSpace
+from .robots.space import StartPose as StartPose
 from .simulation import Validation as Validation
 from .simulation import validate as validate
 from .study.study import Study as Study

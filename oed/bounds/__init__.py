@@ -18,7 +18,9 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
+from oed.robots.space import DesignSpace
 
 Array = npt.NDArray[np.float64]
 
@@ -98,6 +100,7 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
     space = problem.design
     if space.runs == 1:
         return list(_bounds(problem))
+    assert isinstance(space, DesignSpace)
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
@@ -152,7 +155,7 @@ def _sampled(problem: Problem) -> bool:
         or measurement.noise_model != "increments"
         or measurement.segment_count(problem.design.samples) != problem.design.samples
         or len(problem.model.inputs) != 2
-        or len(problem.model.coefficient_names) != 2
+        or len(robot_of(problem.model).coefficient_names) != 2
         or not unslipped(problem)
     ):
         return False
@@ -173,7 +176,7 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
 def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound:
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
-    if problem.design.integration == "arc":
+    if problem.robot.integration == "arc":
         assumptions.append("arcs tell at most as much as chords of full length")
     return Bound(value, method, tuple(assumptions), found.multiplier)
 
@@ -181,7 +184,7 @@ def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     # The best speeds found, or the same the other way round: whichever keeps best to the room.
     space = problem.design
-    start = problem.start_states((0.0, 0.0, 0.0)) if problem.fixed_starts is None else problem.fixed_starts
+    start = problem.start_states(np.zeros((1, 0))) if problem.fixed_starts is None else problem.fixed_starts
     speeds = found.speeds
     candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
     low, high = problem.input_bounds.T

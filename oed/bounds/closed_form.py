@@ -83,7 +83,7 @@ def _direction_bounds(
     problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
 ) -> Iterator[Bound]:
     edges = _edges(problem, measurement)
-    count, arcs = len(edges) - 1, problem.design.integration == "arc"
+    count, arcs = len(edges) - 1, problem.robot.integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
     variance = noise_of(problem, one) ** 2

@@ -18,6 +18,7 @@ from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.yaw_rate import YawRate
@@ -55,7 +56,7 @@ def _position_precision(sensor: Sensor) -> float | None:
 
 def _unknown_start(sensors: Sequence[Sensor]) -> bool:
     # Whether shifting the whole path costs nothing: no sensor knows where the drive began.
-    known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
+    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
     return bool(known) and all(entry == "unknown" for entry in known)
 
 
@@ -63,8 +64,8 @@ def _circle_cap(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
-    names = problem.model.coefficient_names[1]
-    if rows is None or problem.design.integration != "arc" or not set(names) <= set(one.judged):
+    names = robot_of(problem.model).coefficient_names[1]
+    if rows is None or problem.robot.integration != "arc" or not set(names) <= set(one.judged):
         return
     # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
     change = np.zeros(len(one.judged))

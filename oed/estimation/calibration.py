@@ -33,7 +33,7 @@ from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model, coefficient_values
+from oed.robots.models.model import Model, coefficient_values, robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +52,6 @@ class Calibration:
 
     Attributes:
         robot: whose parameters were estimated.
-        integration: rule by which its poses follow from its twist.
         fit: the solution.
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
@@ -67,7 +66,6 @@ class Calibration:
     """
 
     robot: Model
-    integration: Integration
     fit: Fit
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
@@ -171,7 +169,7 @@ class _Work:
     told: Callable[[str], None]
 
     def calibration(self, apart: tuple[Log, ...]) -> Calibration:
-        flaws = alternative_flaws(self.problem.model, self.options.models)
+        flaws = alternative_flaws(robot_of(self.problem.model), self.options.models)
         if flaws:
             raise ProblemError(flaws)
         self.told("comparing wheels and poses")
@@ -193,14 +191,13 @@ class _Work:
         fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
         return Calibration(
             robot=self.problem.robot,
-            integration=self._integration,
             fit=fit,
             covariances=covariances,
             segmenting=segmenting,
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             untold=untold(fit, covariances[0].matrix),
-            left_out=leave_out(fit, self._integration) if _reckonable(logs) else (),
+            left_out=leave_out(fit) if _reckonable(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
             own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _reckonable(logs) else None,
             comparison=self._comparison(found, fit, segmenting),
@@ -216,21 +213,17 @@ class _Work:
 
         return Contest(self._fitting, found, covariance, self.told).compared(fit)
 
-    @property
-    def _integration(self) -> Integration:
-        return self.problem.design.integration
-
     def _ready(self, logs: Sequence[Log]) -> ReadyLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
         compare = self.options.clock_offset
-        return ready(self.problem.robot, self._integration, thinned(logs), compare_clocks=compare)
+        return ready(self.problem.robot, thinned(logs), compare_clocks=compare)
 
     @cached_property
     def _fitting(self) -> Fitting:
         robot = self.problem.robot
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         prior, measurement = self._prior(names), self.problem.measurement
-        return Fitting(robot, names, self._integration, measurement, self.options, prior)
+        return Fitting(robot, names, measurement, self.options, prior)
 
     def _prior(self, parameters: Sequence[str]) -> Array | None:
         # Information on the parameters had beforehand, (p, p).
@@ -264,7 +257,7 @@ class _Work:
 
     def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
         parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
+        return held_out(self.problem.robot, logs, parameters, place, clocks)
 
 
 def _odd_wheels(fit: Fit) -> list[str]:

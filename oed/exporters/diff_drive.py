@@ -34,6 +34,7 @@ from oed.robots.models import (
     SkidSteerIcr,
     TractorTrailer,
 )
+from oed.robots.models.model import robot_of
 
 CONTROLLER = "diff_drive_controller"
 
@@ -192,10 +193,11 @@ def write_parameters(request: Request) -> Path:
         # The file is the robot's, not a drive's; yet a mistyped name is a mistake.
         _ = request.entry
     problem, file = request.problem, request.folder / ESTIMATE
-    values = _estimated(file, problem.model) if file.is_file() else {}
+    robot = robot_of(problem.model)
+    values = _estimated(file, robot) if file.is_file() else {}
     origin = f"estimated, from {ESTIMATE}: {', '.join(values)}" if values else "nominal, from the study"
     about = [f"Study: {problem.name}.", f"Values: {origin}."]
-    text = diff_drive_parameters(problem.model, values, limits=problem.limits, about=about)
+    text = diff_drive_parameters(robot, values, limits=problem.limits, about=about)
     path = request.out if request.out is not None else request.folder / f"{CONTROLLER}.yaml"
     write_text(path, text)
     return path

@@ -45,7 +45,9 @@ def result_of(
         **(UNSCORED if evaluation is None else _parts_of(evaluation)),
         trajectory=None if trajectory is None else trajectory_file,
         # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
-        drive=None if trajectory is None or evaluation is None else Drive.of(trajectory, evaluation),
+        drive=None
+        if trajectory is None or evaluation is None
+        else Drive.of(trajectory, poses=evaluation.states),
         criteria=criteria or {},
     )
 

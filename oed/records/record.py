@@ -226,6 +226,7 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
-def drive_of(one: Result) -> Trajectory | None:
+def drive_of(one: Result | Mapping[str, Any]) -> Trajectory | None:
     """The trajectory of a record's result, None where it has none."""
-    return None if one.drive is None else one.drive.trajectory
+    found = one if isinstance(one, Result) else Result.model_validate(one)
+    return None if found.drive is None else found.drive.trajectory

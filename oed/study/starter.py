@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import parse_quantity
+from oed.kernel.dynamics.system import Parameter
 from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
-from oed.robots.models.model import Parameter
+from oed.robots.models.model import robot_of
 from oed.robots.presets import preset, preset_names
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
@@ -113,12 +114,12 @@ def starter(choice: Choice) -> str:
         raise UserMistake(f"expected a sensor of {', '.join(SENSORS)}; got {choice.sensor!r}")
     known = sizes_needed(choice.robot)
     text = _text(choice, known, baselines="[straight, random]")
-    model = _read(text, "the new study").problem.model
+    model = robot_of(_read(text, "the new study").problem.model)
     if _skids(choice) and "track" in type(model).model_fields:
         own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
         widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
-        model = _read(_text(choice, known, baselines="[straight, random]")).problem.model
+        model = robot_of(_read(_text(choice, known, baselines="[straight, random]")).problem.model)
     doubt = _doubt_lines(choice, model)
     study = _read(_text(choice, known, "[straight, random]", doubt), "the new study")
     suitable = f"[{', '.join(suited(study.problem))}]"

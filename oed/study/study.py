@@ -17,7 +17,6 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw
 from oed.kernel.criteria import CRITERIA, Criterion, E
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
@@ -29,6 +28,7 @@ from oed.robots.limits import LIMITS, Limit
 from oed.robots.models import MODELS, Model
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
+from oed.robots.space import DesignSpace
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain

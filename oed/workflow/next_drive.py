@@ -21,6 +21,7 @@ from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import TRUST, recorded_study
 from oed.records.stored.estimate import Estimated
+from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 from oed.uncertainty.uncertainty import Uncertainty
@@ -240,7 +241,7 @@ def _own_error(one: Estimated) -> float:
 def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
-    robot = study.problem.model.with_values(values)
+    robot = robot_of(study.problem.model).with_values(values)
     data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
     data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"

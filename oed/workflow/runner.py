@@ -259,7 +259,7 @@ def record(
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
     """The files of a record and of its solutions' trajectories, by name; the most important first."""
     drives = {
-        _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.poses)
+        _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.states)
         for one in solutions
         if one.trajectory is not None and one.evaluation is not None
     }

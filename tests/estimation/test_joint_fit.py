@@ -167,7 +167,7 @@ class TestRecovery:
 
     def test_by_the_midpoint_rule_is_not_that_of_arcs(self):
         log = log_of(course())
-        fit = fit_of([log], integration="midpoint")
+        fit = fit_of([log], unknowns_of(ROBOT.system("midpoint")))
         assert 1e-6 < np.abs(fit.values / [*TRUTH.values()] - 1).max() < 0.02
 
 

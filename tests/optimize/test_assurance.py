@@ -12,7 +12,8 @@ from builders import ACCELERATION, SPEED, make_problem
 from pydantic import Field
 
 from oed.kernel.criteria import D, E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
@@ -21,6 +22,7 @@ from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 from oed.uncertainty.departures import leaving, violated
 from oed.uncertainty.robust import ADDED, TIGHTER, Robust
 from oed.uncertainty.uncertainty import Uncertainty

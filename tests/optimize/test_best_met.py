@@ -12,7 +12,7 @@ from random_problems import random_problem
 
 from oed.foundation.errors import Flaw, NotFinite
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
@@ -23,6 +23,7 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome
 from oed.optimize.transcription.starts import starting_points
 from oed.robots.sensors import Displacements, Poses
+from oed.robots.space import DesignSpace
 
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-8, None, "none")

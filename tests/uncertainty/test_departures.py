@@ -16,15 +16,18 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
 from oed.kernel.violation import Leaving
 from oed.robots.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.robots.models import TractorTrailer
-from oed.robots.models.model import Input, Model, Parameter
+from oed.robots.models.model import Model
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 from oed.uncertainty.departures import leaving, path_limits, paths, violated
 from oed.uncertainty.uncertainty import Uncertainty, spread_of
 
@@ -248,7 +251,7 @@ class TestPaths:
     def test_they_are_those_of_the_robots(self, name: str):
         problem, drive, _, _ = counted(name)
         values = draws_of(problem, 3, 9)
-        expected = [evaluate(*other(problem, drive, row)).poses for row in values]
+        expected = [evaluate(*other(problem, drive, row)).states for row in values]
         np.testing.assert_allclose(paths(problem, drive, values), expected, atol=1e-12)
 
 

@@ -55,9 +55,7 @@ class Nonlinear(Estimator):
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
         self._prior = estimation.prior
-        self.readings = PredictedReadings(
-            problem.robot, problem.design.integration, sensors, trajectory, self.parameters
-        )
+        self.readings = PredictedReadings(problem.robot, sensors, trajectory, self.parameters)
         self._initial = self.readings.initial
         if not SquareRoot.of_rows(self._rows(self._white_slope)).complete:
             text = f"the drive does not tell {', '.join(self.parameters)} apart; nothing to estimate"

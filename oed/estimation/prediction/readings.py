@@ -15,7 +15,7 @@ from oed.estimation.prediction.segments import SegmentReadings
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Sensor, labelled_nuisances, start_nuisances, whole_whitening
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,6 @@ class PredictedReadings:
 
     Args:
         robot: whose parameters are unknown.
-        integration: its integration rule.
         sensors: in the order of the readings.
         trajectory: the drive.
         parameters: names of those that are unknown; the others are nominal.
@@ -36,7 +35,6 @@ class PredictedReadings:
     def __init__(
         self,
         robot: Model,
-        integration: Integration,
         sensors: Sequence[Sensor],
         trajectory: Trajectory,
         parameters: Sequence[str],
@@ -44,7 +42,7 @@ class PredictedReadings:
         """Arrange the runs as segments, and the unknowns one after the other."""
         runs = trajectory.runs
         periods = trajectory.samples // runs
-        self._each = tuple(SegmentReadings(robot, integration, one, runs, periods) for one in sensors)
+        self._each = tuple(SegmentReadings(robot, one, runs, periods) for one in sensors)
         self._inputs = trajectory.inputs.reshape(runs, periods, -1)
         self._times = np.full((runs, periods), trajectory.period)
         start = start_nuisances(sensors, robot, runs)

@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.system import Input, System
 from oed.logs.motion import Held, Turned, counted, held_integral, summed
 from oed.logs.series import Series
 from oed.logs.tables.columns import Column, Short, unit_factor, unit_reason
-from oed.robots.models import Input, Model
 
 
 class InputColumn(Column, ABC):
@@ -155,7 +155,7 @@ AnyInputColumn = Annotated[
 ]
 
 
-def input_flaws(columns: Mapping[str, Any], model: Model) -> list[Flaw]:
+def input_flaws(columns: Mapping[str, Any], model: System) -> list[Flaw]:
     """Inputs the robot does not have, forms and units that do not fit."""
     entries = {entry.name: entry for entry in model.inputs}
     flaws = []
@@ -170,7 +170,7 @@ def input_flaws(columns: Mapping[str, Any], model: Model) -> list[Flaw]:
     return flaws
 
 
-def input_columns(columns: Mapping[str, InputColumn], model: Model) -> Sequence[InputColumn]:
+def input_columns(columns: Mapping[str, InputColumn], model: System) -> Sequence[InputColumn]:
     """A column for each of the robot's inputs, by default the one of its name."""
     return [columns.get(name) or SpeedInput(column=name) for name in model.input_names]
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.errors import FileFlaw, LogError
+from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Gathered, Mask, Rows, Series
 from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.pose_columns import PoseColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
-from oed.robots.models import Model
 
 Wanted = float | str | tuple[float, float]
 RUN = "run"
@@ -97,7 +97,7 @@ class Sheet:
     cut_off: bool
 
 
-def read_sheet(table: Table, layout: Layout, model: Model) -> Sheet:
+def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     """Find the columns and read them.
 
     Raises:
@@ -168,7 +168,7 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 
 def _read_poses(
-    table: Table, beside: Path | None, layout: Layout, model: Model
+    table: Table, beside: Path | None, layout: Layout, model: System
 ) -> tuple[tuple[str, ...], Block]:
     poses, runs = layout.poses, layout.runs
     if beside is not None and poses.is_tum:
@@ -189,7 +189,7 @@ def _read_tum(file: Path, poses: PoseColumns) -> Block:
     return Block(None, read_tum(file, tuple(poses.columns), factor))
 
 
-def _pose_columns(table: Table, poses: PoseColumns, model: Model) -> dict[str, PoseColumn]:
+def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:
     # Further states of the robot are read by their names where the table has them.
     by_name = {name: PoseColumn(column=name) for name in model.states[3:] if name in table.header}
     known = by_name | poses.columns

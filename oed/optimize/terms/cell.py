@@ -62,7 +62,7 @@ class Cell:
         )
         self.width = self.states + len(self.carry.moving)
         self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
-        following = ca.vertcat(drive.poses[-1, :].T, self.carry.following)
+        following = ca.vertcat(drive.states[-1, :].T, self.carry.following)
         rows = ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in self.rows))
         self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
         self._begin = ca.vertcat(self._state, self.carry.carried)

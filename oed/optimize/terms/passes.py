@@ -100,8 +100,9 @@ class Sweep:
         fixed = self.plan.problem.fixed_starts
         if fixed is not None:
             return ca.MX(ca.DM(fixed.T))
-        poses = ca.reshape(self.z[self.plan.size - 3 * self._runs :], 3, self._runs)
-        return ca.densify(ca.vertcat(poses, ca.MX(self._kernel.states - 3, self._runs)))
+        chosen = self.plan.problem.system.chosen_states
+        free = ca.reshape(self.z[self.plan.size - chosen * self._runs :], chosen, self._runs)
+        return ca.densify(ca.vertcat(free, ca.MX(self._kernel.states - chosen, self._runs)))
 
     @cached_property
     def _start_slopes(self) -> Array:
@@ -109,9 +110,10 @@ class Sweep:
         width, size = self._link.width, self.plan.size
         slopes = np.zeros((size, width * self._runs))
         if self.plan.problem.design.start_is_free:
+            chosen = self.plan.problem.system.chosen_states
             for run in range(self._runs):
-                for place in range(3):
-                    slopes[size - 3 * (self._runs - run) + place, run * width + place] = 1.0
+                for place in range(chosen):
+                    slopes[size - chosen * (self._runs - run) + place, run * width + place] = 1.0
         return slopes
 
     @cached_property

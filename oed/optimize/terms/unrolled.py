@@ -96,7 +96,7 @@ class OtherRobots:
         drive, z = terms.drive, terms.unknowns
         parameters = ca.SX.sym("p", len(problem.robot.parameters))
         shift = ca.SX.sym("shift", problem.design.runs, len(problem.robot.states))
-        begin, _ = drive.ends_of(drive.poses)
+        begin, _ = drive.ends_of(drive.states)
         other = drive.again(parameters, begin + shift)
         matrices = ca.cse([one.matrix for one in problem.estimations(other)])
         self.entries = ca.vertcat(*(upper_half(matrix) for matrix in matrices))

@@ -135,7 +135,6 @@ class FineGrid:
         start = ca.MX.sym("start", space.runs, len(robot.states))
         drive = roll_out(
             robot,
-            space.integration,
             inputs=inputs,
             start=start,
             parameters=ca.MX(ca.DM(robot.nominal)),
@@ -170,5 +169,5 @@ class FineGrid:
         if self._design.size > self._design.coefficient_count:
             runs = self._design.problem.design.runs
             by_start = slope[samples * columns :].reshape((runs, -1), order="F")
-            parts.append(by_start[:, :3].ravel())
+            parts.append(by_start[:, : self._design.problem.system.chosen_states].ravel())
         return np.concatenate(parts)

@@ -111,7 +111,9 @@ class DesignExpressions:
         if not same or not np.allclose(trajectory.knots, space.knots):
             raise ValueError("the trajectory's splines are not those of the design space")
         free = trajectory.coefficients[space.free_rows] / self.input_scale
-        start = trajectory.starts[:, :3] if space.start_is_free else np.zeros(0)
+        start = (
+            trajectory.starts[:, : self.problem.system.chosen_states] if space.start_is_free else np.zeros(0)
+        )
         return np.concatenate([free.ravel(order="F"), start.ravel()])
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:

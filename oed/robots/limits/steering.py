@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_flaws
-from oed.robots.models.model import Model
 
 AnglePair = Annotated[tuple[float, float], TwoSided("rad", "40 deg")]
 RatePair = Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
@@ -27,31 +27,31 @@ class SteeringAngle(InputLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row per steered wheel and value that bounds its angle."""
-        return self.bounded(drive.input_values, drive.model)
+        return self.bounded(drive.input_values, drive.system)
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No steering, bounds without 0 where it begins and ends there, or beyond the model's equations."""
-        flaws = super().flaws(model, space)
+        flaws = super().flaws(system, space)
         if flaws:
             return flaws
-        pairs = self.bounds_by_name(model).values()
-        return rest_flaws(self, pairs, self.unit, space) + self._beyond(model)
+        pairs = self.bounds_by_name(system).values()
+        return rest_flaws(self, pairs, self.unit, space) + self._beyond(system)
 
-    def _beyond(self, model: Model) -> list[Flaw]:
-        below = {entry.name: entry.below for entry in model.inputs}
+    def _beyond(self, system: System) -> list[Flaw]:
+        below = {entry.name: entry.below for entry in system.inputs}
         far = [
             name
-            for name, pair in self.bounds_by_name(model).items()
+            for name, pair in self.bounds_by_name(system).items()
             if max(abs(bound) for bound in pair) >= below[name]
         ]
         if not far:
             return []
-        text = f"{', '.join(far)} must stay below {below[far[0]]:.4g} rad, or {model.kind} cannot roll"
+        text = f"{', '.join(far)} must stay below {below[far[0]]:.4g} rad, or {label_of(system)} cannot roll"
         return [Flaw(("limits", self.name), text)]
 
-    def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of every steering angle."""
-        return self.bounds_by_name(model)
+        return self.bounds_by_name(system)
 
 
 class SteeringRate(InputLimit):
@@ -66,8 +66,8 @@ class SteeringRate(InputLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row per steered wheel and value that bounds its rate."""
-        return self.bounded(drive.input_rates, drive.model)
+        return self.bounded(drive.input_rates, drive.system)
 
-    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of every steering rate."""
-        return self.bounds_by_name(model)
+        return self.bounds_by_name(system)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import InputLimit, Rows, TwoSided
-from oed.robots.models.model import Model
 
 Pair = Annotated[tuple[float, float], TwoSided("rad/s^2", "20 rad/s^2")]
 
@@ -23,8 +23,8 @@ class WheelAcceleration(InputLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row per input and value that bounds it."""
-        return self.bounded(drive.input_rates, drive.model)
+        return self.bounded(drive.input_rates, drive.system)
 
-    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of every input."""
-        return self.bounds_by_name(model)
+        return self.bounds_by_name(system)

@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import InputLimit, Rows, TwoSided
-from oed.robots.models.model import Model
 
 Pair = Annotated[tuple[float, float], TwoSided("rad/s^3", "100 rad/s^3")]
 
@@ -29,11 +29,11 @@ class WheelJerk(InputLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row per wheel and value that bounds the jerk."""
-        return self.bounded(drive.input_jerks, drive.model)
+        return self.bounded(drive.input_jerks, drive.system)
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No wheels, or splines whose acceleration jumps."""
         if space.spline.degree < 2:
             text = f"a degree-{space.spline.degree} spline has no jerk; take spline.degree 2 or more"
             return [Flaw(("limits", self.name), text)]
-        return super().flaws(model, space)
+        return super().flaws(system, space)

@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_flaws
-from oed.robots.models.model import Model
 
 Pair = Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
 
@@ -25,13 +25,13 @@ class WheelSpeed(InputLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row per wheel and value that bounds the speed."""
-        return self.bounded(drive.input_values, drive.model)
+        return self.bounded(drive.input_values, drive.system)
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No wheels, or bounds that exclude rest."""
-        flaws = super().flaws(model, space)
-        return flaws or rest_flaws(self, self.bounds_by_name(model).values(), self.unit, space)
+        flaws = super().flaws(system, space)
+        return flaws or rest_flaws(self, self.bounds_by_name(system).values(), self.unit, space)
 
-    def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """The bounds of every wheel."""
-        return self.bounds_by_name(model)
+        return self.bounds_by_name(system)

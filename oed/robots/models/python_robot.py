@@ -13,7 +13,8 @@ from pydantic import ConfigDict, ValidationError, ValidationInfo, model_validato
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model
 from oed.robots.models.own_code import in_words, lent_streams
 from oed.robots.models.own_module import own_module
 from oed.robots.models.tryout import try_out

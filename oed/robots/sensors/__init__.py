@@ -1,8 +1,9 @@
 """What is measured. A new measurement is a file here and a name in `MEASUREMENTS`, a sensor in `SENSORS`."""
 
 from oed.kernel.measurement.measurement import Block, Measurement, Nuisance, regression
-from oed.kernel.measurement.sensor import LeverArm, Moment, PosePrior, Sensor
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors.displacements import Displacements, PoseNoise
+from oed.robots.sensors.placed import LeverArm, PosePrior
 from oed.robots.sensors.poses import AbsoluteNoise, Poses
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.several import SENSORS, Several

@@ -15,10 +15,11 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
 from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.sensor import Moment, PlacedSensor
-from oed.robots.models.model import Model
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.logged import Mount, Noise
+from oed.robots.sensors.placed import PlacedSensor
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -149,7 +150,7 @@ class Poses(PlacedSensor):
     def reading(self, moment: Moment) -> Expression:
         """The quantities, at the lever arm's end."""
         x, y = self.position(moment)
-        read = {"x": x, "y": y, "heading": moment.pose[2]}
+        read = {"x": x, "y": y, "heading": moment.state[2]}
         return ca.vertcat(*(read[quantity] for quantity in self.quantities))
 
     def whitening(self, moment: Moment) -> Expression:
@@ -158,7 +159,8 @@ class Poses(PlacedSensor):
             if self.joint_whitening is not None:
                 return ca.SX.eye(len(self.quantities))
             return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
-        speed, turning = moment.twist[0] ** 2 + moment.twist[1] ** 2, moment.twist[2] ** 2
+        twist = moment.signals["twist"]
+        speed, turning = twist[0] ** 2 + twist[1] ** 2, twist[2] ** 2
         own = [self.noise.of(name) or Noise(np.inf) for name in self.quantities]
         variances = [noise.variance(speed, turning) for noise in own]
         return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))
@@ -204,7 +206,7 @@ class Poses(PlacedSensor):
         known = {} if arm.deviation is None else dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation)
         return Mount((arm.x, arm.y, 0.0), arm.known and bool(arm.x or arm.y), known)
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """Quantities without noise or given twice, a covariance of another size."""
         flaws, noise = [], self.noise
         if len(set(self.quantities)) < len(self.quantities):

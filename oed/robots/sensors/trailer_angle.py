@@ -11,10 +11,11 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import InitialPose, Moment, Sensor
-from oed.robots.models.model import Model
+from oed.kernel.measurement.sensor import Moment, Sensor, Start
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import InitialPose, start_of
 
 STATE = 3
 """Place of the trailer's angle among the states."""
@@ -36,9 +37,9 @@ class TrailerAngle(Sensor):
     initial_pose: InitialPose = "unknown"
 
     @property
-    def initial_pose_known(self) -> InitialPose | None:
+    def start_known(self) -> Start:
         """What is known of the initial pose, the trailer's angle among it."""
-        return self.initial_pose
+        return start_of(self.initial_pose)
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -55,7 +56,7 @@ class TrailerAngle(Sensor):
 
     def reading(self, moment: Moment) -> Expression:
         """Angle and bias."""
-        return moment.pose[STATE] + moment.nuisances.get("bias", 0.0)
+        return moment.state[STATE] + moment.nuisances.get("bias", 0.0)
 
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma."""
@@ -90,8 +91,10 @@ class TrailerAngle(Sensor):
         """Nowhere: an angle of the robot itself."""
         return None
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """A robot without a trailer."""
-        if "trailer_angle" in model.states:
+        if "trailer_angle" in system.states:
             return []
-        return [Flaw(("measurement", "kind"), f"{model.kind} has no trailer whose angle could be measured")]
+        return [
+            Flaw(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
+        ]

@@ -37,7 +37,7 @@ class YawRate(Sensor):
 
     def reading(self, moment: Moment) -> Expression:
         """Yaw rate and bias."""
-        return moment.twist[2] + moment.nuisances.get("bias", 0.0)
+        return moment.signals["twist"][2] + moment.nuisances.get("bias", 0.0)
 
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma."""
