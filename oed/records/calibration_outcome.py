@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from oed.estimation import Calibration, Compared, Comparison, HeldOut, Reckoning, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
+from oed.records.stored.door import FORMAT
 from oed.records.stored.estimate import (
     ComparedModel,
     Correlations,
@@ -30,7 +31,6 @@ from oed.records.stored.estimate import (
 
 Array = npt.NDArray[np.float64]
 
-FORMAT = 1
 PATHS, POINTS = 12, 400
 """How many paths are kept for drawing, and how many points of each."""
 RESIDUALS = 3000

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from oed.foundation.errors import FileFlaw, RecordError
 from oed.records.record import saved_file
-from oed.records.stored.door import checked, json_text, read_object
+from oed.records.stored.door import checked, json_text, read_file
 from oed.records.stored.echo import checked_echo
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
 
-FORMAT = 1
 FILE = "estimate.json"
 
 
@@ -28,11 +26,7 @@ def load_estimate(folder: str | Path) -> EstimateRecord:
         RecordError: no estimate there, or not one of this format.
     """
     path = saved_file(folder, FILE)
-    expected = f"expected an estimate of format {FORMAT}; make it again with `oed estimate`"
-    data = read_object(path, "no estimate there; make one with `oed estimate`", expected)
-    if data.get("format") != FORMAT or "parameters" not in data:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
-    return known_estimate(data, path)
+    return known_estimate(read_file(path, "an estimate", "oed estimate", "parameters"), path)
 
 
 def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:

@@ -9,18 +9,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, json_text, read_object
+from oed.records.stored.door import checked, json_text, read_file
 from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
 from oed.study.study import StudyFile
 
@@ -181,11 +180,8 @@ def load_record(folder: str | Path) -> Record:
         RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
     path = saved_file(folder, FILE)
-    expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
-    kept = "" if path.exists() else beside(folder)
-    data = read_object(path, f"no record there; make one with `oed run`{kept}", expected)
-    if data.get("format") != FORMAT or "results" not in data:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    hint = "" if path.exists() else beside(folder)
+    data = read_file(path, "a record", "oed run", "results", hint)
     return Record(known_record(data, path), path)
 
 

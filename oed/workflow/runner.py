@@ -23,8 +23,9 @@ from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
 from oed.records.outcomes import certificate_of, result_of
 from oed.records.path_file import trajectory_csv
 from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
-from oed.records.record import FILE, FORMAT, Record
+from oed.records.record import FILE, Record
 from oed.records.stored.certificate import StoredCertificate
+from oed.records.stored.door import FORMAT
 from oed.records.stored.simulation import StoredValidation
 from oed.records.stored.study_record import Provenance, StudyRecord
 from oed.records.stored.trial import StoredTrial

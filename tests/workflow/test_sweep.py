@@ -232,7 +232,7 @@ def test_objectives_of_other_criteria_are_not_ranked(tmp_path: Path):
 
 
 def test_no_sweep_there(tmp_path: Path):
-    with pytest.raises(RecordError, match="cannot be read"):
+    with pytest.raises(RecordError, match="no sweep there; make one with `oed sweep`"):
         load_sweep(tmp_path)
 
 

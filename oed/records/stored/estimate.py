@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from oed.records.stored.parts import (
     Count,
@@ -188,10 +188,8 @@ class UnseenLogs(Stored):
     parameters: dict[str, Maybe] | Column | None = None
     mean: dict[str, Reckoned] | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> UnseenLogs:
+    def _require(self) -> None:
         require_alike(len(self.logs), before=self.before, after=self.after)
-        return self
 
 
 class FittedParameter(Stored):
@@ -239,12 +237,10 @@ class Models(Stored):
     agree: bool | None
     favourites: list[str]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Models:
+    def _require(self) -> None:
         names = [one.name for one in self.models]
         require_known("best", self.best.values(), names)
         require_known("favourites", self.favourites, names)
-        return self
 
 
 class ReckonedPath(Stored):
@@ -274,11 +270,9 @@ class ReckonedPath(Stored):
         """Whether each has a point."""
         return all(np.isfinite(path).all(axis=1).any() for path in self.paths)
 
-    @model_validator(mode="after")
-    def _fits(self) -> ReckonedPath:
+    def _require(self) -> None:
         columns = ("y", "before_x", "before_y", "after_x", "after_y")
         require_alike(len(self.x), **{name: getattr(self, name) for name in columns})
-        return self
 
 
 class Residuals(Stored):
@@ -292,10 +286,8 @@ class Residuals(Stored):
     speed: Drawn
     yaw_rate: Drawn | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> Residuals:
+    def _require(self) -> None:
         require_alike(len(self.t), value=self.value, speed=self.speed, yaw_rate=self.yaw_rate or self.t)
-        return self
 
 
 class Correlations(Stored):
@@ -342,14 +334,12 @@ class EstimateRecord(Stored):
     correlations: Entries[Correlations]
     _file: Path | None = PrivateAttr(default=None)
 
-    @model_validator(mode="after")
-    def _fits(self) -> EstimateRecord:
+    def _require(self) -> None:
         require_different("parameters", [one.name for one in self.parameters])
         for what in ("covariance", "correlation"):
             matrix = getattr(self, what)
             if matrix:
                 require_table(what, matrix, len(self.parameters), len(self.parameters))
-        return self
 
     @property
     def file(self) -> Path | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 from oed.foundation.names import identifier_flaw, name_flaw
@@ -49,6 +49,15 @@ class Stored(BaseModel):
             elif form.required:
                 raise TypeError(f"{cls.__name__}: expected {name}")
         return super().model_construct(**found)
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        self._require()
+        return self
+
+    def _require(self) -> None:
+        # Of what has to fit together in a part: raises ValueError.
+        return
 
     def plain(self) -> dict[str, Any]:
         """As plain data, with what files of earlier versions leave out."""

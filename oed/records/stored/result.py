@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
@@ -62,8 +62,7 @@ class Drive(Keyed):
             self.runs,
         )
 
-    @model_validator(mode="after")
-    def _fits(self) -> Drive:
+    def _require(self) -> None:
         require_table("coefficients", self.coefficients, None, len(self.coefficients[0]))
         if not self.coefficients[0]:
             raise ValueError("coefficients: expected one of every input, got none")
@@ -73,7 +72,6 @@ class Drive(Keyed):
         width = max(3, len(self.poses[0])) if self.poses else 3
         require_table("poses", self.poses, self.samples + self.runs, width)
         self._require_starts(width)
-        return self
 
     def _require_knots(self) -> None:
         count = len(self.coefficients) + self.degree + 1
@@ -129,13 +127,11 @@ class Covariance(Keyed):
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Number | None]]
 
-    @model_validator(mode="after")
-    def _square(self) -> Covariance:
+    def _require(self) -> None:
         require_table("covariance", self.covariance, len(self.parameters), len(self.parameters))
         known = [row[place] for place, row in enumerate(self.covariance)]
         if any(value is not None and value < 0 for value in known):
             raise ValueError("covariance: expected variances of at least 0")
-        return self
 
 
 class Result(Keyed):
@@ -181,14 +177,12 @@ class Result(Keyed):
     drive: Drive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _known(self) -> Result:
+    def _require(self) -> None:
         if self.feasible and self.drive is None:
             raise ValueError("drive: expected that of a feasible result, got none")
         if self.drive is not None and self.path_length is None:
             raise ValueError("path_length: expected that of the drive, got none")
         self._require_order()
-        return self
 
     def _require_order(self) -> None:
         if self.lambda_min is None or self.lambda_max is None:

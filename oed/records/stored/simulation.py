@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
@@ -55,8 +55,7 @@ class Simulated(Keyed):
     checks: list[StoredCheck]
     estimates: Annotated[Matrix, Field(min_length=2), Rounded(10)]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Simulated:
+    def _require(self) -> None:
         count = len(self.parameters)
         require_different("parameters", self.parameters)
         require_alike(
@@ -71,7 +70,6 @@ class Simulated(Keyed):
             covariance: Matrix = getattr(self, what)
             require_table(what, covariance, count, count)
             require_covariance(what, covariance)
-        return self
 
 
 def require_covariance(what: str, matrix: Matrix) -> None:
@@ -135,10 +133,8 @@ class Paths(Keyed):
     leaves: list[bool]
     paths: Annotated[list[list[Line]], Rounded(4)]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Paths:
+    def _require(self) -> None:
         require_alike(len(self.paths), leaves=self.leaves)
-        return self
 
 
 class StoredRobustness(Keyed):
@@ -152,9 +148,7 @@ class StoredRobustness(Keyed):
     results: list[Tried]
     bundles: list[Paths]
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredRobustness:
+    def _require(self) -> None:
         names = [one.name for one in self.results]
         require_different("results", names)
         require_known("bundles", (one.name for one in self.bundles), names)
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.parts import (
@@ -21,8 +21,6 @@ from oed.records.stored.parts import (
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.trial import StoredTrial
-
-FORMAT = 1
 
 
 class StoredInput(Keyed):
@@ -93,8 +91,7 @@ class StudyRecord(Stored):
     notes: list[str]
     provenance: Provenance
 
-    @model_validator(mode="after")
-    def _fits_together(self) -> StudyRecord:
+    def _require(self) -> None:
         names, parameters = [one.name for one in self.results], [one.name for one in self.parameters]
         require_different("results", names)
         require_different("parameters", parameters)
@@ -106,7 +103,6 @@ class StudyRecord(Stored):
                 require_known(f"{what}.covariances", covariance.parameters, parameters)
             self._require_inputs(what, one)
         self._require_simulated(names, parameters)
-        return self
 
     def _require_inputs(self, what: str, one: Result) -> None:
         driven = [other for other in self.results if other.drive is not None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
@@ -55,14 +55,12 @@ class SweptPoint(Stored):
     gap: Number | None
     seconds: Seconds | None
 
-    @model_validator(mode="after")
-    def _in_its_folder(self) -> SweptPoint:
+    def _require(self) -> None:
         expected = f"{self.folder}/{RECORD}"
         if self.record not in (None, expected):
             raise ValueError(f"record: expected {expected!r}, got {self.record!r}")
         if self.record is None and self.design is not None:
             raise ValueError("record: expected that of the design, got none")
-        return self
 
 
 class StoredSweep(Stored):
@@ -79,8 +77,7 @@ class StoredSweep(Stored):
     kept: Count = 0
     interrupted: bool
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredSweep:
+    def _require(self) -> None:
         folders = [one.folder for one in self.points]
         require_different("points", folders)
         require_known("best", [self.best] if self.best is not None else [], folders)
@@ -92,7 +89,6 @@ class StoredSweep(Stored):
             raise ValueError("points: expected other values in each, got some twice")
         if len(seen) < self._combinations:
             raise ValueError(f"points: expected all {self._combinations} combinations, got {len(seen)}")
-        return self
 
     @property
     def varied(self) -> list[SweptKey]:

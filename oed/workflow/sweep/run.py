@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from oed.foundation.errors import FileFlaw, OedError, RecordError
+from oed.foundation.errors import OedError, RecordError
 from oed.foundation.files import inside
 from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.foundation.work.parallel import run_tasks
@@ -18,7 +18,7 @@ from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, load_record, pages, saved_file
-from oed.records.stored.door import checked, read_object
+from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
 from oed.workflow.runner import package_version, run
@@ -26,7 +26,6 @@ from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
-FORMAT: Final = 1
 FILE = "sweep.json"
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
@@ -105,11 +104,7 @@ def load_sweep(folder: str | Path) -> StoredSweep:
         RecordError: none there, or not one of this format.
     """
     path = saved_file(folder, FILE)
-    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
-    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
-    if data.get("format") != FORMAT:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
-    return checked(StoredSweep, data, path)
+    return checked(StoredSweep, read_file(path, "a sweep", "oed sweep", "points"), path)
 
 
 @dataclass(frozen=True)
