@@ -20,7 +20,15 @@ from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
+from oed.records.stored.study_record import (
+    Provenance,
+    StoredInput,
+    StoredNuisance,
+    StoredParameter,
+    StoredState,
+    StudyRecord,
+)
+from oed.records.stored.trial import StoredTrial
 from oed.study.study import StudyFile
 
 Part = TypeVar("Part", bound=Stored)
@@ -107,6 +115,21 @@ class Record:
     def states(self) -> tuple[StoredState, ...]:
         """The robot's states; none in older records."""
         return tuple(self._part(StoredState, one) for one in self.data.get("states") or ())
+
+    @cached_property
+    def nuisances(self) -> tuple[StoredNuisance, ...]:
+        """The nuisance parameters, which are unknown too."""
+        return tuple(self._part(StoredNuisance, one) for one in self.data.get("nuisances") or ())
+
+    @cached_property
+    def trial(self) -> StoredTrial | None:
+        """Drives of a simulated robot with slip, None where none were."""
+        return self._part_or_none(StoredTrial, "physics")
+
+    @cached_property
+    def provenance(self) -> Provenance:
+        """What made it."""
+        return self._part(Provenance, self.data["provenance"])
 
     @property
     def version(self) -> str:
@@ -222,7 +245,6 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
-def drive_of(one: Result | Mapping[str, Any]) -> Trajectory | None:
+def drive_of(one: Result) -> Trajectory | None:
     """The trajectory of a record's result, None where it has none."""
-    found = one if isinstance(one, Result) else Result.model_validate(one)
-    return None if found.drive is None else found.drive.trajectory
+    return None if one.drive is None else one.drive.trajectory

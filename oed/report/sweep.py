@@ -14,11 +14,12 @@ from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.report.comparison import relative_deviations
+from oed.report.figures import chart as chart_figures
+from oed.report.figures import paths as path_figures
 from oed.report.figures.chart import Chart
-from oed.report.figures.driven import path_of
+from oed.report.figures.driven import path_of, room_of
 from oed.report.page import NAME, render
 from oed.report.parts.prose import Prose
-from oed.report.parts.rooms import room_of
 from oed.report.parts.section import Picture, Section
 from oed.report.parts.tables import Cell, Column, Table
 
@@ -140,9 +141,7 @@ def _objective_figures(found: StoredSweep) -> tuple[Picture, ...]:
 
 
 def _draw(kind: str, *data: Any) -> Any:
-    from oed.report.figures import sweep_figures
-
-    return getattr(sweep_figures, kind)(*data)
+    return getattr(chart_figures, kind)(*data)
 
 
 def _precision(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
@@ -208,9 +207,7 @@ def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
 
 
 def _draw_paths(paths: Sequence[Any], room: Any) -> Any:
-    from oed.report.figures import path_panels
-
-    return path_panels.paths(paths, room)
+    return path_figures.paths(paths, room)
 
 
 def _links(found: StoredSweep, base: Path) -> Section | None:

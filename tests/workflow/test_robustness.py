@@ -226,6 +226,6 @@ class TestDriven:
         drive = drive_of(record.result("square"))
         log = write_log(tmp_path / "square.csv", study.problem, drive, {})
         scored = score_logs(study, [log], folder).first.result
-        margins = {one["limit"]: one["margin"] for one in scored["margins"]}
+        margins = {one.limit: one.margin for one in scored.margins}
         tight = {one.limit: one.margin for one in record.result("square").margins}
         assert margins["workspace"] > tight["workspace"] + 0.01

@@ -141,7 +141,7 @@ class TestFiles:
         record = run(study, workers=1)
         assert sorted(tmp_path.iterdir()) == before
         assert {entry.trajectory for entry in record.results} == {None}
-        assert all(entry["drive"] is not None for entry in record.results)
+        assert all(entry.drive is not None for entry in record.results)
 
 
 TIMES = ("wall_seconds", "seconds", "finished")
@@ -226,13 +226,13 @@ class TestInterrupted:
         study, listener = make_study(tmp_path), Listener("starts", 1, interrupt)
         record = run(study, tmp_path / "out", workers=1, progress=listener)
         (entry,) = record.results
-        assert (entry["name"], entry["status"]) == ("ipopt", "interrupted")
-        assert entry["message"].startswith("Interrupted")
-        assert entry["feasible"]
+        assert (entry.name, entry.status) == ("ipopt", "interrupted")
+        assert entry.message.startswith("Interrupted")
+        assert entry.feasible
         assert record.best.name == "ipopt"
         assert record.data["validation"] is None
         assert load_record(tmp_path / "out").data == json.loads(record.to_json())
-        drive = read_trajectory(tmp_path / "out" / entry["trajectory"], study.problem)
+        drive = read_trajectory(tmp_path / "out" / entry.trajectory, study.problem)
         assert evaluate(study.problem, drive).objective == pytest.approx(entry.objective, rel=1e-9)
 
     def test_in_the_second_search(self, tmp_path: Path):
@@ -256,7 +256,7 @@ class TestInterrupted:
         with contextlib.suppress(KeyboardInterrupt):
             run(make_study(tmp_path), tmp_path / "out", workers=1, progress=listener)
         saved = load_record(tmp_path / "out")
-        assert [entry["name"] for entry in saved.results][:2] == ["ipopt", "genetic"]
+        assert [entry.name for entry in saved.results][:2] == ["ipopt", "genetic"]
         assert saved.best.name == "ipopt"
 
 

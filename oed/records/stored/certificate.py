@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from oed.records.stored.parts import Count, Keyed, Matrix, Name, Number, Positive, Seconds
+from oed.records.stored.parts import Count, Matrix, Name, Number, Positive, Seconds, Stored
 
 
-class UpperBound(Keyed):
+class UpperBound(Stored):
     """A bound and how it is proved."""
 
     upper_bound: Number

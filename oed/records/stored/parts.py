@@ -130,24 +130,6 @@ def _said(annotation: Any) -> Iterator[Any]:
         yield from _said(inner)
 
 
-class Keyed(Stored, Mapping[str, Any]):
-    """A part that is read by its keys too, as the plain data that it stands for."""
-
-    def __getitem__(self, key: str) -> Any:
-        """What stands under a key."""
-        if key in type(self).model_fields:
-            return getattr(self, key)
-        return (self.model_extra or {})[key]
-
-    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        """The keys."""
-        return iter((*type(self).model_fields, *(self.model_extra or {})))
-
-    def __len__(self) -> int:
-        """How many keys there are."""
-        return len(type(self).model_fields) + len(self.model_extra or {})
-
-
 def _name(text: str) -> str:
     flaw = name_flaw(text)
     if flaw:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
-    Keyed,
     Name,
     Number,
     Numbers,
@@ -20,6 +21,7 @@ from oed.records.stored.parts import (
     Seed,
     Size,
     Sizes,
+    Stored,
     require_table,
 )
 
@@ -38,8 +40,11 @@ NUMBERS = (
 ROUNDING = 1e-6
 """Share by which two eigenvalues that are one may differ: each is computed in its own way."""
 
+SINGULAR = 1e-9
+"""Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
 
-class Drive(Keyed):
+
+class Drive(Stored):
     """A drive's exact splines, and its poses at the samples."""
 
     degree: Annotated[int, Field(ge=0, le=DEGREE)]
@@ -61,6 +66,11 @@ class Drive(Keyed):
             self.samples,
             self.runs,
         )
+
+    @property
+    def by_run(self) -> list[npt.NDArray[np.float64]]:
+        """The poses of every run at its samples, each (N + 1, states)."""
+        return np.split(np.array(self.poses, dtype=float), self.runs)
 
     def _require(self) -> None:
         require_table("coefficients", self.coefficients, None, len(self.coefficients[0]))
@@ -92,7 +102,7 @@ class Drive(Keyed):
             raise ValueError(f"start: expected {width} numbers of each of {self.runs} runs")
 
 
-class Margin(Keyed):
+class Margin(Stored):
     """How much room a drive leaves to a limit."""
 
     limit: str
@@ -104,7 +114,7 @@ class Margin(Keyed):
     certain: bool | None = None
 
 
-class StartPoint(Keyed):
+class StartPoint(Stored):
     """What a search made of one of its starts."""
 
     objective: Number | None
@@ -113,7 +123,7 @@ class StartPoint(Keyed):
     iterations: Count
 
 
-class Progress(Keyed):
+class Progress(Stored):
     """The best objective after so many evaluations."""
 
     evaluations: Count
@@ -121,7 +131,7 @@ class Progress(Keyed):
     objective: Number | None
 
 
-class Covariance(Keyed):
+class Covariance(Stored):
     """The predicted covariance of parameters that are told together."""
 
     parameters: Annotated[list[str], Field(min_length=1)]
@@ -134,7 +144,7 @@ class Covariance(Keyed):
             raise ValueError("covariance: expected variances of at least 0")
 
 
-class Result(Keyed):
+class Result(Stored):
     """What a search, a baseline or a path of the user's own came to; SI, None where there is no number.
 
     Attributes:
@@ -176,6 +186,40 @@ class Result(Keyed):
     trajectory: Name | None
     drive: Drive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
+
+    @property
+    def origin(self) -> Literal["search", "baseline", "path"]:
+        """What the drive is: found by a search, a baseline, or a path of the user's own."""
+        return "baseline" if self.kind == "baseline" else "path" if self.kind == "path" else "search"
+
+    @property
+    def by_gradient(self) -> bool:
+        """Whether a search follows gradients."""
+        return self.kind == "ipopt"
+
+    @property
+    def rounded(self) -> bool:
+        """Whether its information is rounding in some direction, in records that do not say so themselves."""
+        if self.singular is not None or self.lambda_min is None:
+            return False
+        return self.lambda_min <= SINGULAR * (self.lambda_max or 0.0)
+
+    @property
+    def leaves_open(self) -> bool:
+        """Whether some combination of the parameters is not identifiable, to rounding."""
+        return self.rounded if self.singular is None or self.lambda_min is None else self.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether what the study's criterion asks about is not identifiable."""
+        return self.rounded if self.identifiable is None or self.lambda_min is None else not self.identifiable
+
+    @property
+    def worth(self) -> float | None:
+        """Its objective: minus infinity where a drive tells too little for JSON to hold its number."""
+        if self.drive is None:
+            return None
+        return -math.inf if self.objective is None else self.objective
 
     def _require(self) -> None:
         if self.feasible and self.drive is None:

@@ -9,7 +9,6 @@ from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
-    Keyed,
     Line,
     Matrix,
     Name,
@@ -18,6 +17,7 @@ from oed.records.stored.parts import (
     Rounded,
     Seed,
     Share,
+    Stored,
     require_alike,
     require_different,
     require_known,
@@ -26,7 +26,7 @@ from oed.records.stored.parts import (
 from oed.simulation.monte_carlo import ALPHA
 
 
-class StoredCheck(Keyed):
+class StoredCheck(Stored):
     """A test of simulated estimates against what is promised."""
 
     name: str
@@ -37,7 +37,7 @@ class StoredCheck(Keyed):
     passed: bool
 
 
-class Simulated(Keyed):
+class Simulated(Stored):
     """Simulated experiments with one drive."""
 
     name: Name
@@ -87,7 +87,7 @@ def require_covariance(what: str, matrix: Matrix) -> None:
                 raise ValueError(f"{what}.{place}.{other}: expected a correlation of at most 1")
 
 
-class StoredValidation(Keyed):
+class StoredValidation(Stored):
     """A record's `validation`: options left out are the usual ones."""
 
     replicates: Count = 0
@@ -99,7 +99,7 @@ class StoredValidation(Keyed):
     results: list[Simulated]
 
 
-class Uncertain(Keyed):
+class Uncertain(Stored):
     """A parameter that may be another."""
 
     name: str
@@ -110,7 +110,7 @@ class Uncertain(Keyed):
     uniform: bool
 
 
-class Tried(Keyed):
+class Tried(Stored):
     """How many robots leave the limits on a drive."""
 
     name: Name
@@ -126,7 +126,7 @@ class Tried(Keyed):
     checked_at_points: list[str] | None = None
 
 
-class Paths(Keyed):
+class Paths(Stored):
     """Where robots drawn from the uncertainty go: points by robot and run."""
 
     name: Name
@@ -137,7 +137,7 @@ class Paths(Keyed):
         require_alike(len(self.paths), leaves=self.leaves)
 
 
-class StoredRobustness(Keyed):
+class StoredRobustness(Stored):
     """A record's `robustness`."""
 
     kind: Literal["chance", "tube", "scenarios"]

@@ -9,7 +9,6 @@ from pydantic import Field
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.parts import (
     Identifier,
-    Keyed,
     Number,
     Positive,
     Seed,
@@ -23,7 +22,7 @@ from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.trial import StoredTrial
 
 
-class StoredInput(Keyed):
+class StoredInput(Stored):
     """An input of the robot."""
 
     name: Identifier
@@ -31,14 +30,14 @@ class StoredInput(Keyed):
     unit: str
 
 
-class StoredState(Keyed):
+class StoredState(Stored):
     """A state of the robot."""
 
     name: Identifier
     unit: str
 
 
-class StoredParameter(Keyed):
+class StoredParameter(Stored):
     """An estimated parameter: nominal value, SI unit, the block of readings that it follows from and their
     noise, and whether the criterion judges it.
     """
@@ -51,7 +50,7 @@ class StoredParameter(Keyed):
     judged: bool = True
 
 
-class StoredNuisance(Keyed):
+class StoredNuisance(Stored):
     """A nuisance parameter: SI unit, the block of readings that it is of, its prior standard deviation."""
 
     name: str
@@ -60,7 +59,7 @@ class StoredNuisance(Keyed):
     deviation: Positive | None
 
 
-class Provenance(Keyed):
+class Provenance(Stored):
     """What made the file."""
 
     packages: dict[str, str]

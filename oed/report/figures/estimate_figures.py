@@ -15,9 +15,9 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from oed.records.stored.estimate import ReckonedPath
-from oed.report.figures.panels import WIDTH, new_grid
-from oed.report.figures.plots import FAINT, INK, as_drawn
+from oed.report.figures.draw import as_drawn, new_grid
 from oed.report.figures.residuals import Array, Readings, Residuals
+from oed.report.figures.spec import FAINT, INK, WIDTH
 
 SHADES = ("#123f6d", "#8fa9c2")
 """Of logs one after the other."""
