@@ -85,7 +85,7 @@ class TestCriteria:
         (table,) = criteria(record("sensors")).tables
         nominal = np.array([0.049, 0.049, 0.18])
         spreads = [
-            np.array(one["covariances"][0]["covariance"], dtype=float) / np.outer(nominal, nominal)
+            np.array(one.covariances[0].covariance, dtype=float) / np.outer(nominal, nominal)
             for one in record("sensors").results
         ]
         largest = [np.linalg.eigvalsh(one)[-1] for one in spreads]
