@@ -189,7 +189,7 @@ def test_every_command_on_damaged_records(tmp_path: Path):
         simulate,
         following,
     ]
-    for number, one in enumerate(some(data, 120, seed=3)):
+    for number, one in enumerate(some(data, 60, seed=3)):
         saved(tmp_path, damaged(data, *one))
         with suppress(OedError):
             commands[number % len(commands)](tmp_path)
