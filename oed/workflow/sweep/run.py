@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from oed.foundation.errors import FileFlaw, OedError, RecordError
+from oed.foundation.errors import OedError, RecordError
 from oed.foundation.files import inside
 from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.foundation.work.parallel import run_tasks
@@ -108,7 +108,7 @@ def load_sweep(folder: str | Path) -> dict[str, Any]:
     expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
     data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
     if data.get("format") != FORMAT:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+        raise RecordError.about(path, expected)
     return checked(StoredSweep, data, path).plain()
 
 
