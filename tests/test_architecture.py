@@ -38,13 +38,8 @@ CASADI_ROOMS = ("kernel", "uncertainty", "optimize", "robots", "bounds", "logs",
 FIGURE_MODULES = {
     f"oed.report.{name}"
     for name in (
-        "figures.plots",
-        "figures.panels",
-        "figures.path_figures",
-        "figures.path_panels",
-        "figures.stage",
-        "figures.sweep_figures",
-        "figures.trial_panels",
+        "figures.draw",
+        "film.stage",
         "estimate.figures",
     )
 }

@@ -22,7 +22,6 @@ ROOMS = {
     "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
     "kernel.measurement": "information matrices prior square_root",
     "records": "calibration_record path_file problem_tables record recorded_study stored",
-    "report.film": "physics_film",
     "robots": "baselines limits models presets",
     "simulation": "trial",
     "study": "starter study_errors yaml_source",
@@ -34,6 +33,7 @@ RENAMED = {
     "calibration": "estimation",
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
+    "physics_film": "report.film.physics",
     "solvers": "optimize",
     "validation": "simulation",
 }

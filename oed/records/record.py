@@ -22,7 +22,15 @@ from oed.records.stored.parts import Stored
 from oed.records.stored.result import Drive, Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.study_record import FORMAT as FORMAT
-from oed.records.stored.study_record import StoredInput, StoredParameter, StoredState, StudyRecord
+from oed.records.stored.study_record import (
+    Provenance,
+    StoredInput,
+    StoredNuisance,
+    StoredParameter,
+    StoredState,
+    StudyRecord,
+)
+from oed.records.stored.trial import StoredTrial
 from oed.study.study import StudyFile
 
 Part = TypeVar("Part", bound=Stored)
@@ -109,6 +117,31 @@ class Record:
     def states(self) -> tuple[StoredState, ...]:
         """The robot's states; none in older records."""
         return tuple(self._part(StoredState, one) for one in self.data.get("states") or ())
+
+    @cached_property
+    def nuisances(self) -> tuple[StoredNuisance, ...]:
+        """The nuisance parameters, which are unknown too."""
+        return tuple(self._part(StoredNuisance, one) for one in self.data.get("nuisances") or ())
+
+    @cached_property
+    def trial(self) -> StoredTrial | None:
+        """Drives of a simulated robot with slip, None where none were."""
+        return self._part_or_none(StoredTrial, "physics")
+
+    @cached_property
+    def provenance(self) -> Provenance:
+        """What made it."""
+        return self._part(Provenance, self.data["provenance"])
+
+    @property
+    def version(self) -> str:
+        """Of the package that made it."""
+        return str(self.data["oed_version"])
+
+    @property
+    def study_text(self) -> str:
+        """The study as it was written."""
+        return str(self.data["study_text"])
 
     @property
     def interrupted(self) -> bool:

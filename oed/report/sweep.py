@@ -13,10 +13,11 @@ from oed.foundation.files import inside
 from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.report.comparison import relative_deviations
+from oed.report.figures import chart as chart_figures
+from oed.report.figures import paths as path_figures
 from oed.report.figures.chart import Chart
-from oed.report.figures.driven import path_of
+from oed.report.figures.driven import path_of, room_of
 from oed.report.page import NAME, render
-from oed.report.parts.rooms import room_of
 from oed.report.parts.section import Picture, Section
 from oed.report.parts.tables import Cell, Column, Table
 
@@ -146,9 +147,7 @@ def _objective_figures(data: Mapping[str, Any]) -> tuple[Picture, ...]:
 
 
 def _draw(kind: str, *data: Any) -> Any:
-    from oed.report.figures import sweep_figures
-
-    return getattr(sweep_figures, kind)(*data)
+    return getattr(chart_figures, kind)(*data)
 
 
 def _precision(data: Mapping[str, Any], records: Mapping[str, Record]) -> Section | None:
@@ -217,9 +216,7 @@ def _title(data: Mapping[str, Any], row: Row) -> str:
 
 
 def _draw_paths(paths: Sequence[Any], room: Any) -> Any:
-    from oed.report.figures import path_panels
-
-    return path_panels.paths(paths, room)
+    return path_figures.paths(paths, room)
 
 
 def _links(data: Mapping[str, Any], base: Path) -> Section | None:

@@ -210,7 +210,7 @@ class _Total:
 
 def _simulate(batch: _Batch) -> _Result:
     rng = np.random.default_rng([batch.seed, STREAM, batch.index])
-    estimates, linear = batch.estimator.replicate(rng, batch.size)
+    estimates, linear = batch.estimator.simulate(rng, batch.size)
     true, promised = batch.estimator.true, batch.estimator.promised
     differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(promised)
     return _Result(Tally.of(estimates - true, promised), Moments.of(differences), estimates[:SHOWN].copy())

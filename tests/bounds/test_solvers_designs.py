@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, make_problem
+from builders import ACCELERATION, BOX, problem_of
 
 from oed.bounds import bound
 from oed.kernel.criteria import E
@@ -21,19 +21,19 @@ SOLVERS: dict[str, Solver] = {
 UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=0.18)
 NOISE = {"position": 0.01, "heading": 0.02}
 PROBLEMS: dict[str, Problem] = {
-    "segments": make_problem(),
-    "relative": make_problem(model=UNEQUAL, measurement=Displacements(noise=NOISE), criterion=E()),
-    "samples": make_problem(measurement=Displacements(segments="samples")),
-    "forward": make_problem(
+    "segments": problem_of(),
+    "relative": problem_of(model=UNEQUAL, measurement=Displacements(noise=NOISE), criterion=E()),
+    "samples": problem_of(measurement=Displacements(segments="samples")),
+    "forward": problem_of(
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(0, 7)), ACCELERATION, BOX),
     ),
-    "heading": make_problem(measurement=Displacements(regressor="heading")),
-    "joint": make_problem(measurement=Poses(noise=NOISE), criterion=E()),
-    "coefficients": make_problem(
+    "heading": problem_of(measurement=Displacements(regressor="heading")),
+    "joint": problem_of(measurement=Poses(noise=NOISE), criterion=E()),
+    "coefficients": problem_of(
         measurement=Poses(noise=NOISE), criterion=E(), estimate=("c11", "c12", "c21", "c22")
     ),
-    "fast": make_problem(limits=(WheelSpeed(bounds=30), ACCELERATION, BOX)),
+    "fast": problem_of(limits=(WheelSpeed(bounds=30), ACCELERATION, BOX)),
 }
 
 
@@ -55,7 +55,7 @@ def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
 def test_the_order_of_the_parameters_does_not_matter() -> None:
     measurement = Displacements(noise=NOISE)
     values = [
-        bound(make_problem(model=UNEQUAL, measurement=measurement, criterion=E(), estimate=names)).upper_bound
+        bound(problem_of(model=UNEQUAL, measurement=measurement, criterion=E(), estimate=names)).upper_bound
         for names in (("c21", "c22"), ("c22", "c21"))
     ]
     assert values[0] == pytest.approx(values[1], rel=1e-12)

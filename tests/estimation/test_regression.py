@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.estimation.methods import (
@@ -26,7 +26,6 @@ from oed.estimation.methods import (
 )
 from oed.estimation.methods.errors_in_variables import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -67,10 +66,10 @@ def make(
     estimator: str = "gls",
 ) -> Problem:
     """Drives of a quarter of a second per sample."""
-    return make_problem(
-        design=DesignSpace(
-            duration=samples / 4, samples=samples, spline=Spline(coefficients=8), integration=rule
-        ),
+    return problem_of(
+        duration=samples / 4,
+        samples=samples,
+        integration=rule,
         measurement=Displacements(
             segments=segments,
             regressor=regressor,
@@ -220,7 +219,7 @@ class TestFirstOrder:
     def test_the_linear_estimates_have_it(self, name: EstimatorName, heading: Heading, noise_model: str):
         # However large the noise is.
         regression = Regression(make(noise_model, "1 cm", "10 deg"), DRIVE, name, heading)
-        _, linear = regression.replicate(np.random.default_rng(3), REPLICATES)
+        _, linear = regression.simulate(np.random.default_rng(3), REPLICATES)
         assert passes(linear, regression.linear_covariance)
 
     @pytest.mark.slow
@@ -231,7 +230,7 @@ class TestFirstOrder:
     ):
         # Even where noise is large: the same mean and covariance, as far as two samples can tell.
         problem = make(noise_model, "1 cm", "3 deg")
-        ours, _ = Regression(problem, DRIVE, name, heading).replicate(np.random.default_rng(4), REPLICATES)
+        ours, _ = Regression(problem, DRIVE, name, heading).simulate(np.random.default_rng(4), REPLICATES)
         theirs = Experiment(problem, DRIVE).estimates(name, heading)
         covariances = [np.cov(sample, rowvar=False) for sample in (ours, theirs)]
         sizes = np.sqrt(np.diag(covariances[0]))
@@ -245,7 +244,7 @@ class TestFirstOrder:
     def test_the_sandwich_says_more_of_the_same_estimates(self, heading: Heading, noise_model: str):
         ols, sandwich = (Regression(make(noise_model), DRIVE, name, heading) for name in ("ols", "sandwich"))
         for one, other in zip(
-            *(found.replicate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
+            *(found.simulate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
         ):
             np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(sandwich.promised, ols.linear_covariance)
@@ -349,9 +348,9 @@ class TestOwnFormula:
     @pytest.mark.parametrize("example", cases(COEFFICIENT_ROBOTS))
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     def test_every_robot_and_rule(self, example, rule: str):
-        problem = make_problem(
+        problem = problem_of(
             model=example.model,
-            design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), integration=rule),
+            integration=rule,
             measurement=Displacements(
                 regressor="both",
                 noise={"position": "5 mm", "heading": "0.5 deg"},
@@ -479,7 +478,7 @@ class TestErrorsInVariables:
     @staticmethod
     def at_full_size(noise_model: str, position: str, turn: str, segments: int | str) -> Validation:
         """20 s of 200 samples."""
-        problem = make_problem(
+        problem = problem_of(
             design=DesignSpace(duration=20),
             measurement=Displacements(
                 segments=segments, noise={"position": position, "heading": turn}, noise_model=noise_model
@@ -720,14 +719,10 @@ BOTH = Several(sensors=[POSES, YawRate(noise=0.01)])
 
 
 @cache
-def problem_of(measurement: Measurement) -> Problem:
-    return make_problem(measurement=measurement)
-
-
 def flaws_of(measurement: Measurement, name=None, heading: Heading = "known") -> list[Flaw]:
     """The flaws, which `make_estimator` raises."""
     flaws = estimator_flaws(measurement, name, heading)
-    problem = problem_of(measurement)
+    problem = problem_of(measurement=measurement)
     if not flaws:
         assert make_estimator(problem, DRIVE, name, heading=heading).name
         return []
@@ -780,7 +775,7 @@ class TestMistakes:
         ],
     )
     def test_missing_noise(self, name, regressor: str, noise: dict[str, str], missing: str):
-        problem = problem_of(self.displacements(noise, regressor=regressor))
+        problem = problem_of(measurement=self.displacements(noise, regressor=regressor))
         flaws = estimator_flaws(problem.measurement, name, "measured")
         assert flaws == [
             Flaw(("measurement", "noise"), f"simulating measured headings needs the noise of {missing}")
@@ -823,7 +818,7 @@ class TestMistakes:
 def test_workers_get_the_same(name: EstimatorName, heading: Heading):
     regression = Regression(make("absolute"), DRIVE, name, heading)
     found = [
-        np.hstack(one.replicate(np.random.default_rng(1), 5))
+        np.hstack(one.simulate(np.random.default_rng(1), 5))
         for one in (regression, pickle.loads(pickle.dumps(regression)))
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-12)

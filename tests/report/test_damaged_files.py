@@ -23,7 +23,7 @@ from oed.records.calibration_record import load_estimate
 from oed.records.record import load_record
 from oed.report.estimate.console import estimate_lines, estimate_rows
 from oed.report.estimate.page import estimate_sections
-from oed.report.figures.panels import svg_text
+from oed.report.figures.draw import svg_text
 from oed.report.film.animation import animate
 from oed.report.page import sections_of, write_report
 from oed.report.sections.drives import paths
@@ -301,7 +301,7 @@ def test_an_older_record_is_read(tmp_path: Path):
         one.pop("judged")
     saved(tmp_path, data)
     report(tmp_path)
-    assert load_record(tmp_path).results[0]["drive"]["runs"] == 1
+    assert load_record(tmp_path).results[0].drive.runs == 1
 
 
 def test_names_are_no_formulas(tmp_path: Path):

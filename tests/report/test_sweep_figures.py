@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from matplotlib.figure import Figure
 
-from oed.report.figures import sweep_figures
+from oed.report.figures import chart as charts
 from oed.report.figures.chart import Chart
+from oed.report.figures.draw import drawn
 from oed.report.sweep import charted
 
 
@@ -68,7 +68,7 @@ class TestChart:
 
 def axes_of(places: tuple, *lines: tuple[float | None, ...]) -> Any:
     series = tuple((f"line {index}", line) for index, line in enumerate(lines))
-    return sweep_figures.plot_chart(Figure().subplots(), Chart("speed [m/s]", places, series, "objective"))
+    return drawn(charts.lines(Chart("speed [m/s]", places, series, "objective"))).axes[0]
 
 
 class TestScales:
@@ -96,7 +96,7 @@ class TestScales:
 
     def test_a_map_names_every_cell(self):
         lines = tuple((f"duration {row} s", (1.0 * row, None)) for row in range(1, 9))
-        figure = sweep_figures.heat_map(Chart("speed [m/s]", (1.0, 2.0), lines, "objective"))
+        figure = drawn(charts.heat_map(Chart("speed [m/s]", (1.0, 2.0), lines, "objective")))
         ax = figure.axes[0]
         assert [text.get_text() for text in ax.texts] == [
             text for row in range(1, 9) for text in (f"{row}", "–")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
@@ -70,14 +70,15 @@ class WeighedWindows:
         return self._fit(following, root, found, arrived), found
 
     def _solved(self, values: Array, root: Array) -> tuple[Array, bool]:
-        def rows(tried: Array) -> tuple[Array, Array]:
+        def rows(tried: Array, _: Array) -> Rows:
             motions = self.windows.motions(tried)
             white = whitened(root, np.column_stack([motions.residuals.ravel(), _flat(motions.slopes)]))
-            return white[:, 0], white[:, 1:]
+            return Rows.of(white[:, 0], white[:, 1:])
 
         unknowns = self.windows.unknowns
-        search = LeastSquares(rows, unknowns.scale, self._known, clocks=unknowns.clocks)
-        return search.solved(values)
+        search = LeastSquares(unknowns.scale, self._known, clocks=unknowns.clocks)
+        found = search.solved(rows, values)
+        return found.values, found.arrived
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
         # The parts of the variance, and the motions' covariance as a band.

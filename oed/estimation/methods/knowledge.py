@@ -41,6 +41,8 @@ class Knowledge:
 
 def inverse_of_told(matrix: Array) -> Array:
     """The inverse of information (..., q, q) on what it tells; 0 in directions that it does not."""
+    if not matrix.size:
+        return matrix
     factor = SquareRoot.of_matrix(matrix).factor
     return np.asarray(factor @ np.swapaxes(factor, -1, -2))
 

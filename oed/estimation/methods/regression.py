@@ -114,7 +114,7 @@ class Regression(Estimator):
             return np.asarray(own[row] + self._noise("heading") ** 2 * turned @ turned.T)
         return np.asarray(own[row])
 
-    def replicate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated noise, and the linear estimates from the same noise."""
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
@@ -165,11 +165,7 @@ class Regression(Estimator):
             parameters=self.parameters,
             values=values,
             covariance=self.promised,
-            nuisances=(),
-            nuisance_values=np.zeros(0),
             residuals=self._residuals(readings, errors, values),
-            converged=True,
-            message="Solved by linear least squares.",
         )
 
     def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
@@ -120,15 +120,14 @@ class TwoStage:
             found[stage.columns] = part
             return found
 
-        def rows(part: Array) -> tuple[Array, Array]:
+        def rows(part: Array, _: Array) -> Rows:
             motions = self._seen.motions(whole(part))
             slopes = self._slopes(stage, whole(part))
-            return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
+            return Rows.of(motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size)
 
         known = self._seen_known.on(stage.columns)
-        search = LeastSquares(rows, self._seen.unknowns.scale[stage.columns], known)
-        found, _ = search.solved(values[stage.columns])
-        return whole(found)
+        search = LeastSquares(self._seen.unknowns.scale[stage.columns], known)
+        return whole(search.solved(rows, values[stage.columns]).values)
 
     def _slopes(self, stage: _Stage, values: Array) -> Array:
         return self._seen.motions(values).slopes[:, stage.rows][..., stage.columns]
@@ -155,12 +154,13 @@ class TwoStage:
         eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
         root = np.sqrt(np.clip(eigenvalues, 0.0, None))[:, None] * vectors.T * size
 
-        def rows(values: Array) -> tuple[Array, Array]:
+        def rows(values: Array, _: Array) -> Rows:
             found, slopes = seen(values)
-            return root @ (estimates - found), root @ slopes
+            return Rows.of(root @ (estimates - found), root @ slopes)
 
         unknowns = self.windows.unknowns
-        return LeastSquares(rows, unknowns.scale, self._known_of_parameters).solved(unknowns.nominal)
+        found = LeastSquares(unknowns.scale, self._known_of_parameters).solved(rows, unknowns.nominal)
+        return found.values, found.arrived
 
     @property
     def _known_of_parameters(self) -> Knowledge:

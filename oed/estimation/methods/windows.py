@@ -129,7 +129,7 @@ class Windows:
         ends = slopes[:, -1].copy()
         # The sensor's place also moves the start that follows from the first measured pose.
         ends[..., size + states :] += ends[..., size : size + 3] @ _start_slopes(place)
-        columns = [ends[..., self.unknowns.columns]]
+        columns = [self.unknowns.slopes(ends)]
         if len(clocks):
             columns.append(self._clock_slopes(parameters, place, offsets))
         return Motions(self.measured - path[:, -1], np.concatenate(columns, axis=-1), path)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -25,6 +27,9 @@ DEGREE = 7
 """Of splines, at most."""
 ROUNDING = 1e-6
 """Share by which two eigenvalues that are one may differ: each is computed in its own way."""
+
+SINGULAR = 1e-9
+"""Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
 
 
 class Drive(Keyed):
@@ -49,6 +54,11 @@ class Drive(Keyed):
             self.samples,
             self.runs,
         )
+
+    @property
+    def by_run(self) -> list[npt.NDArray[np.float64]]:
+        """The poses of every run at its samples, each (N + 1, states)."""
+        return np.split(np.array(self.poses, dtype=float), self.runs)
 
     @model_validator(mode="after")
     def _fits(self) -> Drive:
@@ -168,6 +178,40 @@ class Result(Keyed):
     trajectory: Name | None
     drive: Drive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
+
+    @property
+    def origin(self) -> Literal["search", "baseline", "path"]:
+        """What the drive is: found by a search, a baseline, or a path of the user's own."""
+        return "baseline" if self.kind == "baseline" else "path" if self.kind == "path" else "search"
+
+    @property
+    def by_gradient(self) -> bool:
+        """Whether a search follows gradients."""
+        return self.kind == "ipopt"
+
+    @property
+    def rounded(self) -> bool:
+        """Whether its information is rounding in some direction, in records that do not say so themselves."""
+        if self.singular is not None or self.lambda_min is None:
+            return False
+        return self.lambda_min <= SINGULAR * (self.lambda_max or 0.0)
+
+    @property
+    def leaves_open(self) -> bool:
+        """Whether some combination of the parameters is not identifiable, to rounding."""
+        return self.rounded if self.singular is None or self.lambda_min is None else self.singular
+
+    @property
+    def useless(self) -> bool:
+        """Whether what the study's criterion asks about is not identifiable."""
+        return self.rounded if self.identifiable is None or self.lambda_min is None else not self.identifiable
+
+    @property
+    def worth(self) -> float | None:
+        """Its objective: minus infinity where a drive tells too little for JSON to hold its number."""
+        if self.drive is None:
+            return None
+        return -math.inf if self.objective is None else self.objective
 
     @model_validator(mode="after")
     def _known(self) -> Result:

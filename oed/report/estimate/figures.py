@@ -23,8 +23,8 @@ from oed.report.estimate.residuals import (
     one_after_the_other,
     thinned,
 )
-from oed.report.figures.panels import WIDTH, new_grid
-from oed.report.figures.plots import FAINT, INK, as_drawn
+from oed.report.figures.draw import as_drawn, new_grid
+from oed.report.figures.spec import FAINT, INK, WIDTH
 
 SHADES = ("#123f6d", "#8fa9c2")
 """Of logs one after the other."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,12 @@ FULL_TURN = 2 * math.pi - 0.05
 """Turn [rad] from which a chord says too little of its arc."""
 MOST_TURNS = 0.75
 """Turns in a period at most that a mean speed is corrected for: its chord vanishes at 1."""
+LATERAL = 0.01
+"""Share of its way that a drive goes sideways, above which its robot counts as one of those."""
+TURN = 0.05
+"""Largest turn between two places that are drawn [rad]: arcs look round."""
+FINEST = 40
+"""Places drawn between two samples at most."""
 
 
 def between(first: Array, last: Array, shares: Array) -> Array:
@@ -50,3 +57,24 @@ def moves(poses: Array) -> tuple[Array, Array]:
     x, y, angle = np.diff(poses[:, :3], axis=0).T
     middle = poses[:-1, 2] + angle / 2
     return x * np.cos(middle) + y * np.sin(middle), y * np.cos(middle) - x * np.sin(middle)
+
+
+def signed_speeds(poses: Array, period: float, integration: Integration, sideways: bool) -> Array:
+    """Mean speed of each period (N,) [m/s], negative backwards; of a robot that drives sideways never."""
+    speeds = mean_speeds(poses, period, integration)
+    return speeds if sideways else np.where(moves(poses)[0] >= 0, speeds, -speeds)
+
+
+def goes_sideways(poses: Array, least: float) -> bool:
+    """Whether a robot drives sideways as well: by `least` [m] and more than rounding's share of its way."""
+    lateral = float(np.abs(moves(poses)[1]).sum())
+    length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+    return lateral > max(least, LATERAL * length)
+
+
+def finer(poses: Array) -> Array:
+    """States (n, states) so close in time that straight lines between them look like the arcs of poses."""
+    sharpest = float(np.abs(np.diff(poses[:, 2])).max(initial=0.0))
+    steps = int(np.clip(math.ceil(sharpest / TURN), 1, FINEST))
+    shares = np.arange(steps) / steps
+    return np.vstack([*(between(*pair, shares) for pair in pairwise(poses)), poses[-1]])

@@ -8,13 +8,12 @@ from collections.abc import Iterator
 from ctypes.util import find_library
 from pathlib import Path
 
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import UserMistake
 from oed.foundation.work.progress import Progress
-from oed.records.record import FILE, drive_of, load_record
+from oed.records.record import FILE, load_record
 from oed.records.recorded_study import recorded_study
-from oed.report.film import require_format, require_length, usual_rate, write_frames
-from oed.report.film.animation import MadeFilm
-from oed.report.film.frame import Frame
+from oed.report.film.animation import MadeFilm, driven_result
+from oed.report.film.writing import Frame, require_format, require_length, usual_rate, write_frames
 from oed.robots.models.model import robot_of
 from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
 
@@ -57,14 +56,11 @@ def film_physics(
     _draw_without_a_screen()
     require_format(Path(file), FPS if fps is None else fps)
     saved = load_record(folder)
-    entry = saved.result(result)
-    trajectory = None if entry is None else drive_of(entry)
-    if entry is None or trajectory is None:
-        names = ", ".join(str(one["name"]) for one in saved.results if one["drive"] is not None) or "none"
-        text = f"expected a result with a drive ({names}), got {result or 'none that is feasible'}"
-        raise RecordError([FileFlaw(str(Path(folder) / FILE), 0, 0, "results", text)])
+    found = driven_result(saved, result, Path(folder) / FILE)
+    assert found.drive is not None
+    trajectory = found.drive.trajectory
     if trajectory.runs > 1:
-        raise UserMistake(f"{entry['name']}: expected a drive of one run, got one of {trajectory.runs}")
+        raise UserMistake(f"{found.name}: expected a drive of one run, got one of {trajectory.runs}")
     rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
     require_length(trajectory.duration / speed, rate, Path(file))
     study = recorded_study(saved, trust=trust)
@@ -77,7 +73,7 @@ def film_physics(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
     )
     count = write_frames(_told(robot, motion, rate / speed, progress, Path(file).name), file, rate)
-    return MadeFilm(Path(file), (str(entry["name"]),), count, round(count / rate, 3), rate, speed)
+    return MadeFilm(Path(file), (found.name,), count, round(count / rate, 3), rate, speed)
 
 
 def _draw_without_a_screen() -> None:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
-from matplotlib.ticker import MaxNLocator
 
+from oed.report.figures.draw import as_drawn, drawn
 from oed.report.figures.driven import Array
-from oed.report.figures.path_figures import END, START, plot_room
-from oed.report.figures.plots import FAINT, INK, as_drawn
-from oed.report.figures.scene import Cast, Scene
-from oed.report.film.frame import Frame
+from oed.report.figures.paths import END, START, scaled, surroundings
+from oed.report.figures.spec import FAINT, FIRST, INK, Axis, Line, Panel, Part, Plot
+from oed.report.film.scene import Cast, Scene
+from oed.report.film.writing import Frame
 
 DPI = 100
 WIDTHS = {1: 5.6, 2: 8.0}
@@ -39,11 +39,53 @@ PAD = 0.1
 
 WAY: dict[str, Any] = {"color": "#b9b9b6", "linewidth": 1.3, "zorder": 1.8}
 DONE: dict[str, Any] = {"color": "#7a95ad", "linewidth": 1.5, "zorder": 2}
-TRACE: dict[str, Any] = {"color": "#123f6d", "linewidth": 2.2, "zorder": 2.2}
+TRACE: dict[str, Any] = {"color": FIRST, "linewidth": 2.2, "zorder": 2.2}
 BODY: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.0, "zorder": 8}
 TOW: dict[str, Any] = {"color": "#5f5f5f", "linewidth": 3.0, "solid_capstyle": "butt", "zorder": 8.5}
 HITCH: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 5, "linestyle": "none", "zorder": 8.7}
 FACE: dict[str, Any] = {"facecolor": "#e07b00", "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
+
+
+@dataclass(frozen=True)
+class _Size:
+    """How panels are arranged: columns, the figure's size [inch], and whether clocks stand below names."""
+
+    columns: int
+    width: float
+    height: float
+    apart: bool
+
+
+def _size(scene: Scene, casts: Sequence[Cast]) -> _Size:
+    ratio = min(scene.view.size[1] / scene.view.size[0], TALLEST)
+    columns = 1 if len(casts) == 1 or ratio < SLIM else 2
+    rows, width = math.ceil(len(casts) / columns), WIDTHS[columns]
+    apart = any(_clock_apart(cast, (width - 1.0) / columns) for cast in casts)
+    head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)
+    height = rows * ((width - 0.6 - 0.3 * columns) / columns * ratio + head + 0.15) + 0.9
+    # Even numbers of pixels, as an MP4 has them.
+    width, height = (2 * round(DPI * length / 2) / DPI for length in (width, height))
+    return _Size(columns, width, height, apart)
+
+
+def _still(scene: Scene, casts: Sequence[Cast], size: _Size) -> Plot:
+    # What does not move.
+    x, y = (
+        Axis(name, "m", (float(low), float(high)), most=6)
+        for name, low, high in zip("xy", scene.view.low, scene.view.high, strict=True)
+    )
+    panels = [Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
+    return Plot(panels, size.columns, size.width, size.height, labels="figure")
+
+
+def _ways(cast: Cast) -> list[Part]:
+    parts: list[Part] = []
+    for run in cast.runs:
+        x, y = run.poses[:, :2].T
+        parts.append(Line(x, y, WAY))
+        for mark, at in ((START, slice(0, 1)), (END, slice(-1, None))):
+            parts.append(Line(x[at], y[at], {**scaled(mark, 0.7), "zorder": 1.9}))
+    return parts
 
 
 class Stage:
@@ -52,27 +94,18 @@ class Stage:
     def __init__(self, scene: Scene, casts: Sequence[Cast], speed: float) -> None:
         """Draw all that stands still."""
         self._speed = speed
-        x_min, x_max, y_min, y_max = scene.view
-        ratio = min((y_max - y_min) / (x_max - x_min), TALLEST)
-        columns = 1 if len(casts) == 1 or ratio < SLIM else 2
-        rows = math.ceil(len(casts) / columns)
-        width = WIDTHS[columns]
-        apart = any(_clock_apart(cast, (width - 1.0) / columns) for cast in casts)
-        head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)
-        height = rows * ((width - 0.6 - 0.3 * columns) / columns * ratio + head + 0.15) + 0.9
-        # Even numbers of pixels, as an MP4 has them.
-        size = [2 * round(DPI * length / 2) / DPI for length in (width, height)]
-        self._figure = Figure(figsize=(size[0], size[1]), dpi=DPI, layout="constrained")
-        self._figure.get_layout_engine().set(w_pad=PAD, h_pad=PAD)
+        size = _size(scene, casts)
+        self._figure = drawn(_still(scene, casts, size), dpi=DPI)
+        engine = self._figure.get_layout_engine()
+        assert engine is not None
+        engine.set(w_pad=PAD, h_pad=PAD)
         self._canvas = FigureCanvasAgg(self._figure)
         self._panels = [
-            _Panel(self._figure.add_subplot(rows, columns, number), scene, cast, apart)
-            for number, cast in enumerate(casts, 1)
+            _Panel(ax, scene, cast, size.apart)
+            for ax, cast in zip(list(self._figure.axes), casts, strict=True)
         ]
         rate = "" if speed == 1 else f", {speed:g} × real time"
         self._figure.suptitle(as_drawn(f"{scene.title}{rate}"), fontsize=11)
-        self._figure.supxlabel("x [m]", fontsize=10)
-        self._figure.supylabel("y [m]", fontsize=10)
         self._canvas.draw()
         self._figure.set_layout_engine("none")
         for panel in self._panels:
@@ -93,20 +126,11 @@ class Stage:
 
 
 class _Panel:
+    """What moves along a drive."""
+
     def __init__(self, ax: Axes, scene: Scene, cast: Cast, apart: bool) -> None:
         self.cast, self._ax, self._scene = cast, ax, scene
-        x_min, x_max, y_min, y_max = scene.view
-        ax.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal")
-        for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         ax.tick_params(labelsize=9, color=FAINT)
-        plot_room(ax, scene.room)
-        for run in cast.runs:
-            ax.plot(*run.poses[:, :2].T, **WAY)
-            for mark, end in ((START, 0), (END, -1)):
-                ax.plot(
-                    *run.poses[end, :2], **{**mark, "markersize": 0.7 * mark["markersize"], "zorder": 1.9}
-                )
         # The clock stands beside the name, or below it where there is no room.
         ax.set_title(as_drawn(cast.title) + ("\n" if apart else ""), loc="left", fontsize=10)
         self._clock = ax.set_title("", loc="right", fontsize=10)
@@ -128,8 +152,8 @@ class _Panel:
         """Leave what moves out of what stands still; the layout is settled."""
         for artist in (*self._moving, *self._done):
             artist.set_animated(True)
-        box, (x_min, x_max, *_) = self._ax.get_window_extent(), self._scene.view
-        self._half = max(self._scene.width / 2, SMALLEST * (x_max - x_min) / box.width)
+        pixels = self._ax.get_window_extent().width
+        self._half = max(self._scene.width / 2, SMALLEST * float(self._scene.view.size[0]) / pixels)
 
     def draw(self, number: int, time: float) -> None:
         """The robot in that run, from 0, so many seconds after its start."""

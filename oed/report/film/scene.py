@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oed.records.record import Record
-from oed.report.parts.motion import Motion, motions_of, view_of
-from oed.report.parts.reading import Entry, heading
-from oed.report.parts.rooms import Room, robot_width, room_of
+from oed.records.stored.result import Result
+from oed.report.figures.driven import Box, Motion, Room, motions_of, robot_width, room_of, view_of
+from oed.report.parts.reading import heading
 from oed.robots.models import Model
 
 PAUSE = 0.6
@@ -49,25 +49,25 @@ class Scene:
     Attributes:
         title: of the study.
         room: in which it drives.
-        view: x_min, x_max, y_min, y_max of what is in sight [m].
+        view: what is in sight.
         width: of the robot [m]; 0 where it is not known.
         robot: itself, for what it tows.
     """
 
     title: str
     room: Room
-    view: tuple[float, float, float, float]
+    view: Box
     width: float
     robot: Model
 
 
-def cast_of(entry: Entry) -> Cast:
+def cast_of(result: Result) -> Cast:
     """A result that has a drive, ready to be shown."""
-    return Cast(heading(entry), tuple(motions_of(entry)))
+    return Cast(heading(result), tuple(motions_of(result)))
 
 
-def scene_of(record: Record, entries: Sequence[Entry]) -> Scene:
+def scene_of(record: Record, results: Sequence[Result]) -> Scene:
     """What surrounds these drives of a record."""
     room = room_of(record)
-    view = view_of(record, entries, room)
-    return Scene(str(record.data["study"]["name"]), room, view, robot_width(record), record.study.robot)
+    view = view_of(record, results, room)
+    return Scene(record.study.name, room, view, robot_width(record), record.study.robot)
