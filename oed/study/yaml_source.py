@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from oed.foundation.errors import FileFlaw, StudyError
-from oed.foundation.files import read_text
+from oed.foundation.files import text_of
 
 KeyPath = tuple[str | int, ...]
 
@@ -252,19 +252,8 @@ def read_yaml(file: str | Path) -> YamlSource:
     Raises:
         StudyError: no such file, not text, not YAML, a key given twice, or out of all bounds.
     """
-    name = str(file)
-    try:
-        # No character has more than four bytes.
-        text = read_text(file, most=4 * CHARACTERS)
-    except FileNotFoundError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "no such file")]) from None
-    except IsADirectoryError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "expected a file, got a folder")]) from None
-    except OSError as error:
-        raise StudyError([FileFlaw(name, 0, 0, "", f"cannot be read: {error.strerror}")]) from None
-    except UnicodeDecodeError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "cannot be read: not UTF-8 text")]) from None
-    return parse_yaml(text, name)
+    # No character has more than four bytes.
+    return parse_yaml(text_of(file, StudyError, most=4 * CHARACTERS), str(file))
 
 
 def parse_yaml(text: str, name: str) -> YamlSource:
@@ -274,7 +263,7 @@ def parse_yaml(text: str, name: str) -> YamlSource:
         StudyError: not YAML, a key given twice, or out of all bounds.
     """
     if len(text) > CHARACTERS:
-        raise StudyError([FileFlaw(name, 0, 0, "", f"longer than {CHARACTERS} characters: no study")])
+        raise StudyError.about(name, f"longer than {CHARACTERS} characters: no study")
     try:
         root, flaws, data = _parsed(text, name)
     except yaml.MarkedYAMLError as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Gathered, Mask, Rows, Series
 from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
@@ -213,7 +213,7 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
         kept &= (values >= low) & (values <= high)
     if not kept.any():
         wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {wanted_rows}")])
+        raise LogError.about(table.file, f"no row has {wanted_rows}", "keep")
     return kept
 
 
