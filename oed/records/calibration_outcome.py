@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation import Calibration, Compared, Comparison, HeldOut, Reckoning, Score, correlations
+from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, Score, correlations
 from oed.estimation.setup.noise import Noise, group_of, groups, places_of
 from oed.records.numbers import finite, finite_rows
 from oed.records.stored.estimate import (
@@ -64,7 +64,7 @@ def estimate_of(found: Calibration, **keys: Any) -> StoredEstimate:
         segments=_segments(found),
         noise=[_noise(name, noise) for name, noise in found.fit.noises.items()],
         converged=found.fit.converged,
-        untold=list(found.untold),
+        untold=list(found.weak_directions),
         notes=list(found.notes),
         diagnostics=[
             StoredDiagnostic.model_construct(
@@ -73,7 +73,7 @@ def estimate_of(found: Calibration, **keys: Any) -> StoredEstimate:
             for one in found.diagnostics
         ],
         logs=_logs(found),
-        left_out=[_held_out(found, one) for one in found.left_out],
+        left_out=[_held_out(found, one) for one in found.cross_validation],
         held_out=None if found.held_out is None else _held_out(found, found.held_out),
         comparison=None if found.comparison is None else _comparison(found.comparison),
         paths=_paths(found),
@@ -199,11 +199,11 @@ def _held_out(found: Calibration, one: HeldOut) -> Known:
     )
 
 
-def _numbers(one: Reckoning) -> dict[str, float | None]:
+def _numbers(one: DeadReckoning) -> dict[str, float | None]:
     return {name: finite(getattr(one, name)) for name in NUMBERS}
 
 
-def mean_numbers(each: Sequence[Reckoning]) -> dict[str, float | None]:
+def mean_numbers(each: Sequence[DeadReckoning]) -> dict[str, float | None]:
     """The mean of every number over logs, None where a log has none."""
     found: dict[str, float | None] = {}
     for name in NUMBERS:
@@ -268,7 +268,7 @@ def _score(one: Score) -> StoredScore:
 def _paths(found: Calibration) -> list[Reckoned]:
     # Of logs the estimate did not know first; of its own where there is nothing else.
     parts = [(one, "held out") for one in ([found.held_out] if found.held_out else [])]
-    parts += [(one, "left out") for one in found.left_out]
+    parts += [(one, "left out") for one in found.cross_validation]
     parts += [(one, "fitted") for one in ([found.own] if found.own else [])]
     each = [
         (name, role, before, after)
@@ -278,7 +278,7 @@ def _paths(found: Calibration) -> list[Reckoned]:
     return [_path(*one) for one in each[:PATHS]]
 
 
-def _path(name: str, role: str, before: Reckoning, after: Reckoning) -> Reckoned:
+def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> Reckoned:
     # Thinned, but for the ends of stretches, which keep lines apart.
     every = max(1, -(-len(before.times) // POINTS))
     rows = (np.arange(len(before.times)) % every == 0) | np.isnan(before.times)

@@ -194,7 +194,7 @@ def validation_of(name: str, validation: Validation) -> Simulated:
         parameters=list(validation.parameters),
         true=validation.true.tolist(),
         mean=validation.mean.tolist(),
-        promised_covariance=validation.promised.tolist(),
+        promised_covariance=validation.predicted.tolist(),
         sampled_covariance=validation.sampled.tolist(),
         paired_variance_ratio=validation.paired_ratio.tolist(),
         paired_standard_error=validation.paired_error.tolist(),
