@@ -46,10 +46,10 @@ def multiple_shooting(problem: Problem, z: np.ndarray, scale: float, iterations:
     unknowns, nodes = ca.SX.sym("z", len(z)), ca.SX.sym("nodes", 3, SEGMENTS - 1)
     fixed = ca.SX(ca.DM(problem.fixed_starts))
     drive = _drive(problem, unknowns, ca.densify(ca.vertcat(fixed, nodes.T)), SEGMENTS)
-    first, last = drive.ends_of(drive.poses)
+    first, last = drive.ends_of(drive.states)
     gaps = ca.vec(last[:-1, :] - first[1:, :])
     whole = _drive(problem, unknowns, fixed, 1)
-    poses = np.array(ca.Function("poses", [unknowns], [whole.poses])(z))
+    poses = np.array(ca.Function("poses", [unknowns], [whole.states])(z))
     between = poses[:: problem.design.samples // SEGMENTS][1:-1]
     # Each run of the drive in parts is one segment.
     measurement = problem.measurement
@@ -65,11 +65,10 @@ def _drive(problem: Problem, unknowns: ca.SX, start: ca.SX, runs: int) -> Drive:
     coefficients = ca.SX.zeros(space.all_coefficients, inputs)
     coefficients[space.free_rows.tolist(), :] = free
     return roll_out(
-        problem.robot,
-        space.integration,
+        problem.system,
         inputs=ca.sparsify(ca.DM(space.sampling_matrix)) @ coefficients,
         start=start,
-        parameters=ca.SX(ca.DM(problem.robot.nominal)),
+        parameters=ca.SX(ca.DM(problem.system.nominal)),
         period=ca.SX(space.period),
         input_values=coefficients,
         input_rates=ca.sparsify(ca.DM(space.rate_matrix)) @ coefficients,

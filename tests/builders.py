@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 RADIUS, TRACK = 0.049, 0.18
 

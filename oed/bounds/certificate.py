@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +64,6 @@ class Certificate(Renamed):
     nodes: int = 0
     widened: Certificate | None = None
     wall_seconds: float = field(default=0.0, compare=False)
-    renamed: ClassVar[Mapping[str, str]] = {"caps": "bounds"}
 
     def bound_on(self, evaluation: Evaluation) -> float:
         """The bound that a drive is to be held against; see `bound_on`."""
@@ -78,7 +75,7 @@ class Certificate(Renamed):
         return gap(self.upper_bound, objective)
 
     def loose(self, objective: float) -> bool:
-        """Whether the bound leaves much open about a design of that objective."""
+        """Whether the bound says little about a design of that objective."""
         return self.gap(objective) > LOOSE
 
 

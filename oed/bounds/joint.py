@@ -1,8 +1,8 @@
 """Upper bounds for sensors that are estimated from together, from two directions nobody can do much about.
 
-Growing all lengths of the robot alike moves every position away from the start in proportion: it tells as
-much as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every position
-along a circle of the track's size.
+Growing all lengths of the robot alike moves every position away from the start in proportion: that is as
+informative as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every
+position along a circle of the track's size.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
+from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.yaw_rate import YawRate
@@ -26,15 +28,15 @@ Array = npt.NDArray[np.float64]
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
-    """Every bound known for the problem's sensors."""
-    sensors = problem.measurement.joint_sensors
+    """Bounds on E for sensors that are estimated from together; none where the noise of one is not known."""
+    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
     precisions = [_position_precision(sensor) for sensor in sensors]
     if any(precision is None for precision in precisions) or not sensors:
         return
     weights = [float(precision or 0.0) for precision in precisions]
     (one,) = problem.any_estimations
     if problem.robot.physical is not problem.robot:
-        yield from _circle_cap(problem, one, sensors, weights)
+        yield from _circle_bound(problem, one, sensors, weights)
     else:
         yield from _size_bounds(problem, one, sensors, weights)
 
@@ -55,16 +57,16 @@ def _position_precision(sensor: Sensor) -> float | None:
 
 def _unknown_start(sensors: Sequence[Sensor]) -> bool:
     # Whether shifting the whole path costs nothing: no sensor knows where the drive began.
-    known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
+    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
     return bool(known) and all(entry == "unknown" for entry in known)
 
 
-def _circle_cap(
+def _circle_bound(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
-    names = problem.model.coefficient_names[1]
-    if rows is None or problem.design.integration != "arc" or not set(names) <= set(one.judged):
+    names = robot_of(problem.model).coefficient_names[1]
+    if rows is None or problem.robot.integration != "arc" or not set(names) <= set(one.judged):
         return
     # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
     change = np.zeros(len(one.judged))

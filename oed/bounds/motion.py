@@ -6,11 +6,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from oed.kernel.dynamics.system import follows_state, stepper
 from oed.kernel.dynamics.trajectory import middles
 from oed.kernel.problem import Problem
 from oed.robots.limits.path_length import PathLength
 from oed.robots.limits.workspace import workspace_of
-from oed.robots.models.model import follows_state, step
+from oed.robots.models.model import robot_of
 from oed.robots.models.skid_steer import SkidSteer
 
 Array = npt.NDArray[np.float64]
@@ -39,7 +40,7 @@ def grip(problem: Problem) -> float | None:
     """A factor that no effective input exceeds its input by; None where the robot gives none, and where its
     motion does not follow from its inputs alone.
     """
-    model = problem.model
+    model = robot_of(problem.model)
     if follows_state(model):
         return None
     if isinstance(model, SkidSteer):
@@ -53,7 +54,7 @@ def grip(problem: Problem) -> float | None:
 
 def unslipped(problem: Problem) -> bool:
     """Whether the inputs act on the ground exactly as they are."""
-    model = problem.model
+    model = robot_of(problem.model)
     if isinstance(model, SkidSteer):
         return model.slip_outer == model.slip_inner == 0
     return grip(problem) == 1.0
@@ -63,7 +64,7 @@ def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
     """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c, for one
     that also moves sideways, and for one whose motion does not follow from its inputs alone.
     """
-    model = problem.model
+    model = robot_of(problem.model)
     if len(model.coefficient_names) != 2 or follows_state(model):
         return None
     matrix = np.array(ca.evalf(model.coefficients(ca.DM(model.nominal))))
@@ -86,7 +87,7 @@ def room(problem: Problem) -> tuple[float, float, float, float] | None:
     x_min, x_max, y_min, y_max = found.widened_extent(problem.excess)
     if not np.isfinite(x_min):
         return None
-    own = problem.model.body_radius
+    own = robot_of(problem.model).body_radius
     return x_min + own, x_max - own, y_min + own, y_max - own
 
 
@@ -110,7 +111,7 @@ def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
     grown = np.array([entry.name in names for entry in robot.parameters])
     inputs, state = ca.SX.sym("u", len(robot.inputs)), ca.SX.sym("x", states)
     parameters, period = ca.SX.sym("p", len(nominal)), ca.SX.sym("T")
-    following = step(robot, problem.design.integration)(state, inputs, parameters, period)
+    following = stepper(robot)(state, inputs, parameters, period)
     direction = ca.vertcat(state[:2], ca.SX(states - 2, 1), ca.DM(np.where(grown, nominal, 0.0)))
     change = ca.jtimes(following, ca.vertcat(state, parameters), direction)
     function = ca.Function("change", [state, inputs, parameters, period], [following, change])

@@ -28,7 +28,7 @@ CUTS = 30
 ENOUGH = 1e-5
 """Share of the bound by which one more cutting plane has to lower it."""
 WORK = 3e9
-"""Comparisons that a search may take unless told otherwise: some 5 s."""
+"""Comparisons that a search may take by default: some 5 s."""
 PER_PERIOD, PER_PLANE = 4e4, 1.5e6
 """What a period of one pass, and finding the next Z, cost besides, in comparisons' time."""
 

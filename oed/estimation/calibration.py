@@ -35,7 +35,7 @@ from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model, coefficient_values
+from oed.robots.models.model import Model, coefficient_values, robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,6 @@ class Calibration(Renamed):
 
     Attributes:
         robot: whose parameters were estimated.
-        integration: rule by which its poses follow from its twist.
         fit: the solution.
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
@@ -73,7 +72,6 @@ class Calibration(Renamed):
         "left_out": "cross_validation",
     }
     robot: Model
-    integration: Integration
     fit: Fit
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
@@ -177,7 +175,7 @@ class _Work:
     announce: Callable[[str], None]
 
     def calibration(self, test_logs: tuple[Log, ...]) -> Calibration:
-        flaws = alternative_flaws(self.problem.model, self.options.models)
+        flaws = alternative_flaws(robot_of(self.problem.model), self.options.models)
         if flaws:
             raise ProblemError(flaws)
         self.announce("comparing wheels and poses")
@@ -199,14 +197,13 @@ class _Work:
         fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
         return Calibration(
             robot=self.problem.robot,
-            integration=self._integration,
             fit=fit,
             covariances=covariances,
             segmenting=segmenting,
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
-            cross_validation=cross_validated(fit, self._integration) if _has_positions(logs) else (),
+            cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
             own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _has_positions(logs) else None,
             comparison=self._comparison(found, fit, segmenting),
@@ -222,21 +219,17 @@ class _Work:
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
-    @property
-    def _integration(self) -> Integration:
-        return self.problem.design.integration
-
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
         compare = self.options.clock_offset
-        return preprocess(self.problem.robot, self._integration, thinned(logs), compare_clocks=compare)
+        return preprocess(self.problem.robot, thinned(logs), compare_clocks=compare)
 
     @cached_property
     def _fitting(self) -> Fitting:
         robot = self.problem.robot
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         prior, measurement = self._prior(names), self.problem.measurement
-        return Fitting(robot, names, self._integration, measurement, self.options, prior)
+        return Fitting(robot, names, measurement, self.options, prior)
 
     def _prior(self, parameters: Sequence[str]) -> Array | None:
         # Prior information on the parameters, (p, p).
@@ -270,7 +263,7 @@ class _Work:
 
     def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
         parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(self.problem.robot, self._integration, logs, parameters, place, clocks)
+        return held_out(self.problem.robot, logs, parameters, place, clocks)
 
 
 def _odd_wheels(fit: Fit) -> list[str]:

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.exporters.recorded import RecordedMotion
-from oed.kernel.dynamics.rollout import asked_motion, roll_out
+from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.models import Input, Model
-from oed.robots.models.model import Integration
+from oed.robots.models.model import asked_twists, robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -88,36 +88,33 @@ def commands(problem: Problem, trajectory: Trajectory, rate: float | None = None
         trajectory: the drive.
         rate: of the commands [Hz], above 0; by default the drive's own, one command per period.
     """
-    return modelled(problem.model, problem.design.integration, trajectory, rate)
+    return modelled(robot_of(problem.model), trajectory, rate)
 
 
-def modelled(
-    model: Model, integration: Integration, trajectory: Trajectory, rate: float | None = None
-) -> tuple[Commands, ...]:
+def modelled(model: Model, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
     """The same of a robot's drive, its poses integrated by a rule."""
     chosen = 1 / trajectory.period if rate is None else rate
-    return tuple(_of_run(model, integration, run, chosen) for run in trajectory.each)
+    return tuple(_of_run(model, run, chosen) for run in trajectory.each)
 
 
-def _of_run(model: Model, integration: Integration, run: Trajectory, rate: float) -> Commands:
+def _of_run(model: Model, run: Trajectory, rate: float) -> Commands:
     moving = np.array([entry.drives for entry in model.inputs])
     held = resampled(run.inputs, run.period, rate, moving)
     # With numbers in place of symbols a roll-out is a simulation.
     drive = roll_out(
         model,
-        integration,
         inputs=held,
         start=run.start,
         parameters=np.array(model.nominal),
         period=np.array(1 / rate),
     )
-    asked = asked_motion(model, held, np.array(model.nominal))
+    asked = asked_twists(model, held)
     return Commands(
         rate=rate,
         inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
         moving=moving,
-        twists=np.vstack([np.array(asked), np.zeros((1, 3))]),
-        poses=np.array(drive.poses),
+        twists=np.vstack([asked, np.zeros((1, 3))]),
+        poses=np.array(drive.states),
     )
 
 

@@ -19,6 +19,7 @@ from oed.records.record import FILE, Record
 from oed.records.recorded_study import recorded_study
 from oed.records.stored.result import Drive, Result
 from oed.robots.models import PythonRobot
+from oed.robots.models.model import robot_of
 
 MOST = 1_000_000
 """Commands of one run; more are a mistyped rate."""
@@ -64,7 +65,7 @@ class Request:
         if not isinstance(robot, PythonRobot):
             return vehicle_of(robot)
         if self.trust or self.record.file is None:
-            return vehicle_of(self.problem.model)
+            return vehicle_of(robot_of(self.problem.model))
         return recorded_vehicle(self.record, self._drive)
 
     @cached_property
@@ -117,7 +118,7 @@ class Request:
             raise UserMistake(f"rate: {text}")
         model = self.vehicle.model
         if model is not None:
-            return modelled(model, self.record.study.trajectory.integration, drive, self.rate)
+            return modelled(model.system(self.record.study.trajectory.integration), drive, self.rate)
         motions = motions_of(self.record, self._drive, drive.period)
         return recorded(self.vehicle.inputs, motions, drive, self.rate)
 

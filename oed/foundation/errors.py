@@ -55,7 +55,7 @@ class NotFinite(Failure):
         super().__init__(str(flaw))
 
     def __reduce__(self) -> tuple[type[NotFinite], tuple[Flaw]]:
-        """By its flaw, from the worker that met it."""
+        """What pickles it by its flaw, from the worker that met it."""
         return NotFinite, (self.flaw,)
 
 

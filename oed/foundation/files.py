@@ -42,7 +42,7 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
         found = os.fstat(handle)
         _require_file(found)
         data = opened.read(min(found.st_size, most) + 1)
-        # What the system makes up as it is read has no size beforehand.
+        # What the system makes up as it is read has no size before.
         while len(data) <= most and (more := opened.read(PIECE)):
             data += more
     if len(data) > most:
@@ -126,7 +126,7 @@ def require_replaceable(path: Path, *, links: bool = False) -> None:
     try:
         mode = os.lstat(path).st_mode
     except (OSError, ValueError):
-        # Nothing is there, or writing will tell what is wrong.
+        # Nothing is there, or writing will show what is wrong.
         return
     if stat.S_ISLNK(mode) and not links:
         raise UserMistake(f"{path}: cannot be written: it is a link; name the file itself that it leads to")
@@ -165,7 +165,7 @@ def require_writable(folder: Path, named: Path | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        # Work that fails leaves nothing behind.
+        # Where work fails, no trace of it stays.
         for one in made:
             one.rmdir()
     except OSError as error:
@@ -173,7 +173,7 @@ def require_writable(folder: Path, named: Path | None = None) -> None:
 
 
 def require_short(place: Path, name: str) -> None:
-    """Refuse a folder's name that leaves no room for what is added to it.
+    """Refuse a folder's name that has no room for what is added to it.
 
     Raises:
         UserMistake: it is too long.

@@ -5,10 +5,10 @@ new one.
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
@@ -37,7 +37,11 @@ RENAMED = {
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""The same of those that have another name there."""
+"""Folders of the top level by where they are now, under another name."""
+
+
+NAMES = {"leaving": "violation_probability"}
+"""Public names by those that they had."""
 
 
 class Moved:
@@ -70,19 +74,21 @@ def watch() -> None:
         sys.meta_path.insert(0, Moved())
 
 
+ATTRIBUTES = {
+    "Certificate": {"caps": "bounds"},
+    "Evaluation": {"poses": "states"},
+}
+"""New names of classes' attributes by old ones."""
+
+
 class Renamed:
-    """What has attributes that had other names.
-
-    Attributes:
-        renamed: new names by old ones.
-    """
-
-    renamed: ClassVar[Mapping[str, str]] = {}
+    """What has attributes that had other names: those of `ATTRIBUTES`."""
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
             """Raise AttributeError, with the new name of what has one."""
-            kind, new = type(self).__name__, type(self).renamed.get(name)
+            kind = type(self).__name__
+            new = ATTRIBUTES.get(kind, {}).get(name)
             hint = f": it is now {new!r}" if new else ""
             raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")

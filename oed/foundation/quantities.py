@@ -57,6 +57,8 @@ _COMMON = {
     "min": (60.0, (0, 0, 1)),
 }
 """What studies are mostly written in: factor to SI, and powers of length, angle and time."""
+UNITS_BY_NAME = {"position": "m", "heading": "rad"}
+"""SI units of quantities that files speak of by their name alone."""
 _QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
 """One of those, or a quotient such as "deg/s" and "m/s^2"; others are read by pint, which is slow to load."""
 

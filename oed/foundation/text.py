@@ -22,7 +22,7 @@ FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
 ENOUGH = 0.1
 """Least number that is shown of a deviation before the next finer unit is taken."""
 LEAST = {"": 0.01}
-"""The same of the coarsest unit, where that is another."""
+"""Least number that is shown in the coarsest unit of these, where that is another."""
 
 Unit = tuple[str, float]
 Form = Callable[[float], str]
@@ -84,7 +84,7 @@ def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) ->
     """A unit, and its factor from SI, for the deviations of each parameter: one for all lengths, and so on.
 
     Args:
-        sizes: standard deviations by parameter, SI; None for those that are not told.
+        sizes: standard deviations by parameter, SI; None for those that are not identifiable.
         units: SI units by parameter.
     """
     smallest: dict[str, float] = {}

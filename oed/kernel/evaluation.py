@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.errors import Flaw, NotFinite
+from oed.foundation.moved import Renamed
 from oed.kernel.between import Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import FINE, roll_out
@@ -66,7 +67,7 @@ class Margin:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class Evaluation(Renamed):
     """What `evaluate` says of a trajectory; all SI.
 
     Attributes:
@@ -86,7 +87,7 @@ class Evaluation:
         covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
             not identifiable; {} without noise.
         parameters: the estimated parameters' names by block.
-        poses: at the samples, (N + runs, states), run by run.
+        states: at the samples, (N + runs, states), run by run.
         path: on the fine grid, (10 N + runs, states).
     """
 
@@ -103,7 +104,7 @@ class Evaluation:
     identifiable: bool
     covariances: Mapping[str, Array]
     parameters: Mapping[str, tuple[str, ...]]
-    poses: Array
+    states: Array
     path: Array
 
     @cached_property
@@ -208,16 +209,16 @@ class _Scorer:
     def __init__(
         self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
     ) -> None:
-        model = problem.robot
+        system = problem.system
         symbols: list[Any] = [
-            ca.MX.sym("inputs", samples, len(model.inputs)),
-            ca.MX.sym("start", runs, len(model.states)),
-            ca.MX.sym("parameters", len(model.parameters)),
+            ca.MX.sym("inputs", samples, len(system.inputs)),
+            ca.MX.sym("start", runs, len(system.states)),
+            ca.MX.sym("parameters", len(system.parameters)),
             ca.MX.sym("period"),
-            ca.MX.sym("values", values, len(model.inputs)),
-            ca.MX.sym("rates", rates, len(model.inputs)),
-            ca.MX.sym("jerks", jerks, len(model.inputs)),
-            ca.MX.sym("asked", asked, len(model.inputs)),
+            ca.MX.sym("values", values, len(system.inputs)),
+            ca.MX.sym("rates", rates, len(system.inputs)),
+            ca.MX.sym("jerks", jerks, len(system.inputs)),
+            ca.MX.sym("asked", asked, len(system.inputs)),
         ]
         names = (
             "inputs",
@@ -233,8 +234,7 @@ class _Scorer:
         if not _checked_at_points(problem):
             arguments["motion_inputs"] = None
         drive = roll_out(
-            model,
-            problem.design.integration,
+            system,
             refine=FINE,
             runs=runs,
             **arguments,
@@ -243,7 +243,7 @@ class _Scorer:
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
         groups = [
-            [drive.path_length(), drive.poses, drive.path, ca.hypot(drive.twist[:, 0], drive.twist[:, 1])],
+            [drive.path_length(), drive.states, drive.path, drive.speeds],
             # Of sensors the jacobian's first columns: they are not asked for twice.
             [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
@@ -293,7 +293,7 @@ class _Scorer:
 
     def _values(self, drive: Trajectory, extremes: Sequence[Array]) -> list[list[Array]]:
         # What the function finds, in the groups of its outputs.
-        robot, period = np.array(self.problem.robot.nominal), np.array(drive.period)
+        robot, period = np.array(self.problem.system.nominal), np.array(drive.period)
         given = [drive.inputs.T, drive.starts.T, robot, period, *(one.T for one in extremes)]
         results = direct_call(self.function, *given)
         arrays = [
@@ -312,7 +312,7 @@ class _Scorer:
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem
         groups = self._values(trajectory, extremes)
-        (length, poses, path, speeds), regressors, responses, jacobians, summed, limits = groups
+        (length, states, path, speeds), regressors, responses, jacobians, summed, limits = groups
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
@@ -322,7 +322,7 @@ class _Scorer:
             for one, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
-        sight = Sight.of(problem, trajectory, poses, speeds.ravel())
+        sight = Sight.of(problem, trajectory, states, speeds.ravel())
         margins = [
             _margin(problem, limit, sight, rows, values.ravel())
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
@@ -345,7 +345,7 @@ class _Scorer:
                 if one.noisy
             },
             parameters={one.block.name: one.parameters for one in self.estimations},
-            poses=poses,
+            states=states,
             path=path,
         )
 
@@ -385,8 +385,9 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     spare = space.whole_duration - trajectory.duration
     margins = [Margin("duration", spare, space.whole_duration, "s")]
     if problem.fixed_starts is not None:
-        offset = np.abs(trajectory.starts - problem.fixed_starts).max()
-        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, "m or rad"))
+        offset = np.abs(trajectory.starts - problem.fixed_starts).max(initial=0.0)
+        units = dict.fromkeys(model.state_units[: model.chosen_states])
+        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, " or ".join(units)))
     if space.rest_to_rest:
         size = float(np.abs(problem.input_bounds).max())
         spare = problem.rest_spare - float(np.abs(trajectory.ends).max())

@@ -53,7 +53,7 @@ def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: st
     rows = np.array(np.split(inside, trajectory.runs))
     moments = np.flatnonzero(~rows.all(axis=(0, 2)))
     states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
-    names = ", ".join(name for name, wrong in zip(problem.robot.states, states, strict=True) if wrong)
+    names = ", ".join(name for name, wrong in zip(problem.system.states, states, strict=True) if wrong)
     each = trajectory.duration / trajectory.runs
     return f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
 
@@ -61,7 +61,7 @@ def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: st
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
     runs = trajectory.runs
     sensors = problem.measurement.joint_sensors
-    times = row_times(sensors, problem.robot, trajectory.samples // runs, runs)
+    times = row_times(sensors, problem.system, trajectory.samples // runs, runs)
     if len(times) != count:
         return f"{problem.measurement.kind} (reading {row})"
     label, run, samples = times[row]

@@ -1,7 +1,7 @@
 """Can the parameters be told apart at all? Asked before a search, and answered in words.
 
 A combination of parameters that no drive tells is a null vector of the information of several random
-drives together, the initial pose and all nuisances eliminated.
+drives together, the start states and all nuisances eliminated.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import full_information
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Estimation, Problem
-from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +84,7 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
         with contextlib.suppress(NotFinite):
             found = _untold(own, drives)
             # Long steps may lead a robot's further states astray.
-            if not found or len(problem.robot.states) == len(Model.states):
+            if not found or len(problem.system.states) == problem.system.chosen_states:
                 return found
     return _untold(problem, drives)
 
@@ -165,5 +164,5 @@ def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
     coefficients[space.free_rows] = rng.uniform(bounds[:, 0], bounds[:, 1], shape)
     start = problem.fixed_starts
     if start is None:
-        start = problem.start_states(rng.uniform(-1, 1, (space.runs, 3)))
+        start = problem.start_states(rng.uniform(-1, 1, (space.runs, problem.system.chosen_states)))
     return space.trajectory(coefficients, start)

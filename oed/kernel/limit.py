@@ -19,8 +19,8 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import counts_as_zero, parse_quantity
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace
-from oed.robots.models.model import Model
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
 
 Array = npt.NDArray[np.float64]
 
@@ -104,10 +104,9 @@ class Limit(Component, ABC):
     Attributes:
         looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
             of the drive by itself, as its path and its motion have it; "run", whole runs. Rows of instants
-            are written for `Moment`s too, which is how they are checked between the points of a drive. A
+            are written for `Instant`s too, which is how they are checked between the points of a drive. A
             limit that does not say (None) is checked at the points of its rows only.
-        in_degrees: whether its angles are shown in degrees; those of wheels stay in rad/s, as data sheets
-            have them.
+        in_degrees: whether its angles are shown in degrees.
     """
 
     name: ClassVar[str]
@@ -125,15 +124,15 @@ class Limit(Component, ABC):
         """
         return excess
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """What makes this limit impossible for the robot or the design space; [] if nothing."""
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """What makes this limit impossible for the system or the design space; [] if nothing."""
         return []
 
-    def input_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on inputs, by input name."""
         return {}
 
-    def linear_bounds(self, model: Model) -> Sequence[LinearBound]:
+    def linear_bounds(self, system: System) -> Sequence[LinearBound]:
         """Bounds that this limit sets on linear combinations of the inputs."""
         return ()
 
@@ -141,7 +140,7 @@ class Limit(Component, ABC):
         """Bounds between which this limit keeps states, by the states' names, where it says any."""
         return {}
 
-    def rate_bounds(self, model: Model) -> dict[str, tuple[float, float]]:
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """Bounds that this limit sets directly on the inputs' rates, by input name."""
         return {}
 
@@ -159,25 +158,25 @@ class Limit(Component, ABC):
 
 
 class PathLimit(Limit, ABC):
-    """A limit on where the robot is: on each point of its path by itself.
+    """A limit on the states that the system is in: on each point of its path by itself.
 
     Attributes:
-        per_metre: what its rows change by at most while the origin moves 1 m; infinite where that is not
-            bounded.
+        per_metre: what its rows change by at most while it moves 1 m through space; infinite where that is
+            not bounded.
     """
 
     looks_at: ClassVar[Literal["state"]] = "state"
     per_metre: ClassVar[float] = inf
 
     @abstractmethod
-    def rows_at(self, path: Expression, model: Model) -> Rows:
+    def rows_at(self, path: Expression, system: System) -> Rows:
         """The limit on points of a path (G, states): what it asks of all the points, one thing after the
         other, (k * G,).
         """
 
     def rows(self, drive: Drive) -> Rows:
         """The limit on every point of the path."""
-        return self.rows_at(drive.path, drive.model)
+        return self.rows_at(drive.path, drive.system)
 
 
 class BareLimit(Limit, ABC):
@@ -253,11 +252,13 @@ class InputLimit(Limit, ABC):
             raise ValueError("expected bounds for all inputs alike, or bounds by the inputs' names")
         return self
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
-        """A robot without such inputs, inputs without bounds, bounds that its equations do not allow."""
-        own = [entry for entry in model.inputs if entry.quantity == self.quantity]
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """A system without such inputs, inputs without bounds, bounds that its equations do not allow."""
+        own = [entry for entry in system.inputs if entry.quantity == self.quantity]
         if not own:
-            text = f"{model.kind} has no {self.quantity}; its inputs are {', '.join(model.input_names)}"
+            text = (
+                f"{label_of(system)} has no {self.quantity}; its inputs are {', '.join(system.input_names)}"
+            )
             return [Flaw(("limits", self.name), text)]
         names = [entry.name for entry in own]
         if self.each is not None and set(self.each) != set(names):
@@ -272,23 +273,21 @@ class InputLimit(Limit, ABC):
         assert self.each is not None
         return self.each[name]
 
-    def bounds_by_name(self, model: Model) -> dict[str, tuple[float, float]]:
+    def bounds_by_name(self, system: System) -> dict[str, tuple[float, float]]:
         """(min, max) of every input limited, by its name."""
-        own = [entry.name for entry in model.inputs if entry.quantity == self.quantity]
+        own = [entry.name for entry in system.inputs if entry.quantity == self.quantity]
         return {name: self.bounds_of(name) for name in own}
 
-    def bounded(self, table: Expression, model: Model) -> Rows:
+    def bounded(self, table: Expression, system: System) -> Rows:
         """The bounds on the limited columns of `table` (K, inputs); the size is the largest bound's."""
-        bounds = self.bounds_by_name(model)
-        columns = table[:, [model.input_names.index(name) for name in bounds]]
+        bounds = self.bounds_by_name(system)
+        columns = table[:, [system.input_names.index(name) for name in bounds]]
         pairs = np.array(list(bounds.values()), dtype=float).reshape(-1, 2)
         low, high = np.repeat(pairs, columns.shape[0], axis=0).T
         return Rows(ca.vec(columns), low, high, float(np.abs(pairs).max()), self.unit)
 
 
-def rest_flaws(
-    limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: DesignSpace
-) -> list[Flaw]:
+def rest_flaws(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: Space) -> list[Flaw]:
     """Bounds that exclude 0 where everything begins and ends there."""
     if not space.rest_to_rest:
         return []

@@ -1,4 +1,4 @@
-"""A design problem: robot + design space + measurement + limits + criterion. It knows no solver."""
+"""A design problem: system + design space + measurement + limits + criterion. It knows no solver."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
 from oed.kernel.implied import implied_bounds
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.information import (
@@ -29,7 +30,6 @@ from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
-from oed.robots.models.model import Input, Model, twist_flaws
 
 Array = npt.NDArray[np.float64]
 
@@ -95,20 +95,20 @@ class Estimation:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What to design for: a robot, the drives allowed, a measurement, limits and a criterion.
+    """What to design for: a system, the drives allowed, a measurement, limits and a criterion.
 
     Attributes:
-        model: the robot.
+        model: the system, as the design space drives it.
         design: all drives allowed.
         measurement: what is measured.
         limits: what a drive must keep to.
         criterion: what makes a drive good.
         name: shown in reports.
-        estimate: the parameters to estimate, of the robot or of its coefficient matrix; all that the
-            measurement tells by default. Other parameters are taken as known.
+        estimate: the parameters to estimate, those of the system or others that it is known by; all that
+            the measurement is informative about by default. Other parameters are taken as known.
         prior: what is known of them beforehand.
-        uncertainty: how far the robot may be from its nominal parameters; that of the prior if None.
-        robust: how limits are kept all the same; by the nominal robot alone if None.
+        uncertainty: how far the system may be from its nominal parameters; that of the prior if None.
+        robust: how limits are kept all the same; by the nominal system alone if None.
         excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
             `widened`.
 
@@ -116,8 +116,8 @@ class Problem:
         ProblemError: the parts do not fit together; every reason is listed.
     """
 
-    model: Model
-    design: DesignSpace
+    model: System
+    design: Space
     measurement: Measurement
     limits: tuple[Limit, ...]
     criterion: Criterion
@@ -130,6 +130,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
+        object.__setattr__(self, "model", self.design.driving(self.model))
         object.__setattr__(self, "limits", tuple(self.limits))
         if self.estimate is not None:
             object.__setattr__(self, "estimate", tuple(self.estimate))
@@ -138,9 +139,19 @@ class Problem:
             raise ProblemError(flaws)
 
     @cached_property
-    def robot(self) -> Model:
-        """The robot with the parameters to estimate: the model, or the same seen through its coefficients."""
+    def system(self) -> System:
+        """The system with the parameters to estimate: the model, or the same known by others."""
         return self.model.estimating(self.estimate or ())
+
+    @property
+    def robot(self) -> Any:
+        """System."""
+        return self.system
+
+    @property
+    def judged_robots(self) -> Any:
+        """Systems."""
+        return self.judged_systems
 
     @cached_property
     def objective(self) -> Criterion:
@@ -195,19 +206,20 @@ class Problem:
 
     @cached_property
     def fixed_starts(self) -> Array | None:
-        """The start state of every run, (runs, states), where it is fixed; all after the pose begin at 0."""
-        poses = self.design.fixed_starts
-        return None if poses is None else self.start_states(poses)
+        """The start state of every run, (runs, states), where it is fixed."""
+        given = self.design.fixed_starts
+        return None if given is None else self.start_states(given)
 
-    def start_states(self, poses: npt.ArrayLike) -> Array:
-        """Start states (runs, states) for start poses (runs, 3): the other states begin at 0."""
-        given = np.reshape(np.asarray(poses, dtype=float), (-1, 3))
-        return np.pad(given, ((0, 0), (0, len(self.model.states) - 3)))
+    def start_states(self, chosen: npt.ArrayLike) -> Array:
+        """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""
+        given = np.asarray(chosen, dtype=float)
+        given = given if given.ndim == 2 else given.reshape(self.design.runs, -1)
+        return np.pad(given, ((0, 0), (0, len(self.model.states) - given.shape[1])))
 
     @cached_property
     def uncertain_system(self) -> UncertainSystem:
-        """The robot with what is said of its parameters beforehand."""
-        return UncertainSystem(self.model, self.robot, self.design.runs, self.uncertainty, self.prior)
+        """The system with what is said of its parameters beforehand."""
+        return UncertainSystem(self.model, self.system, self.design.runs, self.uncertainty, self.prior)
 
     def limit_rows(self, drive: Drive) -> list[Rows]:
         """Every limit on a drive; of a robust problem tightened."""
@@ -218,14 +230,14 @@ class Problem:
         return [one.widened(self.excess) for one in rows] if self.excess else rows
 
     @cached_property
-    def judged_robots(self) -> tuple[tuple[Array, Array], ...]:
-        """Parameters (p,) and shifts of the start states (runs, states) of the robots that are judged."""
+    def judged_systems(self) -> tuple[tuple[Array, Array], ...]:
+        """Parameters (p,) and shifts of the start states (runs, states) of the systems that are judged."""
         if self.robust is None or self.robust.objective == "nominal":
-            return ((np.array(self.robot.nominal), np.zeros((self.design.runs, len(self.robot.states)))),)
+            return ((np.array(self.system.nominal), np.zeros((self.design.runs, len(self.system.states)))),)
         return self.robust.judged(self.uncertain_system).each
 
     def together(self, values: Sequence[float | Array]) -> Array:
-        """The objective (...,) from the criterion's values (...,) for each of these robots."""
+        """The objective (...,) from the criterion's values (...,) for each of these systems."""
         return self.robust.together(values) if self.robust is not None else np.asarray(values[0])
 
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
@@ -248,9 +260,7 @@ class Problem:
     def _any_drive(self) -> Drive:
         # Enough to ask which parameters there are.
         space = self.design
-        return drive_shape(
-            self.robot, space.integration, samples=space.samples, runs=space.runs, period=space.period
-        )
+        return drive_shape(self.system, samples=space.samples, runs=space.runs, period=space.period)
 
     def _estimated(self, block: Block) -> tuple[str, ...]:
         wanted = block.parameters if self.estimate is None else self.estimate
@@ -277,8 +287,7 @@ class Problem:
     def _subject(self) -> Subject:
         found = self.any_estimations
         return Subject(
-            robot=self.robot.estimating([name for one in found for name in one.judged]),
-            integration=self.design.integration,
+            system=self.system.estimating([name for one in found for name in one.judged]),
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),
         )
@@ -298,9 +307,9 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
 
 def _flaws(problem: Problem) -> list[Flaw]:
     model, space = problem.model, problem.design
-    flaws = twist_flaws(model)
+    flaws = model.flaws()
     if flaws:
-        # Of such a robot nothing else can be said.
+        # Of such a system nothing else can be said.
         return flaws
     needed = space.spline.degree + (3 if space.rest_to_rest else 1)
     if space.spline.coefficients < needed:
@@ -317,48 +326,38 @@ def _flaws(problem: Problem) -> list[Flaw]:
     flaws += _unbounded(problem)
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
-    # Blocks exist only for a measurement that fits the robot.
+    # Blocks exist only for a measurement that fits the system.
     return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
 
 
 def _unbounded(problem: Problem) -> list[Flaw]:
     # Inputs that no limit bounds, with the limits that would.
+    names = [limit.name for limit in problem.limits]
     found = zip(problem.model.inputs, problem.input_bounds, strict=True)
     return [
         Flaw(
             ("limits",),
-            f"nothing bounds {one.name}; {_advice(problem, one)}, without which no design is best",
+            f"nothing bounds {one.name}; {problem.model.remedy(one, names)}, without which no design is best",
         )
         for one, pair in found
         if not np.isfinite(pair).all()
     ]
 
 
-def _advice(problem: Problem, unbounded: Input) -> str:
-    motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
-    if unbounded.quantity in ("wheel_speed", "steering_angle") or motion is None:
-        return f"add {unbounded.quantity}"
-    if motion not in [limit.name for limit in problem.limits]:
-        return f"add {motion}"
-    return f"{motion} does not, for the motion does not follow linearly: make it a wheel_speed and add that"
-
-
 def _name_flaws(problem: Problem) -> list[Flaw]:
-    # Parameters that neither the robot nor its coefficient matrix has, or some of both.
-    wanted = problem.estimate
+    # Parameters that the system has by none of the sorts it is known by, or of several at once.
+    wanted, known = problem.estimate, problem.model.estimable
     if wanted is None:
         return []
-    own = [parameter.name for parameter in problem.model.parameters]
-    coefficients = [name for row in problem.model.coefficient_names for name in row]
     if not wanted:
         return [Flaw(("estimate",), "expected at least one parameter")]
     if len(set(wanted)) < len(wanted):
         return [Flaw(("estimate",), "a parameter is listed twice")]
-    if set(wanted) <= set(own) or set(wanted) <= set(coefficients):
+    if any(set(wanted) <= set(names) for names in known.values()):
         return []
-    choices = f"parameters ({', '.join(own)})"
-    choices += f" or coefficients ({', '.join(coefficients)})" if coefficients else ""
-    return [Flaw(("estimate",), f"expected some of the robot's {choices}, got {', '.join(wanted)}")]
+    choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
+    text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
+    return [Flaw(("estimate",), text)]
 
 
 def _uncertainty_flaws(problem: Problem) -> list[Flaw]:

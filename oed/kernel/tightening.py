@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -18,11 +18,9 @@ import numpy.typing as npt
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.measurement.prior import Prior
-
-if TYPE_CHECKING:
-    from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -32,15 +30,15 @@ class UncertainSystem:
     """A system, and what is said of its parameters before it is driven.
 
     Attributes:
-        model: with its own parameters.
-        robot: with those to estimate, which may be others.
+        own: with its own parameters.
+        estimated: with those to estimate, which may be others.
         runs: of a drive.
         uncertainty: how far it may be from its nominal parameters, or None.
         prior: what is known of those to estimate, or None.
     """
 
-    model: Model
-    robot: Model
+    own: System
+    estimated: System
     runs: int
     uncertainty: Uncertain | None
     prior: Prior | None
@@ -51,12 +49,12 @@ class Scenarios:
     """K values of a system's parameters and starts.
 
     Attributes:
-        model: the system.
+        system: that has them.
         parameters: values of its parameters, (K, p), SI.
         shifts: what its start states are off by, (K, runs, states), SI.
     """
 
-    model: Model
+    system: System
     parameters: Array
     shifts: Array
 
@@ -69,8 +67,8 @@ class Scenarios:
     def after_nominal(self) -> Scenarios:
         """The nominal values, then these."""
         return Scenarios(
-            self.model,
-            np.vstack([self.model.nominal, self.parameters]),
+            self.system,
+            np.vstack([self.system.nominal, self.parameters]),
             np.concatenate([np.zeros((1, *self.shifts.shape[1:])), self.shifts]),
         )
 
@@ -125,15 +123,15 @@ def tightened_rows(
     tightening: Tightening, limits: Sequence[Limit], drive: Drive, system: UncertainSystem
 ) -> list[Rows]:
     """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them."""
-    begin, _ = drive.ends_of(drive.poses)
+    begin, _ = drive.ends_of(drive.states)
     scenarios, own = tightening.scenarios(system), drive
-    model = scenarios.model
+    seen = scenarios.system
     others = [
-        drive.again(ca.DM(parameters), begin + ca.DM(shift), model) for parameters, shift in scenarios.each
+        drive.again(ca.DM(parameters), begin + ca.DM(shift), seen) for parameters, shift in scenarios.each
     ]
-    if model != drive.model:
+    if seen != drive.system:
         # Seen through other parameters, a system would not tell by itself how its own ones move it.
-        own = drive.again(ca.DM(model.nominal), begin, model)
+        own = drive.again(ca.DM(seen.nominal), begin, seen)
 
     def tightened(limit: PathLimit) -> Rows:
         rows = tightening.backed_off(limit, own, system) if tightening.backs_off else limit.rows(own)

@@ -58,13 +58,13 @@ class Bag:
         """
         fitting = sorted(topic for topic, of_type in self.types.items() if of_type in types)
         words = " or ".join(name.rpartition("/")[2] for name in types)
-        told = f"of type {words} it has {', '.join(fitting) or 'none'}"
+        there = f"of type {words} it has {', '.join(fitting) or 'none'}"
         if given is not None and given not in self.types:
-            raise self.flaw(key, f"the bag has no topic {given}; {told}")
+            raise self.flaw(key, f"the bag has no topic {given}; {there}")
         if given is not None and given not in fitting:
-            raise self.flaw(key, f"{given} is of type {self.types[given]}; {told}")
+            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}")
         if given is None and len(fitting) != 1:
-            raise self.flaw(key, f"expected one topic to choose from; {told}")
+            raise self.flaw(key, f"expected one topic to choose from; {there}")
         return given or fitting[0]
 
     def messages(self, topic: str, clock: Clock) -> Iterator[tuple[float, Any]]:
@@ -139,7 +139,7 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
         for quantity, found in rows.items():
             values = getattr(message, quantity)
-            # A joint state may leave out all of its positions, or all of its speeds.
+            # A joint state may lack all of its positions, or all of its speeds.
             for name, value in zip(message.name, values, strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
@@ -190,11 +190,11 @@ def read_poses(
                 continue
         rows.append((time, *_pose(message), number))
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
-    told = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
+    known = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
     if len(chosen) > 1:
-        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {told}")
+        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {known}")
     if not rows:
-        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {told}" if pairs else ""))
+        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {known}" if pairs else ""))
     series = _series(bag, topic, rows)
     return _planar(series)
 

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import Drive, to_logs
 from oed.logs.form import LogForm
@@ -18,7 +19,6 @@ from oed.logs.log import Finding, Log
 from oed.logs.motion import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.series import Gathered, Series
 from oed.logs.tables.columns import Short
-from oed.robots.models import Input, Model
 
 QUANTITIES = ("x", "y", "heading")
 
@@ -29,7 +29,7 @@ class JointInput(Component):
     Attributes:
         joint: its name in the joint states; by default the only joint that has the words of the input's
             name ("right", "left", "steering", ...).
-        form: from its "angle" (a wheel's, running on) or its "speed"; the angle where it is logged. A
+        form: from its "angle" (a wheel's, unwrapped) or its "speed"; the angle where it is logged. A
             steering angle is read as it is.
         sign: -1 where the joint turns the other way round.
         wrap: full range where the angle begins anew [rad].
@@ -74,7 +74,7 @@ class BagForm(LogForm):
     poses: Annotated[PoseTopic, Short("topic")] = PoseTopic()
     clock: Clock = "header"
 
-    def flaws(self, model: Model) -> list[Flaw]:
+    def flaws(self, model: System) -> list[Flaw]:
         """Inputs the robot does not have."""
         return [
             Flaw(("log", "inputs", name), f"the robot has no input {name}; it has {_listed(model)}")
@@ -82,7 +82,7 @@ class BagForm(LogForm):
             if name not in model.input_names
         ]
 
-    def read(self, file: Path, model: Model) -> list[Log]:
+    def read(self, file: Path, model: System) -> list[Log]:
         """The drive in a bag.
 
         Raises:
@@ -103,7 +103,7 @@ class BagForm(LogForm):
         topic = bag.topic(self.poses.topic, POSES, "poses")
         return read_poses(bag, topic, self.clock, self.poses.frame, self.poses.child)
 
-    def _inputs(self, bag: Bag, model: Model) -> list[tuple[Series, Turned]]:
+    def _inputs(self, bag: Bag, model: System) -> list[tuple[Series, Turned]]:
         topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
         joints, gathered = read_joints(bag, topic, self.clock), Gathered()
         if not joints.names:
@@ -129,7 +129,7 @@ class BagForm(LogForm):
             raise LogError(flaws)
         return series, turned
 
-    def _drive(self, file: Path, model: Model, inputs: list[tuple[Series, Turned]], poses: Series) -> Drive:
+    def _drive(self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series) -> Drive:
         times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
         if not len(times):
             text = "the joints of the inputs were logged one after the other, not at the same time"
@@ -137,7 +137,7 @@ class BagForm(LogForm):
         first = inputs[0][0]
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
         wraps = sum(turned.wraps for _, turned in inputs)
-        text = f"joint angles began anew {wraps} times; made to run on"
+        text = f"joint angles began anew {wraps} times; unwrapped"
         return Drive(
             name=file.stem,
             names=model.input_names,
@@ -151,12 +151,12 @@ class BagForm(LogForm):
         )
 
 
-def _listed(model: Model) -> str:
+def _listed(model: System) -> str:
     return ", ".join(model.input_names)
 
 
 def _named_like(name: str, joints: tuple[str, ...]) -> str:
-    # The words that tell the robot's inputs apart are in the names of its joints.
+    # The words by which the robot's inputs differ are in the names of its joints.
     words = set(name.split("_")) - {"wheel", "speed", "angle"}
     fitting = [joint for joint in joints if words <= set(re.split(r"[\W_]+", joint.lower()))]
     return fitting[0] if len(fitting) == 1 else ""

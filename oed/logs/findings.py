@@ -83,7 +83,7 @@ def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None
     if seconds < STANDING:
         return None
     name, word = ("stationary_end", "last") if at_end else ("stationary_start", "first")
-    return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, which tell nothing of its wheels")
+    return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, not informative about its wheels")
 
 
 def held(kept: Series, stale: int, rows: int) -> Finding:
@@ -110,9 +110,7 @@ def wrapped_heading(heading: Array) -> Finding | None:
     count = int(np.count_nonzero(np.abs(np.diff(heading)) > np.pi))
     if not count:
         return None
-    return Finding(
-        "wrapped_heading", f"the heading jumps by a full turn {_times(count, 'time')}; made to run on"
-    )
+    return Finding("wrapped_heading", f"the heading jumps by a full turn {_times(count, 'time')}; unwrapped")
 
 
 def heading_in_degrees(times: Array, heading: Array) -> Finding | None:

@@ -11,9 +11,9 @@ from pydantic import Field
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
+from oed.kernel.dynamics.system import System
 from oed.logs.drive import Handling
 from oed.logs.log import Log
-from oed.robots.models import Model
 
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
 
@@ -31,7 +31,7 @@ class LogForm(Component, ABC):
     skip_stationary: bool = False
 
     @abstractmethod
-    def read(self, file: Path, model: Model) -> list[Log]:
+    def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a file.
 
         Raises:
@@ -43,7 +43,7 @@ class LogForm(Component, ABC):
         return Handling(self.gap, held == "drop", self.skip_stationary)
 
     @abstractmethod
-    def flaws(self, model: Model) -> list[Flaw]:
+    def flaws(self, model: System) -> list[Flaw]:
         """What in this form does not fit the robot."""
 
 

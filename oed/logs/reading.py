@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
+from oed.kernel.dynamics.system import System
 from oed.logs.form import LogForm
 from oed.logs.log import Log
 from oed.logs.series import Gathered
-from oed.robots.models import Model
 
 
-def read_logs(files: Sequence[str | Path], form: LogForm, model: Model) -> list[Log]:
+def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list[Log]:
     """The drives in robots' logs, in the order of the files, one `Log` for each run.
 
     Args:
@@ -38,10 +38,10 @@ def read_logs(files: Sequence[str | Path], form: LogForm, model: Model) -> list[
     read = [gathered.take(partial(form.read, Path(file), model)) for file in files]
     gathered.raise_any()
     logs = [log for some in read for log in some or []]
-    return _told_apart(_with_wheels_checked(logs, model))
+    return _distinct(_with_wheels_checked(logs, model))
 
 
-def _with_wheels_checked(logs: Sequence[Log], model: Model) -> list[Log]:
+def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:
     # A robot may well drive on one wheel for once, but not in all of its drives.
     driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
     turning = np.array([np.any(log.integrals[:, driving] != 0, axis=0) for log in logs])
@@ -63,7 +63,7 @@ def _with_wheels_checked(logs: Sequence[Log], model: Model) -> list[Log]:
     return checked
 
 
-def _told_apart(logs: Sequence[Log]) -> list[Log]:
+def _distinct(logs: Sequence[Log]) -> list[Log]:
     # Logs of one name from several folders also have the folder's.
     counts = Counter(log.name for log in logs)
     return [

@@ -128,7 +128,7 @@ def _drive(trajectory: Trajectory, evaluation: Evaluation) -> Drive:
         start=trajectory.start.tolist(),
         samples=trajectory.samples,
         runs=trajectory.runs,
-        poses=rounded(evaluation.poses, 9),
+        poses=rounded(evaluation.states, 9),
     )
 
 

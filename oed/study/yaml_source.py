@@ -116,7 +116,7 @@ class YamlSource(Source):
     root: yaml.Node | None
 
     def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
-        """Of the last of keys given twice, as YAML has it."""
+        """The key's own place; that of the last one where a key is given twice, as YAML has it."""
         node, found = self.root, []
         mark = node.start_mark if node is not None else None
         for part in path:

@@ -24,7 +24,7 @@ from oed.uncertainty.uncertainty import given_spread
 Array = npt.NDArray[np.float64]
 
 LEVEL = 0.95
-"""Of the interval of a probability."""
+"""Confidence of the interval of a probability."""
 BATCH = 500
 """Robots simulated in one call."""
 WORST = 4
@@ -47,7 +47,7 @@ class _Robots:
         return _Robots(self.trajectory, self.parameters[which], self.starts[which])
 
 
-def leaving(
+def violation_probability(
     problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
 ) -> Leaving:
     """Simulate robots drawn from a problem's uncertainty on one drive.
@@ -99,7 +99,7 @@ def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
     return np.array(
         [
             np.array(function(trajectory.inputs, trajectory.period, parameters, start))
-            for parameters, start in zip(spread.robots(values), starts, strict=True)
+            for parameters, start in zip(spread.parameter_values(values), starts, strict=True)
         ]
     )
 
@@ -114,7 +114,7 @@ def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> tuple[Ar
     # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
     # and of the worst ones.
     spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
-    robots = _Robots(trajectory, spread.robots(values), trajectory.starts + spread.shifts(values))
+    robots = _Robots(trajectory, spread.parameter_values(values), trajectory.starts + spread.shifts(values))
     excess, further = _at_points(problem, tuple(limits), robots)
     undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
     worst = np.argsort(-excess.max(axis=1), kind="stable")[:WORST]
@@ -132,15 +132,15 @@ def _between(
     problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
 ) -> tuple[Array, bool]:
     # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
-    model, rule = given_spread(problem.uncertain_system).robot, problem.design.integration
+    system = given_spread(problem.uncertain_system).system
     try:
         if limit.looks_at != "state":
             raise NotEnclosed
-        excess = excess_of(limit, model, rule)
+        excess = excess_of(limit, system)
     except NotEnclosed:
         closer, _ = _at_points(problem, (limit,), robots, FINE)
         return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
-    periods = periods_of(model, rule, robots.trajectory, robots.parameters, robots.starts)
+    periods = periods_of(system, robots.trajectory, robots.parameters, robots.starts)
     floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
     enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
     most, sure = largest(excess, periods, floor, enough=enough)
@@ -164,20 +164,19 @@ def _at_points(
 
 
 def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
-    model = given_spread(problem.uncertain_system).robot
+    system = given_spread(problem.uncertain_system).system
     return [
-        ca.MX.sym("inputs", samples, len(model.inputs)),
+        ca.MX.sym("inputs", samples, len(system.inputs)),
         ca.MX.sym("period"),
-        ca.MX.sym("parameters", len(model.parameters)),
-        ca.MX.sym("start", runs, len(model.states)),
+        ca.MX.sym("parameters", len(system.parameters)),
+        ca.MX.sym("start", runs, len(system.states)),
     ]
 
 
 def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int = 1) -> Drive:
     inputs, period, parameters, start = symbols
     return roll_out(
-        given_spread(problem.uncertain_system).robot,
-        problem.design.integration,
+        given_spread(problem.uncertain_system).system,
         inputs=inputs,
         start=start,
         parameters=parameters,
@@ -194,20 +193,19 @@ def _exceeded(
     # Of every limit the excess at the points, and what it may be between: half a step further on.
     symbols = _symbols(problem, samples, runs)
     drive = _drive(problem, symbols, runs, refine)
-    speed = ca.sqrt(drive.twist[:, 0] ** 2 + drive.twist[:, 1] ** 2)
-    step = ca.mmax(speed) * drive.period / refine
+    step = ca.mmax(drive.speeds) * drive.period / refine
     worst = []
     for limit in limits:
         rows = limit.rows(drive)
         excess = _greatest(exceeded(rows), drive.path)
-        change = change_per_metre(limit, drive.model, drive.integration)
+        change = change_per_metre(limit, drive.system)
         further = excess + change * step / 2 if np.isfinite(change) else np.inf
         worst += [excess / rows.size, further / rows.size]
     return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
-    # Of all values. `mmax` leaves out what is no number: one anywhere keeps no limit.
+    # Of all values. `mmax` ignores what is no number: one anywhere satisfies no limit.
     numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
     return ca.if_else(numbers, ca.mmax(values), np.inf)
 
@@ -215,7 +213,7 @@ def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
 @lru_cache(maxsize=8)
 def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
     symbols = _symbols(problem, samples, runs)
-    return ca.Function("poses", symbols, [_drive(problem, symbols, runs).poses])
+    return ca.Function("poses", symbols, [_drive(problem, symbols, runs).states])
 
 
 def _interval(count: int, draws: int) -> tuple[float, float]:

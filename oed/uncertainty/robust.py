@@ -32,9 +32,7 @@ ADDED = 2
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )
-OTHER_PARAMETERS = (
-    "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
-)
+OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: omit `estimate`, or be nominal"
 
 
 class Robust(Tightening):
@@ -97,7 +95,7 @@ class Robust(Tightening):
             return [Flaw(("robust",), NOTHING_UNCERTAIN)]
         if system.uncertainty is None and (text := impossible(spread, system)):
             return [Flaw(("prior",), text)]
-        if self.objective != "nominal" and spread.robot != system.robot:
+        if self.objective != "nominal" and spread.system != system.estimated:
             return [Flaw(("robust", "objective"), OTHER_PARAMETERS)]
         if any(len(values) != len(spread.names) for values in self.kept):
             text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
@@ -130,7 +128,7 @@ class Robust(Tightening):
 def _back_off(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, size: float) -> Expression:
     # One amount for every row of the limit, in their order.
     points = drive.path.shape[0] // drive.runs
-    width = len(spread.robot.parameters) + len(spread.robot.states)
+    width = len(spread.system.parameters) + len(spread.system.states)
     parts = []
     for run in range(drive.runs):
         moved = _moved(limit, spread, robust, size, drive.first_run + run).map(points)
@@ -142,13 +140,13 @@ def _back_off(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, si
 
 def _moved(limit: PathLimit, spread: Spread, robust: Robust, size: float, run: int) -> ca.Function:
     # How far the rows of one point move with the robot, given the point and its sensitivities.
-    model = spread.robot
-    states, parameters = len(model.states), len(model.parameters)
+    system = spread.system
+    states, parameters = len(system.states), len(system.parameters)
     point, slopes = ca.SX.sym("point", states), ca.SX.sym("S", states, parameters + states)
     by_quantity = slopes[:, :parameters] @ _sparse(spread.parameter_slopes) + slopes[
         :, parameters:
     ] @ _sparse(spread.start_slopes(run))
-    distances = limit.rows_at(point.T, model).expression
+    distances = limit.rows_at(point.T, system).expression
     moves = ca.jacobian(distances, point) @ by_quantity
     soft = ROUNDED * size
     if robust.kind == "chance":

@@ -1,4 +1,4 @@
-"""What is not known of the robot before the drive: parameters and start poses, within which ranges."""
+"""What is not known of a system before the drive: parameters and starts, within which ranges."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from pydantic import Field, model_validator
 
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
-from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
-START: dict[str, str] = {"x": "m", "y": "m", "heading": "rad"}
-"""Where the robot is put down: uncertain as well where it is named."""
 STREAM = 11
 LIKELY = 3.0
-"""Standard deviations within which every robot has to be possible."""
+"""Standard deviations within which every system has to be possible."""
 CORNERS = 4
 """Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
 
@@ -32,12 +30,12 @@ Amount = float | str
 
 
 class Uncertainty(Uncertain):
-    """How far the robot may be from its nominal parameters, and from its start pose.
+    """How far a system may be from its nominal parameters, and from its start.
 
     It says what a drive has to survive; unlike a prior it adds no information.
 
     Attributes:
-        within: by parameter (or x, y, heading of the start): half-widths ("5 %" of the nominal value,
+        within: by parameter (or state of the start): half-widths ("5 %" of the nominal value,
             "1 cm") or ranges [low, high]. In YAML these stand alone: `uncertainty: {track: 5 %}`.
         distribution: "uniform" over the range, or "normal" with these as standard deviations.
     """
@@ -54,22 +52,23 @@ class Uncertainty(Uncertain):
         return {"within": own, **{key: value[key] for key in ("distribution",) if key in value}}
 
     def flaws(self, system: UncertainSystem) -> list[Flaw]:
-        """Names that the robot does not have; amounts that are no ranges around the nominal value, or of
-        robots that cannot be.
+        """Names that the system does not have; amounts that are no ranges around the nominal value, or of
+        systems that cannot be.
         """
         flaws = self._own_flaws(_base(tuple(self.within), system))
         spread = None if flaws else spread_of(system)
         text = "" if spread is None else impossible(spread, system)
         return [*flaws, Flaw(("uncertainty",), text)] if text else flaws
 
-    def _own_flaws(self, base: Model) -> list[Flaw]:
+    def _own_flaws(self, base: System) -> list[Flaw]:
         units = _units(base)
         flaws = []
         for given in self.within:
             key = ("uncertainty", given)
-            names = _long_names(given, base)
+            names = base.long_names(given)
             if names[0] not in units:
-                text = f"expected one of {', '.join(units)} (of the start pose the last three), got {given!r}"
+                last = f"of the start the last {len(_starts(base))}"
+                text = f"expected one of {', '.join(units)} ({last}), got {given!r}"
                 flaws.append(Flaw(key, text))
                 continue
             if len(names) > 1 and set(names) & set(self.within):
@@ -82,22 +81,22 @@ class Uncertainty(Uncertain):
                 flaws.append(Flaw(key, str(error)))
         return flaws
 
-    def ranges(self, base: Model) -> dict[str, tuple[float, float]]:
+    def ranges(self, base: System) -> dict[str, tuple[float, float]]:
         """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""
         nominal, units = _nominal(base), _units(base)
         return {
             name: self._range(given, nominal[name], units[name])
             for given in self.within
-            for name in _long_names(given, base)
+            for name in base.long_names(given)
         }
 
-    def without(self, names: Iterable[str], model: Model) -> Uncertainty | None:
+    def without(self, names: Iterable[str], model: System) -> Uncertainty | None:
         """What it says of other parameters than these; None where that is nothing."""
         known = set(names)
         within = {
             name: self.within[given]
             for given in self.within
-            for name in _long_names(given, model)
+            for name in model.long_names(given)
             if name not in known
         }
         return self.model_copy(update={"within": within}) if within else None
@@ -124,7 +123,7 @@ class Uncertainty(Uncertain):
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Uncertain quantities as numbers: parameters first, then every run's start pose; all SI.
+    """Uncertain quantities as numbers: parameters first, then every run's start; all SI.
 
     Attributes:
         names: of the q quantities.
@@ -133,7 +132,7 @@ class Spread:
         low, high: ends of their ranges, (q,); of normal ones a standard deviation away.
         covariance: second moments about the nominal values, (q, q).
         uniform: whether each lies within its range for certain, (q,).
-        robot: that has the uncertain parameters.
+        system: that has the uncertain parameters.
         runs: of a drive.
         parameters: how many of the quantities are parameters.
     """
@@ -145,7 +144,7 @@ class Spread:
     high: Array
     covariance: Array
     uniform: npt.NDArray[np.bool_]
-    robot: Model
+    system: System
     runs: int
     parameters: int
 
@@ -190,20 +189,20 @@ class Spread:
         size = len(self.names)
         return np.asarray(self.nominal + np.sqrt(size) * _both_ways(size) @ _axes(self.covariance).T)
 
-    def robots(self, values: Array) -> Array:
-        """Parameters of the robot (K, p) for values (K, q)."""
-        known = [parameter.name for parameter in self.robot.parameters]
-        table = np.tile(np.array(self.robot.nominal), (len(values), 1))
+    def parameter_values(self, values: Array) -> Array:
+        """Parameters of the system (K, p) for values (K, q)."""
+        known = [parameter.name for parameter in self.system.parameters]
+        table = np.tile(np.array(self.system.nominal), (len(values), 1))
         table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
         return table
 
     def scenarios(self, values: Array) -> Scenarios:
-        """The robot with values (K, q)."""
-        return Scenarios(self.robot, self.robots(values), self.shifts(values))
+        """The system with values (K, q)."""
+        return Scenarios(self.system, self.parameter_values(values), self.shifts(values))
 
     def shifts(self, values: Array) -> Array:
         """What start states are off by (K, runs, states) for values (K, q)."""
-        states = len(self.robot.states)
+        states = len(self.system.states)
         offsets = (values - self.nominal)[:, self.parameters :]
         table = np.zeros((len(values), self.runs, states))
         wanted = self._start_columns
@@ -214,12 +213,12 @@ class Spread:
     def _start_columns(self) -> list[int]:
         count = (len(self.names) - self.parameters) // self.runs
         first = self.names[self.parameters : self.parameters + count]
-        return [list(START).index(name.split(",")[0]) for name in first]
+        return [self.system.states.index(name.split(",")[0]) for name in first]
 
     @property
     def parameter_slopes(self) -> Array:
-        """Derivatives (p, q) of the robot's parameters by the quantities."""
-        known = [parameter.name for parameter in self.robot.parameters]
+        """Derivatives (p, q) of the system's parameters by the quantities."""
+        known = [parameter.name for parameter in self.system.parameters]
         chosen = np.zeros((len(known), len(self.names)))
         for column, name in enumerate(self.names[: self.parameters]):
             chosen[known.index(name), column] = 1.0
@@ -227,7 +226,7 @@ class Spread:
 
     def start_slopes(self, run: int) -> Array:
         """Derivatives (states, q) of a run's start state by the quantities."""
-        slopes = np.zeros((len(self.robot.states), len(self.names)))
+        slopes = np.zeros((len(self.system.states), len(self.names)))
         columns = self._start_columns
         for place, state in enumerate(columns):
             slopes[state, self.parameters + run * len(columns) + place] = 1.0
@@ -252,8 +251,8 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     for name, square in zip(known, np.diag(covariance), strict=True):
         low[name], high[name] = nominal[name] - square**0.5, nominal[name] + square**0.5
     own = [parameter.name for parameter in base.parameters if parameter.name in low]
-    poses = [name for name in START if name in low]
-    every = [*own, *poses * runs]
+    begun = [name for name in _starts(base) if name in low]
+    every = [*own, *begun * runs]
     if not every:
         return None
     ends, middle = np.array([[low[name], high[name]] for name in every]), [nominal[name] for name in every]
@@ -264,14 +263,14 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     places = [every.index(name) for name in known]
     moments[np.ix_(places, places)] = covariance
     return Spread(
-        names=(*own, *(_start_name(name, run) for run in range(runs) for name in poses)),
+        names=(*own, *(_start_name(name, run) for run in range(runs) for name in begun)),
         units=tuple(units[name] for name in every),
         nominal=np.array(middle),
         low=ends[:, 0],
         high=ends[:, 1],
         covariance=moments,
         uniform=uniform,
-        robot=base,
+        system=base,
         runs=runs,
         parameters=len(own),
     )
@@ -290,19 +289,17 @@ def given_spread(system: UncertainSystem) -> Spread:
 
 
 def impossible(spread: Spread, system: UncertainSystem) -> str:
-    """Which robot within three standard deviations, or the ranges, cannot be; "" where all can, as those of
+    """Which system within three standard deviations, or the ranges, cannot be; "" where all can, as those of
     any coefficients.
     """
-    if spread.robot != system.model:
+    if spread.system != system.own:
         return ""
     names = spread.names[: spread.parameters]
     for row in np.vstack([spread.ends(LIKELY), spread.extremes(LIKELY), spread.moments()]):
         values = {name: float(value) for name, value in zip(names, row, strict=False)}
-        try:
-            spread.robot.with_values(values)
-        except ValueError:
+        if not spread.system.allows(values):
             text = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-            return f"a robot of {text} cannot be: narrow the ranges"
+            return f"a {spread.system.noun} of {text} cannot be: narrow the ranges"
     return ""
 
 
@@ -310,7 +307,7 @@ def _start_name(name: str, run: int) -> str:
     return name if run == 0 else f"{name}, run {run + 1}"
 
 
-def _of_prior(prior: Prior | None, base: Model, besides: Sequence[str]) -> tuple[list[str], Array]:
+def _of_prior(prior: Prior | None, base: System, besides: Sequence[str]) -> tuple[list[str], Array]:
     # Names and covariance of what a prior says of the base's other parameters.
     names = [parameter.name for parameter in base.parameters if prior and parameter.name in prior.names]
     if prior is None or not names:
@@ -322,29 +319,28 @@ def _of_prior(prior: Prior | None, base: Model, besides: Sequence[str]) -> tuple
     return [names[index] for index in kept], np.asarray(whole[np.ix_(kept, kept)])
 
 
-def _base(names: Sequence[str], system: UncertainSystem) -> Model:
-    # The robot's own parameters, unless only those to estimate have these names.
-    own = {parameter.name for parameter in system.model.parameters} | set(START)
-    estimated = {parameter.name for parameter in system.robot.parameters} | set(START)
-    return system.robot if not set(names) <= own and set(names) <= estimated else system.model
+def _base(names: Sequence[str], system: UncertainSystem) -> System:
+    # The system's own parameters, unless only those to estimate have these names.
+    starts = set(_starts(system.own))
+    own = {parameter.name for parameter in system.own.parameters} | starts
+    estimated = {parameter.name for parameter in system.estimated.parameters} | starts
+    return system.estimated if not set(names) <= own and set(names) <= estimated else system.own
 
 
-def _units(base: Model) -> Mapping[str, str]:
-    return {**{parameter.name: parameter.unit for parameter in base.parameters}, **START}
+def _starts(base: System) -> dict[str, str]:
+    # Where it begins: units of the states that a start chooses, uncertain as well where they are named.
+    return dict(zip(base.states[: base.chosen_states], base.state_units, strict=False))
 
 
-def _nominal(base: Model) -> Mapping[str, float]:
+def _units(base: System) -> Mapping[str, str]:
+    return {**{parameter.name: parameter.unit for parameter in base.parameters}, **_starts(base)}
+
+
+def _nominal(base: System) -> Mapping[str, float]:
     return {
         **{parameter.name: parameter.nominal for parameter in base.parameters},
-        **dict.fromkeys(START, 0.0),
+        **dict.fromkeys(_starts(base), 0.0),
     }
-
-
-def _long_names(name: str, base: Model) -> tuple[str, ...]:
-    # What a key that stands for both sides stands for.
-    sides = (f"{name}_right", f"{name}_left")
-    both = name in base.short_forms and set(sides) <= {parameter.name for parameter in base.parameters}
-    return sides if both else (name,)
 
 
 def _both_ways(size: int) -> Array:

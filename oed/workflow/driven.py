@@ -13,6 +13,7 @@ import numpy.typing as npt
 from oed.bounds import bound, bound_on
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.work.folders import in_order
+from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
 from oed.kernel.solution import Solution, scored
@@ -24,7 +25,6 @@ from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
-from oed.robots.models import Model
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
 
@@ -65,8 +65,8 @@ class DrivenPaths:
         paths: part by part, in order.
         best: name and objective of the best design known, or None.
         bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
-        robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
-            nothing in reserve.
+        robustness: how many robots violate the limits on them, as a record has it; None where the study has
+            no back-off.
         findings: by the name of the log, what was found in it.
     """
 
@@ -272,7 +272,7 @@ def _trajectory(study: Study, inputs: Array) -> Trajectory:
     )
 
 
-def _moving(log: Log, model: Model) -> tuple[float, float]:
+def _moving(log: Log, model: System) -> tuple[float, float]:
     # From when to when anything drives the robot, on the inputs' own clock.
     driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
     steps = np.diff(log.input_times)

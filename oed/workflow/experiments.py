@@ -1,4 +1,4 @@
-"""Simulated experiments with a study's drives: do estimates scatter as promised, and what does slip do?"""
+"""Simulated experiments with a study's drives: do estimates scatter as predicted, and what does slip do?"""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def validated(
         options: of the simulation.
         seed: of the noise; None for the record's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
+        progress: informed how far the work is.
         trust: whether Python code that the record names may be run.
 
     Raises:
@@ -112,7 +112,7 @@ def _simulated(
                     progress=progress,
                 )
             except ProblemError:
-                # A drive that tells too little without the prior, or without what the criterion leaves out.
+                # Without the prior, or what the criterion ignores, a drive may make too little identifiable.
                 continue
             entries.append(validation_of(solution.name, result))
     return StoredValidation.model_construct(**options.model_dump(mode="json"), seed=seed, results=entries)

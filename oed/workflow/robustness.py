@@ -15,11 +15,11 @@ from oed.optimize import Progress, Workers, solve
 from oed.records.numbers import finite, rounded
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
-PLAIN = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
+PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -53,14 +53,14 @@ def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Prog
     if not isinstance(robust, Robust):
         return list(solutions)
     progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
-    told = []
+    scored = []
     for solution in solutions:
         if solution.trajectory is not None and solution.leaving is None:
-            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=seed)
             solution = replace(solution, leaving=found)
-        told.append(solution)
+        scored.append(solution)
         progress.advance()
-    return told
+    return scored
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:

@@ -11,11 +11,12 @@ from drives import KINDS, keep, start_pose, wanted_speeds, within_limits
 from test_soundness import random_joint, random_regression
 
 from oed.bounds import LATTICE, bound
-from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements, Poses, YawRate
 from oed.robots.sensors.several import Several
+from oed.robots.space import DesignSpace, StartPose
 
 CORNERS = (StartPose(), StartPose(x=0.9, y=0.9, heading=1.0), StartPose(x=-0.9, heading=-2.0))
 

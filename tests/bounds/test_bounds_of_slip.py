@@ -12,12 +12,12 @@ from test_soundness import check
 from oed.bounds import NOTHING, bound
 from oed.bounds.motion import coefficient_rows, grip, scales_lengths, top_speeds
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.problem import Problem
 from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteerSlip
 from oed.robots.sensors import Poses
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.robots.space import DesignSpace
 
 SIZES = {"wheel_radius": RADIUS, "track": TRACK}
 EFFECTS = {"yaw_lag": 0.4, "track_per_yaw_rate": 0.01, "track_per_curvature": 0.05, "x_icr": -0.02}

@@ -25,7 +25,6 @@ from oed.bounds import NOTHING, Certificate, bound
 from oed.bounds.certificate import INFLATION
 from oed.bounds.closed_form import largest_squares
 from oed.kernel.criteria import A, D, E, ModifiedE
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.robots.limits import PathLength, Rectangle
@@ -33,6 +32,7 @@ from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements, Poses, Ranges
 from oed.robots.sensors.displacements import PoseNoise
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.robots.space import DesignSpace
 from oed.workflow.studies import load_study
 
 COEFFICIENTS = ("c11", "c12", "c21", "c22")

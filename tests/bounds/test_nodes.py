@@ -10,10 +10,10 @@ from builders import make_problem
 
 from oed.bounds import bound, speed_lattice
 from oed.bounds.speed_lattice import LatticeProgram, SpeedLimits, lattice_bound, usual_planes
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.problem import Problem
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 NOTHING = np.zeros((2, 2))
 HARD = SpeedLimits(12, np.array([[-3.0, 8.0], [-3.0, 8.0]]), 1.1, 0.55)

@@ -11,17 +11,17 @@ from drives import best_objective
 
 from oed.bounds import bound
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, StartPose
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import LeverArm, PosePrior
 from oed.kernel.problem import Problem
 from oed.robots.limits import Circle as CircularRoom
 from oed.robots.limits import Polygon, Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerIcr, TractorTrailer
 from oed.robots.sensors import Displacements, Poses, Ranges, YawRate
 from oed.robots.sensors.displacements import PoseNoise
+from oed.robots.sensors.placed import LeverArm, PosePrior
 from oed.robots.sensors.poses import AbsoluteNoise
 from oed.robots.sensors.several import Several
+from oed.robots.space import DesignSpace, StartPose
 
 SPEEDS = [10, 3, (0, 10), (-3, 8), (-8, 3), (-1, 12)]
 ACCELERATIONS = [20, 7.3, 3, (-30, 10)]

@@ -12,11 +12,12 @@ from builders import make_problem
 
 from oed.bounds import bound
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice, lattice_bound
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.models import TractorTrailer
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 Array = npt.NDArray[np.float64]
 

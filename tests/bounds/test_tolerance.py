@@ -14,7 +14,8 @@ from drives import KINDS, wanted_speeds, within_limits
 from oed.bounds import LATTICE, bound
 from oed.bounds.motion import largest_rates, room
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.kernel.limit import BareLimit, Rows
 from oed.kernel.problem import Problem
@@ -39,6 +40,7 @@ from oed.robots.limits import (
 from oed.robots.models import Model
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.robots.space import DesignSpace
 from oed.workflow.runner import certified
 
 

@@ -314,7 +314,7 @@ def search_of(
     """A search over segments of logs, without anything known beforehand and without clocks unless told."""
     own = unknowns or unknowns_of()
     layout: Layout = cut(logs, seconds, [0.0] * len(logs))
-    usual = {"integration": "arc", "offsets": np.zeros(len(layout.clocks)), "grows": False}
+    usual = {"offsets": np.zeros(len(layout.clocks)), "grows": False}
     return JointSearch(layout, own, **{**usual, **keys})
 
 

@@ -13,10 +13,10 @@ from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import LeverArm
 from oed.robots.models import TractorTrailer
 from oed.robots.sensors import Displacements, Poses, Several, TrailerAngle
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)

@@ -13,9 +13,9 @@ from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.preprocessing.wiring_checks import frozen
 from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError
-from oed.kernel.measurement.sensor import LeverArm
 from oed.robots.sensors import Poses
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
@@ -182,7 +182,7 @@ def test_a_coordinate_may_stand_still_on_a_straight_line(heading: float, ratio: 
     speeds = np.outer(np.linspace(1.0, 6.0, 200), [ratio, 1.0])
     log = log_of(course(ROBOT, own, inputs=speeds, start=(0.0, 0.0, heading)), quantities=quantities)
     assert min(np.ptp(log.poses[:, :2], axis=0)) < 1e-9
-    moves = Moves.of(ROBOT, "arc", [log])
+    moves = Moves.of(ROBOT, [log])
     assert frozen(moves, np.zeros(1)) is None
 
 

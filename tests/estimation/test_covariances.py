@@ -319,16 +319,16 @@ class TestLeftOut:
 
     def test_each_log_is_reckoned_by_the_others(self):
         fit = fit_of(LOGS)
-        found = cross_validated(fit, "arc")
+        found = cross_validated(fit)
         assert [one.names for one in found] == [(log.name,) for log in LOGS]
         for one in found:
             assert one.after[0].rmse_position < one.before[0].rmse_position
-        assert cross_validated(fit_of(LOGS[:1]), "arc") == ()
+        assert cross_validated(fit_of(LOGS[:1])) == ()
 
     @pytest.mark.slow
     def test_many_logs_are_left_out_in_parts(self):
         logs = several(14, seconds=3.0, noise=NOISE)
-        found = cross_validated(fit_of(logs), "arc")
+        found = cross_validated(fit_of(logs))
         assert len(found) == 12
         assert [name for one in found for name in one.names] == [log.name for log in logs]
 

@@ -20,7 +20,7 @@ LOG = log_of(DRIVE, place=PLACE, noise=(0.002, 0.004))
 
 
 def reckon(log=LOG, parameters=NOMINAL, place=PLACE, offset: float = 0.0) -> DeadReckoning:
-    return dead_reckoned(ROBOT, "arc", log, parameters, place, offset)
+    return dead_reckoned(ROBOT, log, parameters, place, offset)
 
 
 def path_of(parameters: np.ndarray) -> np.ndarray:

@@ -13,10 +13,12 @@ from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
 
 from oed.estimation.methods import Nonlinear, Regression
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements, Measurement, Poses, Ranges, Several, YawRate
+from oed.robots.space import DesignSpace, StartPose
 from oed.simulation import Validation, validate
 
 STARTS = (StartPose(x=0.2, y=-0.1, heading=0.4), StartPose(x=-0.5, y=0.3, heading=3.0))

@@ -42,7 +42,9 @@ from oed.robots.sensors.logged import Noise
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.11, -0.06, 0.15)
-OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2)
+OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2).made(
+    Model
+)
 ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.2)
 
 CASES: dict[str, tuple[Model, dict[str, float], tuple[str, ...]]] = {
@@ -167,7 +169,7 @@ class TestRecovery:
 
     def test_by_the_midpoint_rule_is_not_that_of_arcs(self):
         log = log_of(course())
-        fit = fit_of([log], integration="midpoint")
+        fit = fit_of([log], unknowns_of(ROBOT.system("midpoint")))
         assert 1e-6 < np.abs(fit.values / [*TRUTH.values()] - 1).max() < 0.02
 
 

@@ -12,8 +12,9 @@ from builders import SPEED, make_problem, random_drive
 
 from oed.estimation.methods import EstimatorName, Regression
 from oed.estimation.methods.measured_headings import MeasuredHeadings, cosine_and_sine
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 from oed.simulation import validate
 
 POSITION, HEADING = 0.1, math.radians(10)

@@ -36,7 +36,7 @@ SWAPPED = "wheel_speed_right and wheel_speed_left are exchanged"
 
 
 def moves_of(*logs: Log, model=ROBOT) -> Moves:
-    return Moves.of(model, "arc", logs)
+    return Moves.of(model, logs)
 
 
 def suspected(log: Log, model=ROBOT) -> str | None:

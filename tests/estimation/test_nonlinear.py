@@ -21,12 +21,14 @@ from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Measurement, Poses, Ranges, Several, YawRate
+from oed.robots.space import DesignSpace, StartPose
 from oed.simulation import validate
 from oed.simulation.checks import check_all
 

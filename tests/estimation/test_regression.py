@@ -26,11 +26,13 @@ from oed.estimation.methods import (
 )
 from oed.estimation.methods.errors_in_variables import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
+from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
 from oed.simulation.checks import check_all
 

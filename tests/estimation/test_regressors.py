@@ -11,10 +11,12 @@ from builders import make_problem
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
 from oed.estimation.prediction.regressors import Regressors
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 SPLINE = Spline(coefficients=8)
 robots = pytest.mark.parametrize("example", cases(TWO_SIDED))
@@ -33,7 +35,7 @@ def make(example: Example = ROBOTS[0], rule: str = "arc", segments=4) -> tuple[P
 
 
 def regressors_of(problem: Problem, drive: Trajectory) -> Regressors:
-    return Regressors(problem.model, problem.design.integration, problem.measurement, drive)
+    return Regressors(problem.model, problem.measurement, drive)
 
 
 def oracle_positions(example: Example, problem: Problem, drive: Trajectory, first_stage) -> np.ndarray:
@@ -61,7 +63,7 @@ def test_at_the_nominal_coefficients_they_are_w(example: Example, rule: str, seg
 def test_both_are_there_whichever_is_measured(regressor: str):
     problem, drive = make()
     measurement = Displacements(segments=4, regressor=regressor)
-    found = Regressors(problem.model, "arc", measurement, drive).nominal_designs
+    found = Regressors(problem.model, measurement, drive).nominal_designs
     np.testing.assert_array_equal(found["heading"], regressors_of(problem, drive).nominal_designs["heading"])
     assert found["position"].shape == (8, 2)
 
@@ -90,7 +92,7 @@ def test_samples_add_up_to_segments(example: Example, rule: str):
 @rules
 def test_they_predict_the_motion(example: Example, rule: str):
     problem, drive = make(example, rule)
-    found, poses = regressors_of(problem, drive), evaluate(problem, drive).poses
+    found, poses = regressors_of(problem, drive), evaluate(problem, drive).states
     ends = poses[problem.measurement.segment_edges(40)]
     turns = found.nominal_designs["heading"] @ found.true["heading"]
     moves = found.nominal_designs["position"] @ found.true["position"]

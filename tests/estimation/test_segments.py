@@ -12,8 +12,9 @@ from sample_robots import ROBOTS, Example, cases, draw_inputs, motion_by_paramet
 
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.kernel.dynamics.rollout import roll_out
-from oed.kernel.measurement.sensor import LeverArm, Sensor, readings
+from oed.kernel.measurement.sensor import Sensor, readings
 from oed.robots.sensors import Poses, Ranges, YawRate
+from oed.robots.sensors.placed import LeverArm
 
 COUNT, PERIODS = 3, 6
 XYH = ("x", "y", "heading")
@@ -34,7 +35,7 @@ def drawn(robot: Example, seed: int = 0) -> dict[str, np.ndarray]:
 
 
 def readings_of(robot: Example, quantities=None, rule="arc", periods: int = PERIODS) -> SegmentReadings:
-    return SegmentReadings.logged(robot.model, rule, quantities or robot.model.states, COUNT, periods)
+    return SegmentReadings.logged(robot.model.system(rule), quantities or robot.model.states, COUNT, periods)
 
 
 def plain(robot: Example, rule: str, starts, inputs, times, parameters, nuisances) -> np.ndarray:
@@ -100,7 +101,7 @@ class TestReadings:
             for name, values in arguments.items()
         }
         one |= {"inputs": one["inputs"][:, :1], "times": one["times"][:, :1]}
-        found = SegmentReadings.logged(robot.model, "arc", XYH, 1, 1)(**one)
+        found = SegmentReadings.logged(robot.model, XYH, 1, 1)(**one)
         assert found.shape == (1, 2, 3)
         assert found[0] == pytest.approx(readings_of(robot)(**arguments)[0, :2], abs=1e-14)
 
@@ -167,14 +168,13 @@ class TestAnySensor:
         arguments = drawn(robot)
         arguments["times"][:] = 0.1
         arguments["nuisances"] = np.array([one.nominal for one in sensor.nuisances])
-        segments = SegmentReadings(robot.model, "arc", sensor, COUNT, PERIODS)
+        segments = SegmentReadings(robot.model, sensor, COUNT, PERIODS)
         found, slopes = segments.derivatives(**arguments)
         assert np.array_equal(segments(**arguments), found)
         white = segments.whitening(**arguments)
         for index in range(COUNT):
             drive = roll_out(
                 robot.model,
-                "arc",
                 inputs=ca.DM(arguments["inputs"][index]),
                 start=ca.DM(arguments["starts"][index]),
                 parameters=ca.DM(arguments["parameters"]),

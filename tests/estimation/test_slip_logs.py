@@ -135,7 +135,7 @@ class TestStarts:
     def test_are_what_the_inputs_before_lead_to(self):
         drive = driven(seconds=8.0)
         layout = cut([log_of(drive, offset=0.4)], 1.0, [0.4])
-        found = further_starts(ROBOT, "arc", layout, np.array([0.4]), TRUE)
+        found = further_starts(ROBOT, layout, np.array([0.4]), TRUE)
         knots = [int(np.argmin(np.abs(drive.times - first))) for first in layout.times[:, 0]]
         assert found[0] == pytest.approx(0, abs=1e-12)
         assert found[:, 0] == pytest.approx(drive.states[knots, 3], abs=0.01)
@@ -144,16 +144,16 @@ class TestStarts:
         plain = SkidSteerSlip(wheel_radius=0.05, track=0.2, yaw_lag=0.3)
         layout = cut([log_of(driven(seconds=2.0))], 1.0, [0.0])
         inputs = np.tile([6.0, 2.0], (layout.count, layout.periods, 1))
-        found = further_starts(plain, "arc", layout, np.zeros(1), np.array(plain.nominal), inputs)
+        found = further_starts(plain, layout, np.zeros(1), np.array(plain.nominal), inputs)
         assert found == pytest.approx(np.ones((2, 1)), abs=1e-12)
 
     def test_a_pose_has_no_more_to_begin_with(self):
         robot = DifferentialDrive(wheel_radius=0.05, track=0.2)
         layout = cut([log_of(driven(seconds=2.0))], 1.0, [0.0])
-        assert further_starts(robot, "arc", layout, np.zeros(1), np.array(robot.nominal)).shape == (2, 0)
+        assert further_starts(robot, layout, np.zeros(1), np.array(robot.nominal)).shape == (2, 0)
 
     def test_moves_are_explained_from_there(self):
-        moves = Moves.of(ROBOT.with_values(TRUTH), "arc", logs_of(1))
+        moves = Moves.of(ROBOT.with_values(TRUTH), logs_of(1))
         left = unexplained(moves.measured(), moves.predicted(np.zeros(1)))
         assert max(left.values()) < 0.02
 

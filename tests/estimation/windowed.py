@@ -28,7 +28,7 @@ TRICYCLE_TRUTH = truth_of(TRICYCLE, wheel_radius=0.052, wheelbase=0.31, steering
 
 def windows_of(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: float = 2.0) -> Windows:
     layout = cut(logs, seconds, [0.0] * len(logs))
-    return Windows(layout, unknowns or unknowns_of(), "arc", np.zeros(len(layout.clocks)))
+    return Windows(layout, unknowns or unknowns_of(), np.zeros(len(layout.clocks)))
 
 
 def gls(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: float = 2.0, **keys: Any) -> Fit:

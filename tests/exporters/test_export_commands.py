@@ -91,7 +91,7 @@ class TestCommands:
         assert run.rate == pytest.approx(4.0)
         assert run.times == pytest.approx(np.arange(9) * 0.25)
         assert np.array_equal(run.inputs[:-1], drive.inputs)
-        assert run.poses == pytest.approx(evaluate(study.problem, drive).poses, abs=1e-12)
+        assert run.poses == pytest.approx(evaluate(study.problem, drive).states, abs=1e-12)
         assert run.poses == pytest.approx(simulated(study.problem.model, drive), abs=1e-12)
 
     @pytest.mark.parametrize("rate", [8.0, 20.0, 400.0])

@@ -13,7 +13,8 @@ from builders import RADIUS, TRACK, make_problem, random_drive
 from oed.bounds import bound
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
@@ -31,6 +32,7 @@ from oed.robots.limits import (
 )
 from oed.robots.models import SkidSteerSlip, TractorTrailer
 from oed.robots.sensors import Displacements, Poses
+from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
@@ -237,7 +239,7 @@ def test_a_trailer_between_the_samples():
     problem = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=1)
     drive = steady(problem, 0.3, 0.9)
     finer = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=2000)
-    angles = evaluate(finer, steady(finer, 0.3, 0.9)).poses[:, 3]
+    angles = evaluate(finer, steady(finer, 0.3, 0.9)).states[:, 3]
     found = margin(problem, drive, "trailer_angle")
     assert found.certain
     assert found.margin == pytest.approx(0.5 - np.abs(angles).max(), abs=1e-5)

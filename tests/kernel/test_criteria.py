@@ -53,8 +53,7 @@ def example(kind: type[Criterion], size: int, blocks: int = 1) -> Criterion:
     """The example, told that every block is about the first `size` parameters of the robot."""
     parameters = ROBOT.parameters[:size]
     subject = Subject(
-        robot=ROBOT,
-        integration="arc",
+        system=ROBOT,
         parameters=(tuple(each.name for each in parameters),) * blocks,
         scales=(np.array([each.nominal for each in parameters]),) * blocks,
     )

@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace, StartPose
 
 NOISE = {"position": 0.1, "heading": 0.2}
 seeds = st.integers(0, 2**32 - 1)
@@ -135,7 +137,7 @@ def test_path_and_length():
     np.testing.assert_allclose(
         evaluation.path, oracle.fine_path(twists, drive.start, drive.period, "arc", 10), rtol=0, atol=1e-12
     )
-    assert evaluation.poses.shape == (41, 3)
+    assert evaluation.states.shape == (41, 3)
     assert evaluation.path_length == pytest.approx(drive.period * np.abs(twists[:, 0]).sum(), abs=1e-7)
 
 
@@ -173,8 +175,8 @@ def test_relative_scaling_leaves_the_singular_values_raw():
 def test_a_drive_keeps_its_own_duration_and_samples(samples: int):
     drive = Trajectory.from_samples(np.full((samples, 2), 1.0), 5.0, (0, 0, 0), rest_to_rest=False)
     evaluation = evaluate(PROBLEM, drive)
-    assert evaluation.poses.shape == (samples + 1, 3)
-    assert evaluation.poses[-1, 0] == pytest.approx(5 * RADIUS)
+    assert evaluation.states.shape == (samples + 1, 3)
+    assert evaluation.states[-1, 0] == pytest.approx(5 * RADIUS)
 
 
 @pytest.mark.parametrize("inputs", [1, 3])

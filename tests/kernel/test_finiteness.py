@@ -11,16 +11,19 @@ from builders import ACCELERATION, BOX, SPEED, make_problem, random_drive
 
 import oed
 from oed.foundation.errors import NotFinite
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import ambiguities, require_identifiable
 from oed.kernel.limit import PathLimit, Rows
-from oed.kernel.measurement.sensor import Moment, PlacedSensor
+from oed.kernel.measurement.sensor import Moment
 from oed.kernel.solution import Status
 from oed.robots.baselines import baselines
 from oed.robots.limits import WheelJerk
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses, Several, YawRate
+from oed.robots.sensors.placed import PlacedSensor
+from oed.robots.space import DesignSpace
 
 POSES = Poses(noise={"position": 0.01, "heading": 0.01})
 SPACE = DesignSpace(duration=10, samples=20, spline=Spline(coefficients=8))

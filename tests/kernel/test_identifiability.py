@@ -17,7 +17,8 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.coarser import OFTEN, as_well_read
 from oed.kernel.criteria import D, E
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate, full_information
 from oed.kernel.identifiability import STEP, ambiguities, require_identifiable
 from oed.kernel.measurement.prior import Prior
@@ -28,6 +29,7 @@ from oed.optimize import Context, Ipopt, Solver
 from oed.robots.models import DifferentialDrive, Model, Parameter, SkidSteer
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 from oed.robots.sensors import Displacements, Measurement, Poses, Ranges, Several, TrailerAngle, YawRate
+from oed.robots.space import DesignSpace, StartPose
 
 OUTER, INNER = 0.1, -0.05
 POSES = Poses(noise={"position": 2e-3, "heading": 0.02})

@@ -12,13 +12,14 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, rand
 
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.limits import WheelSpeed
 from oed.robots.models import DifferentialDrive, Input, Model, Parameter, SkidSteer
 from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
+from oed.robots.space import DesignSpace, StartPose
 
 
 class Unicycle(Model):
@@ -207,12 +208,15 @@ class TestEstimate:
         chosen = [GEOMETRY.index(name) for name in names]
         np.testing.assert_allclose(some, whole[np.ix_(chosen, chosen)], rtol=1e-12)
 
-    def test_knowing_the_others_never_tells_less(self):
+    def test_knowing_the_others_is_never_less_informative(self):
         whole = joint(sensed())
         some = joint(sensed(estimate=("wheel_radius_right", "track")))
         left = np.linalg.inv(np.linalg.inv(whole)[np.ix_([0, 2], [0, 2])])
         sizes = np.sqrt(np.diag(some))
-        assert np.linalg.eigvalsh((some - left) / np.outer(sizes, sizes))[0] > 0
+        # Of rank one, for one other parameter: what is 0 may be rounding on either side.
+        gained = np.linalg.eigvalsh((some - left) / np.outer(sizes, sizes))
+        assert gained[0] > -1e-14
+        assert gained[1] > 1e-3
 
     def test_the_order_is_that_of_the_list(self):
         names = ("track", "wheel_radius_left", "wheel_radius_right")

@@ -16,12 +16,14 @@ from studies import SMALL, write_study
 
 from oed.cli import main
 from oed.foundation.errors import PathFileError
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.records.path_file import read_trajectory, write_trajectory
 from oed.robots.limits import BodySpeed, PathLength, WheelJerk
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace, StartPose
 
 RUNS, COEFFICIENTS = 3, 9
 STARTS = (StartPose(x=0.1), StartPose(x=-0.2, y=0.3, heading=2.0), StartPose(y=-0.4, heading=-1.0))
@@ -242,7 +244,7 @@ class TestEvaluation:
             drive = random_drive(problem, seed)
             found = evaluate(problem, drive)
             singles = [evaluate(single_problem(problem, run), alone(drive, run)) for run in range(RUNS)]
-            np.testing.assert_allclose(found.poses, np.vstack([one.poses for one in singles]), atol=1e-10)
+            np.testing.assert_allclose(found.states, np.vstack([one.states for one in singles]), atol=1e-10)
             np.testing.assert_allclose(found.path, np.vstack([one.path for one in singles]), atol=1e-10)
             assert found.path_length == pytest.approx(sum(one.path_length for one in singles), rel=1e-12)
             for name in (limit.name for limit in limits):
@@ -387,14 +389,14 @@ class TestPathFile:
         for seed in range(3):
             drive = random_drive(problem, seed)
             before = evaluate(problem, drive)
-            write_trajectory(tmp_path / "path.csv", problem, drive, before.poses)
+            write_trajectory(tmp_path / "path.csv", problem, drive, before.states)
             again = read_trajectory(tmp_path / "path.csv", problem)
             after = evaluate(problem, again)
             assert (again.runs, again.samples) == (RUNS, drive.samples)
             np.testing.assert_allclose(again.inputs, drive.inputs, rtol=0, atol=1e-12)
             np.testing.assert_array_equal(again.start, drive.start)
             assert after.objective == pytest.approx(before.objective, rel=1e-8)
-            np.testing.assert_allclose(after.poses, before.poses, rtol=0, atol=1e-8)
+            np.testing.assert_allclose(after.states, before.states, rtol=0, atol=1e-8)
             assert after.path_length == pytest.approx(before.path_length, rel=1e-8)
 
     def test_the_form(self, tmp_path: Path):
@@ -403,7 +405,7 @@ class TestPathFile:
         assert drive.inputs.tolist() == [[1, 2], [3, 4], [5, 6], [7, 8]]
         assert (drive.duration, drive.samples, drive.runs) == (4.0, 4, 2)
         problem = two_runs(start="free")
-        write_trajectory(tmp_path / "again.csv", problem, drive, evaluate(problem, drive).poses)
+        write_trajectory(tmp_path / "again.csv", problem, drive, evaluate(problem, drive).states)
         lines = (tmp_path / "again.csv").read_text().splitlines()
         assert lines[0] == HEADER
         rows = [[float(cell) if cell else None for cell in line.split(",")[:4]] for line in lines[1:]]
@@ -471,7 +473,7 @@ class TestCommandLine:
         problem = make_problem(design=design, measurement=Displacements(segments=4, noise=noise))
         drive = random_drive(problem, 1, 2.0)
         found = evaluate(problem, drive)
-        write_trajectory(tmp_path / "path.csv", problem, drive, found.poses)
+        write_trajectory(tmp_path / "path.csv", problem, drive, found.states)
         code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv", "--json")
         assert (code, err) == (0, "")
         assert json.loads(out)["objective"] == pytest.approx(found.objective, rel=1e-9)

@@ -16,7 +16,8 @@ from places import PROBLEMS
 
 from oed.kernel.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
 from oed.kernel.dynamics.rollout import roll_out
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.identifiability import ambiguities, require_identifiable
 from oed.kernel.measurement.matrices import eliminate
@@ -28,6 +29,7 @@ from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.robots.models import Tricycle
 from oed.robots.sensors import Displacements, Poses, YawRate
+from oed.robots.space import DesignSpace
 from oed.workflow.studies import load_study
 
 seeds = st.integers(0, 2**32 - 1)
@@ -76,7 +78,6 @@ def jacobian_of(problem: Problem, drive: Trajectory) -> np.ndarray:
     model = problem.robot
     rolled = roll_out(
         model,
-        "arc",
         inputs=inputs,
         start=start,
         parameters=ca.MX(ca.DM(model.nominal)),

@@ -45,10 +45,10 @@ class Fixed(Tightening):
         return self.sized(system, [1.0, LARGER])
 
     def sized(self, system: UncertainSystem, factors: list[float]) -> Scenarios:
-        parameters = np.outer(factors, system.model.nominal)
-        parameters[:, 2] = system.model.nominal[2]
-        shape = (len(factors), system.runs, len(system.model.states))
-        return Scenarios(system.model, parameters, np.zeros(shape))
+        parameters = np.outer(factors, system.own.nominal)
+        parameters[:, 2] = system.own.nominal[2]
+        shape = (len(factors), system.runs, len(system.own.states))
+        return Scenarios(system.own, parameters, np.zeros(shape))
 
 
 class Unknown(Uncertain):
@@ -57,7 +57,7 @@ class Unknown(Uncertain):
     constant: str
 
     def flaws(self, system: UncertainSystem) -> list[Flaw]:
-        known = [parameter.name for parameter in system.model.parameters]
+        known = [parameter.name for parameter in system.own.parameters]
         return [] if self.constant in known else [Flaw(("uncertainty",), f"no {self.constant}")]
 
 

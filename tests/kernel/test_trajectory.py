@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory, middles
+from oed.robots.space import DesignSpace, StartPose
 
 START = (0.1, -0.2, 0.3)
 

@@ -11,11 +11,12 @@ import pytest
 from builders import make_problem, random_drive
 from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.logs import read_logs
 from oed.records.path_file import write_trajectory
 from oed.robots.models import DifferentialDrive, TractorTrailer, Tricycle
+from oed.robots.space import DesignSpace
 
 TABLE = drive()
 
@@ -46,7 +47,7 @@ class TestByDefault:
         design = DesignSpace(duration=10, samples=40, runs=runs, spline=Spline(coefficients=8))
         problem = make_problem(design=design)
         planned = random_drive(problem, 3)
-        write_trajectory(tmp_path / "drive.csv", problem, planned, evaluate(problem, planned).poses)
+        write_trajectory(tmp_path / "drive.csv", problem, planned, evaluate(problem, planned).states)
         logs = read_logs([tmp_path / "drive.csv"], form(), problem.model)
         assert [log.name for log in logs] == (["drive"] if runs == 1 else ["drive[1]", "drive[2]"])
         for log, inputs in zip(logs, np.split(planned.inputs, runs), strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 from builders import RADIUS, TRACK, make_problem
 
 from oed.kernel.criteria import A, D, E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.robots.limits import (
     BodySpeed,
@@ -30,6 +30,7 @@ from oed.robots.limits import (
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.robots.space import DesignSpace
 
 NOISE = {"position": 0.01, "heading": 0.02}
 

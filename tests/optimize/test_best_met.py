@@ -12,7 +12,7 @@ from random_problems import random_problem
 
 from oed.foundation.errors import Flaw, NotFinite
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
@@ -23,6 +23,7 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome
 from oed.optimize.transcription.starts import starting_points
 from oed.robots.sensors import Displacements, Poses
+from oed.robots.space import DesignSpace
 
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-8, None, "none")
@@ -212,7 +213,10 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
     search, poor, good, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
     monkeypatch.setattr(local, "evaluate", refusing([outside], search))
-    for search_from, stage in ((search.maximise, "program"), (lambda one: search.settle(one, 0.9), "second")):
+    for search_from, stage in (
+        (search.maximise, "program"),
+        (lambda one: search.second_stage(one, 0.9), "second"),
+    ):
         monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
         found = search_from(poor)
         np.testing.assert_array_equal(found.unknowns, good, err_msg=stage)
@@ -229,7 +233,7 @@ def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: p
 
 
 def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: pytest.MonkeyPatch):
-    problem, settle = small(), LocalSearch.settle
+    problem, settle = small(), LocalSearch.second_stage
     plain = solve(problem, QUICK, seed=0, workers=1)
 
     def broken(self: LocalSearch, unknowns: Any, share: float) -> Any:
@@ -237,7 +241,7 @@ def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: 
             patch.setattr(local, "evaluate", not_finite)
             return settle(self, unknowns, share)
 
-    monkeypatch.setattr(LocalSearch, "settle", broken)
+    monkeypatch.setattr(LocalSearch, "second_stage", broken)
     solution = solve(problem, QUICK.model_copy(update={"second_stage": "logdet"}), seed=0, workers=1)
     assert solution.status is plain.status
     assert solution.evaluation.objective == plain.evaluation.objective

@@ -10,7 +10,7 @@ from builders import SPEED, make_problem
 
 from oed.kernel.criteria import A, D, E, G, ModifiedE
 from oed.kernel.criteria.prediction import Leg
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms import terms_of
@@ -19,6 +19,7 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.epigraph import objective_of
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements, Poses
+from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 

@@ -10,13 +10,14 @@ from builders import make_problem
 
 from oed.kernel.coarser import MOST, USUAL, coarse_samples
 from oed.kernel.criteria import D, E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.starts import random_drives
 from oed.robots.sensors import Displacements, Poses, Several, YawRate
+from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 

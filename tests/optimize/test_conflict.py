@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, SPEED, make_problem
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starts import random_drives
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 
 def make_cornered(lowest: float = 3.0, half_side: float = 0.1) -> Problem:

@@ -10,7 +10,7 @@ from builders import SPEED, make_problem, upper_bound
 from pydantic import ValidationError
 
 from oed.foundation.errors import Failure, ProblemError
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
@@ -19,6 +19,7 @@ from oed.optimize.transcription.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 PROBLEM = make_problem()
 SEARCHES = {

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from oed.foundation.work.parallel import run_tasks
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
@@ -23,6 +23,7 @@ from oed.optimize.local import ROUNDING
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 QUICK = Ipopt(starts=3, perturbations=0, second_stage="none")
 TOP_SPEED, TOP_ACCELERATION, HALF_SIDE = 10.0, 20.0, 1.0

@@ -5,13 +5,14 @@ from __future__ import annotations
 import pytest
 from builders import SPEED, make_problem
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
 

@@ -13,10 +13,10 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, make
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.system import follows_state
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import LeverArm, PosePrior
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import Layout
@@ -36,9 +36,10 @@ from oed.robots.limits import (
 )
 from oed.robots.limits.workspace import Circle, CircularObstacle, Obstacles
 from oed.robots.models import Mecanum, SkidSteerSlip, TractorTrailer
-from oed.robots.models.model import follows_state
 from oed.robots.sensors import Displacements, Poses, Ranges, Several
 from oed.robots.sensors import YawRate as Gyroscope
+from oed.robots.sensors.placed import LeverArm, PosePrior
+from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 

@@ -8,7 +8,7 @@ import oracle
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.optimize.local import LocalSearch, Settings
 from oed.optimize.transcription import program
@@ -17,6 +17,7 @@ from oed.optimize.transcription.program import Outcome, Program
 from oed.robots.limits import WheelSpeed
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}
 

@@ -10,14 +10,16 @@ import oracle
 import pytest
 from builders import RADIUS, TRACK, make_problem, random_drive, upper_bound
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_poses, start_bounds
+from oed.optimize.transcription.starts import random_starts, start_bounds
 from oed.robots.sensors import Displacements, Poses
+from oed.robots.space import DesignSpace, StartPose
 
 RUNS, SEGMENTS, HALF_SIDE = 3, 2, 1.0
 LISTED = (StartPose(), StartPose(x=0.5, y=-0.5, heading=1.0), StartPose(x=-0.7, heading=-2.0))
@@ -162,7 +164,7 @@ class TestProgram:
         design = DesignExpressions(problem_of("free"))
         bounds = start_bounds(design)
         np.testing.assert_array_equal(bounds, np.tile([[-1, 1], [-1, 1], [-np.pi, np.pi]], (RUNS, 1)))
-        poses = random_poses(design, 2000, np.random.default_rng(0))
+        poses = random_starts(design, 2000, np.random.default_rng(0))
         assert poses.shape == (2000, 3 * RUNS)
         np.testing.assert_allclose(poses.min(axis=0), bounds[:, 0], rtol=0.02)
         np.testing.assert_allclose(poses.max(axis=0), bounds[:, 1], rtol=0.02)

@@ -6,12 +6,13 @@ import pytest
 from builders import make_problem
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
 GENETIC = Genetic(population=40, generations=30)

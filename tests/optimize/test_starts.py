@@ -9,11 +9,12 @@ import pytest
 from builders import ACCELERATION, make_problem
 
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starts import perturbed, random_drives, start_bounds, starting_points
 from oed.robots.limits import Rectangle, WheelSpeed
+from oed.robots.space import DesignSpace
 
 TIGHT = Rectangle(x=(-0.2, 0.2), y=(-0.2, 0.2))
 SPACE = {"duration": 6, "samples": 24, "spline": Spline(coefficients=7)}

@@ -12,11 +12,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from oed.foundation.errors import FileFlaw, PathFileError
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.records.path_file import read_trajectory, trajectory_csv, write_trajectory
 from oed.robots.limits import WheelJerk
 from oed.robots.models import SkidSteer
+from oed.robots.space import DesignSpace, StartPose
 
 PROBLEM = make_problem()
 HEADER = "t,wheel_speed_right,wheel_speed_left"
@@ -55,7 +57,7 @@ class TestRoundTrip:
         problem = make_problem(design=space, limits=(SPEED, ACCELERATION, BOX))
         drive = random_drive(problem, seed)
         before = evaluate(problem, drive)
-        write_trajectory(tmp_path / "path.csv", problem, drive, before.poses)
+        write_trajectory(tmp_path / "path.csv", problem, drive, before.states)
         again = read_trajectory(tmp_path / "path.csv", problem)
         after = evaluate(problem, again)
         np.testing.assert_allclose(again.inputs, drive.inputs, rtol=0, atol=1e-12)
@@ -63,14 +65,14 @@ class TestRoundTrip:
         assert again.samples == drive.samples
         assert again.duration == pytest.approx(drive.duration, rel=1e-9)
         assert after.objective == pytest.approx(before.objective, rel=1e-9, abs=1e-9 * before.lambda_max)
-        np.testing.assert_allclose(after.poses, before.poses, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(after.states, before.states, rtol=0, atol=1e-8)
         assert after.path_length == pytest.approx(before.path_length, rel=1e-9)
 
     def test_a_design_stays_feasible(self, tmp_path: Path):
         drive = random_drive(PROBLEM, 3, amplitude=1.0)
         evaluation = evaluate(PROBLEM, drive)
         assert evaluation.feasible
-        write_trajectory(tmp_path / "path.csv", PROBLEM, drive, evaluation.poses)
+        write_trajectory(tmp_path / "path.csv", PROBLEM, drive, evaluation.states)
         assert evaluate(PROBLEM, read_trajectory(tmp_path / "path.csv", PROBLEM)).feasible
 
     def test_the_jerk_of_a_drive_is_that_of_its_reverse(self, tmp_path: Path):
@@ -88,7 +90,7 @@ class TestRoundTrip:
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)
         problem = make_problem(model=robot)
         drive = random_drive(problem, 1)
-        text = trajectory_csv(problem, drive, evaluate(problem, drive).poses)
+        text = trajectory_csv(problem, drive, evaluate(problem, drive).states)
         again = read(tmp_path, *text.splitlines(), problem=problem)
         assert evaluate(problem, again).objective == pytest.approx(
             evaluate(problem, drive).objective, rel=1e-9
@@ -98,7 +100,7 @@ class TestRoundTrip:
 def test_the_files_form():
     drive = random_drive(PROBLEM, 0)
     evaluation = evaluate(PROBLEM, drive)
-    text = trajectory_csv(PROBLEM, drive, evaluation.poses)
+    text = trajectory_csv(PROBLEM, drive, evaluation.states)
     assert "\r" not in text
     rows = list(csv.reader(text.splitlines()))
     assert rows[0] == ["t", "wheel_speed_right", "wheel_speed_left", "x", "y", "heading"]
@@ -106,7 +108,7 @@ def test_the_files_form():
     assert rows[-1][1:3] == ["", ""]
     assert [float(row[0]) for row in rows[1:]] == pytest.approx(np.linspace(0, 10, 41))
     poses = np.array([[float(cell) for cell in row[3:]] for row in rows[1:]])
-    np.testing.assert_array_equal(poses, evaluation.poses)
+    np.testing.assert_array_equal(poses, evaluation.states)
     inputs = np.array([[float(cell) for cell in row[1:3]] for row in rows[1:-1]])
     np.testing.assert_array_equal(inputs, drive.inputs)
 
@@ -168,7 +170,7 @@ class TestCutShort:
     """A file that ends too early is refused, wherever it breaks off."""
 
     WHOLE = trajectory_csv(
-        PROBLEM, random_drive(PROBLEM, 0), evaluate(PROBLEM, random_drive(PROBLEM, 0)).poses
+        PROBLEM, random_drive(PROBLEM, 0), evaluate(PROBLEM, random_drive(PROBLEM, 0)).states
     )
 
     @pytest.mark.parametrize("share", np.linspace(0.1, 0.99, 40))

@@ -246,7 +246,7 @@ class TestDrive:
         assert drive_of(entry(made, "genetic")) is None
 
     def test_poses_are_there_to_be_drawn(self, made: Record):
-        poses = solutions()[0].evaluation.poses
+        poses = solutions()[0].evaluation.states
         np.testing.assert_allclose(entry(made, "ipopt")["drive"]["poses"], poses, atol=1e-9)
 
 

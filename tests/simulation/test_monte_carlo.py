@@ -13,13 +13,15 @@ from scipy import stats
 
 from oed.estimation.methods import EstimatorName, Heading, Regression, missing_noise
 from oed.foundation.errors import ProblemError
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.problem import Problem
 from oed.optimize import Silent
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
 from oed.simulation.checks import check_all
 from oed.simulation.monte_carlo import BATCH, SHOWN

@@ -27,9 +27,9 @@ def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():
     assert after.feasible
     assert slow.duration == whole.duration
     assert np.abs(slow.inputs).max() == pytest.approx(np.abs(whole.inputs).max() / 2)
-    np.testing.assert_allclose(after.poses[-1], [0, 0, 2 * np.pi], atol=1e-9)
+    np.testing.assert_allclose(after.states[-1], [0, 0, 2 * np.pi], atol=1e-9)
     # It comes by where the whole one does, in twice the time.
-    np.testing.assert_allclose(after.poses[::2], before.poses[:51], atol=1e-3)
+    np.testing.assert_allclose(after.states[::2], before.states[:51], atol=1e-3)
     assert after.path_length == pytest.approx(before.path_length / 2, rel=1e-6)
 
 

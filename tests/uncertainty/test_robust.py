@@ -20,7 +20,8 @@ from scipy.stats import norm
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.rollout import FINE, roll_out
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import ROUNDED, PathLimit
 from oed.kernel.measurement.prior import Prior
@@ -28,6 +29,7 @@ from oed.kernel.problem import Problem
 from oed.robots.limits import Circle, Obstacles, Polygon, Rectangle, TrailerAngle
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty, spread_of
 
@@ -182,7 +184,6 @@ def backed_off(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndar
     """Distances (k, G) of the nominal robot, and their back-off above and below."""
     rolled = roll_out(
         problem.robot,
-        problem.design.integration,
         inputs=ca.DM(drive.inputs),
         start=ca.DM(drive.starts),
         parameters=ca.DM(problem.robot.nominal),

@@ -15,11 +15,12 @@ from pydantic import ValidationError
 
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.uncertainty import Spread, Uncertainty
 from oed.uncertainty.uncertainty import spread_of as spread_of_system
 
@@ -258,7 +259,7 @@ class TestPriors:
         names = ("c11", "c12", "c21", "c22")
         spread = spread_of(prior=Prior(standard_deviations={"c21": "1 mm"}), estimate=names)
         assert spread.names == ("c21",)
-        values = spread.robots(spread.nominal + np.array([[1e-3]]))
+        values = spread.parameter_values(spread.nominal + np.array([[1e-3]]))
         expected = np.array([RADIUS / TRACK, -RADIUS / TRACK, RADIUS / 2 + 1e-3, RADIUS / 2])
         np.testing.assert_allclose(values, [expected], rtol=1e-9)
 
@@ -272,7 +273,7 @@ class TestRobots:
     def test_what_is_not_named_stays_nominal(self):
         spread = spread_of({"track": "5 %", "y": "1 cm"})
         np.testing.assert_allclose(
-            spread.robots(np.array([[0.19, 0.01]])), [[RADIUS, RADIUS, 0.19]], rtol=1e-12
+            spread.parameter_values(np.array([[0.19, 0.01]])), [[RADIUS, RADIUS, 0.19]], rtol=1e-12
         )
 
     def test_the_order_is_the_robots(self):
@@ -280,15 +281,15 @@ class TestRobots:
         assert spread.names == (RIGHT, LEFT, "track")
         assert spread.units == ("m", "m", "m")
         table = np.array([[0.05, 0.048, 0.19], [0.049, 0.047, 0.18]])
-        np.testing.assert_array_equal(spread.robots(table), table)
+        np.testing.assert_array_equal(spread.parameter_values(table), table)
 
     def test_whatever_is_estimated_the_robots_are_simulated_by_their_own_parameters(self):
         # Coefficients would not tell what becomes of slip.
         uncertain = {RIGHT: "20 %", "slip_outer": 0.1}
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)
         spread = spread_of(uncertain, model=robot, estimate=("c11", "c12", "c21", "c22"))
-        assert spread.robot == robot
-        assert spread.robots(np.array([[0.05, 0.2]]))[0].tolist() == [0.05, RADIUS, TRACK, 0.2, 0.0]
+        assert spread.system == robot
+        assert spread.parameter_values(np.array([[0.05, 0.2]]))[0].tolist() == [0.05, RADIUS, TRACK, 0.2, 0.0]
 
     @pytest.mark.parametrize("distribution", ["uniform", "normal"])
     def test_ranges_in_which_no_robot_can_be_are_refused(self, distribution):
@@ -309,7 +310,9 @@ class TestRobots:
     @pytest.mark.parametrize("estimate", [(RIGHT, LEFT, "track"), ("c11", "c12", "c21", "c22")])
     def test_slopes_are_differences_of_robots(self, estimate):
         spread = spread_of({"track": "5 %", RIGHT: "5 %", "heading": "2 deg"}, estimate=estimate)
-        expected = central_difference(lambda values: spread.robots(values[None]), spread.nominal, 1e-7)
+        expected = central_difference(
+            lambda values: spread.parameter_values(values[None]), spread.nominal, 1e-7
+        )
         np.testing.assert_allclose(spread.parameter_slopes, expected, atol=1e-6)
 
 
@@ -345,4 +348,4 @@ class TestStarts:
         spread = spread_of({"x": "1 cm"})
         assert spread.parameters == 0
         robot = DifferentialDrive(wheel_radius=RADIUS, track=TRACK)
-        np.testing.assert_array_equal(spread.robots(spread.draws(3, 0)), [robot.nominal] * 3)
+        np.testing.assert_array_equal(spread.parameter_values(spread.draws(3, 0)), [robot.nominal] * 3)

@@ -44,7 +44,6 @@ def write_log(
     robot = problem.model.with_values(truth)
     drive = roll_out(
         robot,
-        problem.design.integration,
         inputs=ca.DM(trajectory.inputs),
         start=ca.DM(trajectory.start),
         parameters=ca.DM(robot.nominal),

@@ -71,7 +71,7 @@ def progress(quiet: bool) -> Iterator[Progress]:
 
 def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
     """Results as a table and their messages, on standard output; `robustness` as a record has it."""
-    reserved = () if robustness is None else robustness.limits
+    tightened = () if robustness is None else robustness.limits
     table = Table(box=None, pad_edge=False)
     for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
         # Text, for rich would take "[m]" for markup.
@@ -95,7 +95,7 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
             continue
         _print_line(console, f"{one.name}: {one.message}")
         for limit, amount in one.violations.items():
-            how = ", reserve for other robots included" if limit in reserved else ""
+            how = ", back-off for other robots included" if limit in tightened else ""
             _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
         points = [margin.limit for margin in one.margins if margin.certain is False]
         if points and one.feasible:
@@ -112,7 +112,7 @@ def _print_line(console: Console, line: str) -> None:
 
 
 def print_worth(found: DrivenPaths) -> None:
-    """How much driven paths tell of what the best design tells, and of what no drive exceeds."""
+    """The information of driven paths, as a share of the best design's and of what no drive exceeds."""
     for one in found.paths:
         shares = []
         if one.share_of_best is not None and found.best is not None:
@@ -161,8 +161,8 @@ def print_certificate(certificate: StoredCertificate) -> None:
             f"best drive known here: {number(certificate.best)}, limits satisfied {satisfied}, "
             f"gap {percent(certificate.gap)} to the bound for such drives{loose}"
         )
-    for cap in certificate.caps[1:]:
-        lines.append(f"  also {number(cap.upper_bound)}: {cap.method}")
+    for upper in certificate.caps[1:]:
+        lines.append(f"  also {number(upper.upper_bound)}: {upper.method}")
     for line in lines:
         _print_line(console, line)
 

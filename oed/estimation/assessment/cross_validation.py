@@ -12,7 +12,7 @@ from oed.estimation.assessment.dead_reckoning import DeadReckoning, dead_reckone
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -36,22 +36,22 @@ class HeldOut:
     after: tuple[DeadReckoning, ...]
 
 
-def cross_validated(fit: Fit, integration: Integration) -> tuple[HeldOut, ...]:
+def cross_validated(fit: Fit) -> tuple[HeldOut, ...]:
     """Each log (or part of many logs) against the estimate from all others; () for a single log."""
     count = len(fit.layout.logs)
     if count < 2:
         return ()
     folds = np.array_split(np.arange(count), min(count, FOLDS))
-    return tuple(_fold(fit, integration, fold) for fold in folds)
+    return tuple(_fold(fit, fold) for fold in folds)
 
 
-def _fold(fit: Fit, integration: Integration, fold: npt.NDArray[np.int64]) -> HeldOut:
+def _fold(fit: Fit, fold: npt.NDArray[np.int64]) -> HeldOut:
     values = values_without(fit, fold)
     parameters, place, _ = fit.unknowns.parts(values)
     logs = [fit.layout.logs[index] for index in fold]
     # The clocks are the logs' own business: theirs are as the whole fit has them.
     clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
-    return held_out(fit.unknowns.robot, integration, logs, parameters, place, clocks)
+    return held_out(fit.unknowns.robot, logs, parameters, place, clocks)
 
 
 def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
@@ -65,7 +65,6 @@ def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
 
 def held_out(
     robot: Model,
-    integration: Integration,
     logs: Sequence[Log],
     parameters: Array,
     place: Array,
@@ -75,7 +74,6 @@ def held_out(
 
     Args:
         robot: that drove.
-        integration: its rule.
         logs: with positions.
         parameters: (p,), SI.
         place: of the pose sensor, (3,).
@@ -84,8 +82,7 @@ def held_out(
     nominal = np.array(robot.nominal, dtype=float)
     before, after = (
         tuple(
-            dead_reckoned(robot, integration, log, values, place, clock)
-            for log, clock in zip(logs, clocks, strict=True)
+            dead_reckoned(robot, log, values, place, clock) for log, clock in zip(logs, clocks, strict=True)
         )
         for values in (nominal, parameters)
     )

@@ -12,7 +12,7 @@ from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.prediction.starts import first_starts, further_starts
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -66,20 +66,17 @@ class _Stretch:
         return float(np.abs(np.diff(self.truth)).sum())
 
 
-def dead_reckoned(
-    robot: Model, integration: Integration, log: Log, parameters: Array, place: Array, offset: float
-) -> DeadReckoning:
+def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> DeadReckoning:
     """Dead reckoning of a log, started on its first pose.
 
     Args:
         robot: that drove.
-        integration: rule by which its poses follow from its twist.
         log: with positions.
         parameters: (p,), SI.
         place: of the pose sensor on the robot, (3,).
         offset: of the log's clocks [s].
     """
-    stretches = _stretches(robot, integration, log, parameters, place, offset)
+    stretches = _stretches(robot, log, parameters, place, offset)
     with_heading = "heading" in log.quantities
     off = [np.abs(one.guess - one.truth) for one in stretches]
     turned = [one.turned - one.heading for one in stretches]
@@ -101,18 +98,16 @@ def dead_reckoned(
     )
 
 
-def _stretches(
-    robot: Model, integration: Integration, log: Log, parameters: Array, place: Array, offset: float
-) -> list[_Stretch]:
+def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> list[_Stretch]:
     layout = cut([log], np.inf, [offset])
     offsets = np.array([offset])
     inputs = layout.inputs(offsets)
 
     def paths(quantities: tuple[str, ...]) -> Callable[[Array], Array]:
-        readings = SegmentReadings.logged(robot, integration, quantities, layout.count, layout.periods)
+        readings = SegmentReadings.logged(robot, quantities, layout.count, layout.periods)
         return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
 
-    further = further_starts(robot, integration, layout, offsets, parameters)
+    further = further_starts(robot, layout, offsets, parameters)
     starts = first_starts(robot, layout, paths(log.quantities), place, further)
     found = paths(("x", "y", "heading"))(starts)
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}

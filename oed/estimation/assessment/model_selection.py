@@ -58,7 +58,8 @@ class ModelSelection:
         models = [first]
         for one in alike.options.models:
             self.announce(f"model {one.label}")
-            fitting = replace(alike, robot=one.fitted_robot, parameters=one.parameters)
+            robot = one.fitted_robot.system(alike.robot.integration)
+            fitting = replace(alike, robot=robot, parameters=one.parameters)
             models.append(self._fitted(_entry(one), fitting, one.robot))
         return self._scored(models, fit, alike)
 
@@ -107,7 +108,7 @@ class ModelSelection:
         if options.loss == "linear":
             found = replace(found, likelihood=readings.likelihood(fit, options))
         if {"x", "y"} <= set(fit.layout.quantities):
-            found = replace(found, cross_validation=cross_validated(fit, alike.integration))
+            found = replace(found, cross_validation=cross_validated(fit))
         return found
 
 

@@ -25,6 +25,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 
 Array = npt.NDArray[np.float64]
@@ -62,7 +63,7 @@ class Regression(Estimator):
         measurement = problem.measurement
         assert isinstance(measurement, Displacements)
         self.name, self.heading, self.measurement = name, heading, measurement
-        self.regressors = Regressors(problem.model, problem.design.integration, measurement, trajectory)
+        self.regressors = Regressors(robot_of(problem.model), measurement, trajectory)
         chosen = measurement.regressions
         self.parameters = tuple(entry for block in chosen for entry in self.regressors.names[block])
         self.true = np.concatenate([self.regressors.true[block] for block in chosen])

@@ -26,7 +26,7 @@ from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 from oed.robots.sensors.logged import Mount, Noise
 
 Array = npt.NDArray[np.float64]
@@ -62,7 +62,6 @@ class Fitting:
     Attributes:
         robot: at its nominal parameters.
         parameters: names of those to estimate.
-        integration: rule by which its poses follow from its twist.
         measurement: says where the pose sensor sits, and how noisy it is.
         options: of the calibration.
         prior: information on the parameters to estimate, (p, p), SI.
@@ -70,7 +69,6 @@ class Fitting:
 
     robot: Model
     parameters: tuple[str, ...]
-    integration: Integration
     measurement: Measurement
     options: CalibrationOptions
     prior: Array | None = None
@@ -129,7 +127,7 @@ class Fitting:
         seconds = math.inf if isinstance(chosen, str) else chosen
         if self.options.method != "joint":
             length = usual_seconds(layout(math.inf)) if chosen == "auto" else seconds
-            return None, self._over_windows(Windows(layout(length), unknowns, self.integration, offsets))
+            return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
             return segmenting, segmenting.fit
@@ -149,7 +147,6 @@ class Fitting:
         return JointSearch(
             layout,
             unknowns,
-            self.integration,
             offsets,
             self.options.loss,
             grows=self.options.noise == "estimated",

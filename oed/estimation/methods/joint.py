@@ -26,7 +26,6 @@ from oed.estimation.prediction.starts import first_starts, further_starts
 from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
-from oed.robots.models.model import Integration
 from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
@@ -56,7 +55,6 @@ class JointSearch:
     Attributes:
         layout: the segments.
         unknowns: what to estimate.
-        integration: rule by which poses follow from twists.
         offsets: of the clocks, as far as known, (clocks,) [s].
         loss: of a residual in units of the noise.
         grows: whether noise may grow with speed and yaw rate.
@@ -67,7 +65,6 @@ class JointSearch:
 
     layout: Layout
     unknowns: Unknowns
-    integration: Integration
     offsets: Array
     loss: Loss = "linear"
     grows: bool = True
@@ -105,9 +102,7 @@ class JointSearch:
     @cached_property
     def _readings(self) -> SegmentReadings:
         layout = self.layout
-        return SegmentReadings.logged(
-            self.unknowns.robot, self.integration, layout.quantities, layout.count, layout.periods
-        )
+        return SegmentReadings.logged(self.unknowns.robot, layout.quantities, layout.count, layout.periods)
 
     @cached_property
     def _headings(self) -> SegmentReadings:
@@ -125,7 +120,7 @@ class JointSearch:
             return self._readings(starts, inputs, self.layout.steps, parameters, place)
 
         robot = self.unknowns.robot
-        further = further_starts(robot, self.integration, self.layout, offsets, parameters)
+        further = further_starts(robot, self.layout, offsets, parameters)
         return first_starts(robot, self.layout, paths, place, further)
 
     def _offsets(self, clocks: Array) -> Array:

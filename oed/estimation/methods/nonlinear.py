@@ -55,8 +55,8 @@ class Nonlinear(Estimator):
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
-        robot, rule = problem.robot, problem.design.integration
-        self._readings = DriveReadings.of(robot, rule, sensors, trajectory)
+        robot = problem.robot
+        self._readings = DriveReadings.of(robot, sensors, trajectory)
         starts = start_nuisances(sensors, robot, trajectory.runs)
         begins = [
             replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
@@ -74,7 +74,7 @@ class Nonlinear(Estimator):
         self._known = self._before([*starts, *own], estimation.prior)
         layout = Layout.of_drive(trajectory, self._readings.by_run(self.predicted()))
         self._search = JointSearch(
-            layout, self._unknowns, rule, np.zeros(0), loss, known=self._known, drive=self._readings
+            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
         )
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"

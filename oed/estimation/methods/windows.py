@@ -21,7 +21,7 @@ from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import Flaw, ProblemError
-from oed.robots.models.model import Integration, follows_state
+from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
@@ -88,13 +88,11 @@ class Windows:
     Attributes:
         layout: a window each segment; with x, y and heading.
         unknowns: to estimate.
-        integration: rule by which poses follow from twists.
         offsets: of the clocks, as far as known, (clocks,) [s].
     """
 
     layout: Layout
     unknowns: Unknowns
-    integration: Integration
     offsets: Array
 
     @cached_property
@@ -229,7 +227,7 @@ class Windows:
     @cached_property
     def _readings(self) -> SegmentReadings:
         robot, layout = self.unknowns.robot, self.layout
-        return SegmentReadings.logged(robot, self.integration, READ, layout.count, layout.periods)
+        return SegmentReadings.logged(robot, READ, layout.count, layout.periods)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets

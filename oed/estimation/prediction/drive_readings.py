@@ -16,7 +16,7 @@ from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -35,12 +35,10 @@ class DriveReadings:
     trajectory: Trajectory
 
     @classmethod
-    def of(
-        cls, robot: Model, integration: Integration, sensors: Sequence[Sensor], trajectory: Trajectory
-    ) -> DriveReadings:
+    def of(cls, robot: Model, sensors: Sequence[Sensor], trajectory: Trajectory) -> DriveReadings:
         """What `sensors` read of a robot's drive."""
         runs, periods = trajectory.runs, trajectory.samples // trajectory.runs
-        each = tuple(SegmentReadings(robot, integration, one, runs, periods) for one in sensors)
+        each = tuple(SegmentReadings(robot, one, runs, periods) for one in sensors)
         return cls(each, trajectory)
 
     def derivatives(

@@ -9,8 +9,9 @@ import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import LeverArm, Moment, PlacedSensor
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.models.model import Model
+from oed.robots.sensors.placed import LeverArm, PlacedSensor
 
 
 class LoggedStates(PlacedSensor):
@@ -37,8 +38,8 @@ class LoggedStates(PlacedSensor):
 
     def reading(self, moment: Moment) -> Expression:
         """The states' values."""
-        heading = moment.pose[2] + moment.nuisances["turn"]
-        values = [*self.position(moment), heading, *ca.vertsplit(moment.pose)[3:]]
+        heading = moment.state[2] + moment.nuisances["turn"]
+        values = [*self.position(moment), heading, *ca.vertsplit(moment.state)[3:]]
         return ca.vertcat(*(values[place] for place in self.places))
 
     def whitening(self, moment: Moment) -> Expression:

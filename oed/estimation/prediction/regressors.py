@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 from oed.robots.sensors.displacements import Displacements
 
 Array = npt.NDArray[np.float64]
@@ -19,13 +19,10 @@ Array = npt.NDArray[np.float64]
 class Regressors:
     """Phi_theta and Phi_xy of one drive [Choi, eqs 10, 14] at coefficients that predict its headings."""
 
-    def __init__(
-        self, model: Model, integration: Integration, measurement: Displacements, trajectory: Trajectory
-    ) -> None:
+    def __init__(self, model: Model, measurement: Displacements, trajectory: Trajectory) -> None:
         """Keep the parts; functions are compiled when first used."""
         self.robot = model.by_coefficients
         self.trajectory = trajectory
-        self._integration: Integration = integration
         self._measurement = measurement
         self.nominal = np.array(self.robot.nominal)
         heading, *others = self.robot.coefficient_names
@@ -72,7 +69,7 @@ class Regressors:
     @cached_property
     def directions(self) -> Array:
         """Heading in the middle of each period at the nominal coefficients, (N,) [rad]."""
-        return np.array(ca.evalf(self._drive(ca.SX(ca.DM(self.nominal))).direction)).ravel()
+        return np.array(ca.evalf(self._drive(ca.SX(ca.DM(self.nominal))).signals["direction"])).ravel()
 
     @cached_property
     def heading_effect(self) -> Array:
@@ -98,7 +95,6 @@ class Regressors:
         inputs = ca.SX(ca.DM(self.trajectory.inputs))
         return roll_out(
             self.robot,
-            self._integration,
             inputs=inputs,
             start=ca.SX(ca.DM(self.trajectory.start)),
             parameters=coefficients,

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from oed.estimation.prediction.logged_states import LoggedStates
 from oed.kernel.dynamics.direct_call import direct_call
-from oed.kernel.dynamics.rollout import carrier
+from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.sensor import Sensor, moment_reading
-from oed.robots.models.model import Integration, Model, step
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 What = Literal["readings", "slopes", "whitening"]
@@ -34,24 +34,20 @@ class SegmentReadings:
 
     Attributes:
         model: the robot.
-        integration: rule by which its poses follow from its twist.
         sensor: reads K times of a segment, q numbers each.
         count: S, segments.
         periods: n, of the longest of them.
     """
 
     model: Model
-    integration: Integration
     sensor: Sensor
     count: int
     periods: int
 
     @classmethod
-    def logged(
-        cls, model: Model, integration: Integration, quantities: Sequence[str], count: int, periods: int
-    ) -> SegmentReadings:
+    def logged(cls, model: Model, quantities: Sequence[str], count: int, periods: int) -> SegmentReadings:
         """What logs hold of segments: the model's states of those names, at all n + 1 times."""
-        return cls(model, integration, LoggedStates.of(model, quantities), count, periods)
+        return cls(model, LoggedStates.of(model, quantities), count, periods)
 
     def __call__(
         self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
@@ -95,26 +91,24 @@ class SegmentReadings:
         return int(moment_reading(self.sensor, self.model).size1_out(0))
 
     def _function(self, what: What) -> ca.Function:
-        return _segments(self.model, self.integration, self.sensor, self.count, self.periods, what)
+        return _segments(self.model, self.sensor, self.count, self.periods, what)
 
 
 @lru_cache(maxsize=64)
-def _segments(
-    model: Model, integration: Integration, sensor: Sensor, count: int, periods: int, what: What
-) -> ca.Function:
+def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> ca.Function:
     # Parameters and nuisances are common to all segments.
-    function = _segment(model, integration, sensor, periods, what)
+    function = _segment(model, sensor, periods, what)
     return function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
 
 
 @lru_cache(maxsize=32)
-def _segment(model: Model, integration: Integration, sensor: Sensor, periods: int, what: What) -> ca.Function:
+def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Function:
     states, size = len(model.states), len(model.parameters)
     start, parameters = ca.MX.sym("start", states), ca.MX.sym("p", size)
     inputs, times = ca.MX.sym("inputs", len(model.inputs), periods), ca.MX.sym("times", 1, periods)
     nuisances = ca.MX.sym("nuisances", len(sensor.nuisances))
     repeated = ca.repmat(parameters, 1, periods)
-    poses = ca.horzcat(start, step(model, integration).mapaccum(periods)(start, inputs, repeated, times))
+    poses = ca.horzcat(start, stepper(model).mapaccum(periods)(start, inputs, repeated, times))
     columns = sensor.columns(periods)
     count = len(columns)
     lengths = times[:, columns] if sensor.when == "in periods" else ca.MX.zeros(1, count)
@@ -124,7 +118,7 @@ def _segment(model: Model, integration: Integration, sensor: Sensor, periods: in
     moments += [ca.repmat(nuisances, 1, count), lengths]
     if what == "slopes":
         begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
-        carry = carrier(model, integration).mapaccum(periods)
+        carry = carrier(model).mapaccum(periods)
         carried = ca.horzcat(begin, carry(begin, poses[:, :periods], inputs, repeated, times))
         width = size + states
         stacked = [width * column + offset for column in columns for offset in range(width)]

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.setup.unknowns import PLACE
-from oed.robots.models.model import Integration, Model, follows_state
+from oed.kernel.dynamics.system import follows_state
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -48,7 +49,6 @@ def first_starts(
 
 def further_starts(
     robot: Model,
-    integration: Integration,
     layout: Layout,
     offsets: Array,
     parameters: Array,
@@ -61,7 +61,6 @@ def further_starts(
 
     Args:
         robot: whose states they are.
-        integration: its rule.
         layout: the segments.
         offsets: of the clocks, (clocks,) [s].
         parameters: (p,), SI.
@@ -74,7 +73,7 @@ def further_starts(
         held, times = layout.before(offsets)
     else:
         held, times = inputs[:, :1], np.full((layout.count, 1), SETTLED)
-    driven = SegmentReadings.logged(robot, integration, robot.states[3:], *times.shape)
+    driven = SegmentReadings.logged(robot, robot.states[3:], *times.shape)
     return driven(starts, held, times, parameters, np.zeros(len(PLACE)))[:, -1]
 
 

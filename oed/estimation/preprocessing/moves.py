@@ -14,7 +14,7 @@ from oed.estimation.prediction.starts import further_starts
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 Moved = Array | npt.NDArray[np.complex128]
@@ -33,19 +33,17 @@ class Moves:
 
     Attributes:
         robot: at its nominal parameters.
-        integration: its rule.
         layout: every move a segment.
     """
 
     robot: Model
-    integration: Integration
     layout: Layout
 
     @classmethod
-    def of(cls, robot: Model, integration: Integration, logs: Sequence[Log]) -> Moves:
+    def of(cls, robot: Model, logs: Sequence[Log]) -> Moves:
         """The moves of logs; positions and headings alone matter."""
         step = max(float(np.median(np.diff(log.pose_times))) for log in logs)
-        return cls(robot, integration, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
+        return cls(robot, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
 
     def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
         """Each move by the wheels, as far as it can be compared with the measured one.
@@ -65,11 +63,9 @@ class Moves:
         """
         layout = self.layout
         chosen = layout.inputs(offsets) if inputs is None else inputs
-        readings = SegmentReadings.logged(
-            self.robot, self.integration, ("x", "y", "heading"), layout.count, layout.periods
-        )
+        readings = SegmentReadings.logged(self.robot, ("x", "y", "heading"), layout.count, layout.periods)
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
-        further = further_starts(self.robot, self.integration, layout, offsets, nominal, inputs)
+        further = further_starts(self.robot, layout, offsets, nominal, inputs)
         starts = np.pad(further, ((0, 0), (3, 0)))
         ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))

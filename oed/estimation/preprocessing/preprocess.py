@@ -20,7 +20,7 @@ from oed.estimation.preprocessing.wiring_checks import (
 )
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs.log import Log
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -64,14 +64,11 @@ class PreparedLogs:
         return [float(self.offsets[self.files.index(log.file)]) for log in self.logs]
 
 
-def preprocess(
-    robot: Model, integration: Integration, logs: Sequence[Log], *, compare_clocks: bool
-) -> PreparedLogs:
+def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> PreparedLogs:
     """Check that logs fit a robot, and compare the clocks of its wheels and poses.
 
     Args:
         robot: at its nominal parameters.
-        integration: its rule.
         logs: at least one.
         compare_clocks: whether clocks may be apart.
 
@@ -80,7 +77,7 @@ def preprocess(
     """
     _require_alike(logs)
     _require_motion(logs)
-    moves = Moves.of(robot, integration, logs)
+    moves = Moves.of(robot, logs)
     files = moves.layout.clocks
     offsets = clock_offsets(moves) if compare_clocks else np.zeros(len(files))
     flaws, doubts = [], dict[str, str]()

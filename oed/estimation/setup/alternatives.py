@@ -42,7 +42,7 @@ class Alternative(Component):
         own: dict[str, Any] = {} if self.name is None else {"name": self.name}
         if self.estimate is not None:
             own["estimate"] = list(self.estimate)
-        return {**self.robot.model_dump(mode="json", exclude_none=True), **own}
+        return {**OneOf(MODELS).as_data(self.robot), **own}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:

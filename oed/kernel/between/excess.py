@@ -14,9 +14,9 @@ from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.intervals import ONE, Interval, number
-from oed.kernel.dynamics.rollout import Moment, moment
+from oed.kernel.dynamics.rollout import Instant, instant_of
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
-from oed.robots.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
 
@@ -36,9 +36,8 @@ class Excess:
 
     def __init__(
         self,
-        rows_of: Callable[[Moment], Rows],
-        model: Model,
-        integration: Integration,
+        rows_of: Callable[[Instant], Rows],
+        system: System,
         *,
         per_metre: float = np.inf,
         sensitive: bool = False,
@@ -48,8 +47,7 @@ class Excess:
 
         Args:
             rows_of: an instant's.
-            model: the robot.
-            integration: rule by which its poses follow from its twist.
+            system: that is driven.
             per_metre: what the rows change by at most per metre that the mean speed of a period tells.
             sensitive: whether the rows look at sensitivities.
             run: of which run the instants are.
@@ -57,7 +55,7 @@ class Excess:
         Raises:
             NotEnclosed: an operation that no bounds are known for.
         """
-        states, parameters, inputs = len(model.states), len(model.parameters), len(model.inputs)
+        states, parameters, inputs = len(system.states), len(system.parameters), len(system.inputs)
         self.sensitive, self.per_metre = sensitive, per_metre
         self._given = [
             ca.SX.sym("state", states),
@@ -66,15 +64,14 @@ class Excess:
             ca.SX.sym("S", states * (parameters + states) if sensitive else 0),
             ca.SX.sym("period"),
         ]
-        state, held, robot, slopes, period = self._given
+        state, held, own, slopes, period = self._given
         asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
-        instant = moment(
-            model,
-            integration,
+        instant = instant_of(
+            system,
             state=state,
             inputs=held,
             asked=asked,
-            parameters=robot,
+            parameters=own,
             elapsed=fraction * period,
             begin_sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
             run=run,
@@ -83,10 +80,10 @@ class Excess:
         self._inputs = inputs
         self.size, excess = rows.size, ca.cse(exceeded(rows))
         self.by_splines = bool(ca.depends_on(excess, asked))
-        self._affine = _affine(excess, asked, robot)
+        self._affine = _affine(excess, asked, own)
         arguments = [*self._given, asked, fraction]
-        speed = ca.hypot(instant.twist[0], instant.twist[1])
-        self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(ca.vertcat(excess, speed))])
+        both = ca.vertcat(excess, instant.speeds)
+        self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(both)])
         self._over = self._bounded(ca.Function("excess", arguments, [excess]), inputs)
         self._mapped: dict[tuple[str, int], ca.Function] = {}
 
@@ -182,14 +179,14 @@ def exceeded(rows: Rows) -> Expression:
     return ca.densify(ca.vertcat(*sides))
 
 
-def _affine(excess: Expression, asked: Expression, robot: Expression) -> ca.Function | None:
+def _affine(excess: Expression, asked: Expression, own: Expression) -> ca.Function | None:
     # parameters -> gains (rows, inputs) and offsets (rows, 1) of rows that are affine in what is asked for
-    # and look at nothing else but the robot.
+    # and look at nothing else but the parameters.
     gains, offsets = ca.jacobian(excess, asked), ca.substitute(excess, asked, ca.DM.zeros(asked.shape))
-    others = [one for one in ca.symvar(ca.veccat(gains, offsets)) if not ca.depends_on(robot, one)]
+    others = [one for one in ca.symvar(ca.veccat(gains, offsets)) if not ca.depends_on(own, one)]
     if others or not ca.depends_on(excess, asked):
         return None
-    return ca.Function("affine", [robot], [ca.densify(gains), ca.densify(offsets)])
+    return ca.Function("affine", [own], [ca.densify(gains), ca.densify(offsets)])
 
 
 def _highest(begin: Array, end: Array) -> Array:

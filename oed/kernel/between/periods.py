@@ -13,8 +13,8 @@ import numpy.typing as npt
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.robots.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
@@ -142,21 +142,20 @@ class Periods:
 
 
 def periods_of(
-    model: Model,
-    integration: Integration,
+    system: System,
     trajectory: Trajectory,
     parameters: Array,
     starts: Array,
     *,
     sensitive: bool = False,
 ) -> Periods:
-    """The periods of robots with parameters (drives, p) from starts (drives, runs, states)."""
-    count, states = len(parameters), len(model.states)
-    function = _rolled(model, integration, trajectory.samples, trajectory.runs, sensitive, count)
+    """The periods of systems with parameters (drives, p) from starts (drives, runs, states)."""
+    count, states = len(parameters), len(system.states)
+    function = _rolled(system, trajectory.samples, trajectory.runs, sensitive, count)
     begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period)
-    poses, slopes = direct_call(function, trajectory.inputs.T, period, parameters, begun)
-    table = poses.reshape(count, states, trajectory.samples).transpose(0, 2, 1)
-    width = len(model.parameters) + states if sensitive else 0
+    found, slopes = direct_call(function, trajectory.inputs.T, period, parameters, begun)
+    table = found.reshape(count, states, trajectory.samples).transpose(0, 2, 1)
+    width = len(system.parameters) + states if sensitive else 0
     wide = slopes.reshape(count * trajectory.samples, width, states)
     return Periods(trajectory, table.reshape(-1, states), parameters, wide.reshape(count * len(table[0]), -1))
 
@@ -170,20 +169,16 @@ def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
 
 
 @lru_cache(maxsize=16)
-def _rolled(
-    model: Model, integration: Integration, samples: int, runs: int, sensitive: bool, count: int
-) -> ca.Function:
+def _rolled(system: System, samples: int, runs: int, sensitive: bool, count: int) -> ca.Function:
     # (inputs, period, parameters, starts) -> states at the begin of every period, and their sensitivities, of
     # so many robots, side by side.
-    inputs, period = ca.MX.sym("inputs", samples, len(model.inputs)), ca.MX.sym("period")
-    parameters = ca.MX.sym("parameters", len(model.parameters))
-    start = ca.MX.sym("start", runs, len(model.states))
-    drive = roll_out(
-        model, integration, inputs=inputs, start=start, parameters=parameters, period=period, runs=runs
-    )
-    states, width = len(model.states), len(model.parameters) + len(model.states)
+    inputs, period = ca.MX.sym("inputs", samples, len(system.inputs)), ca.MX.sym("period")
+    parameters = ca.MX.sym("parameters", len(system.parameters))
+    start = ca.MX.sym("start", runs, len(system.states))
+    drive = roll_out(system, inputs=inputs, start=start, parameters=parameters, period=period, runs=runs)
+    states, width = len(system.states), len(system.parameters) + len(system.states)
     columns = (np.array(drive.begins)[:, None] * width + np.arange(width)).ravel().tolist()
     slopes = drive.sensitivities[:, columns] if sensitive else ca.MX(states, 0)
-    results = [ca.densify(drive.poses[drive.begins, :]), ca.densify(slopes)]
+    results = [ca.densify(drive.states[drive.begins, :]), ca.densify(slopes)]
     function = ca.Function("rolled", [inputs, period, parameters, start], results)
-    return function.map("robots", "serial", count, [0, 1], []) if count > 1 else function
+    return function.map("systems", "serial", count, [0, 1], []) if count > 1 else function

@@ -17,11 +17,11 @@ import numpy.typing as npt
 from oed.kernel.between.excess import Excess
 from oed.kernel.between.periods import NARROWEST, Periods, Stretches, periods_of
 from oed.kernel.dynamics.enclosures import NotEnclosed
-from oed.kernel.dynamics.rollout import FINE, Moment
+from oed.kernel.dynamics.rollout import FINE, Instant
+from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.problem import Problem
-from oed.robots.models.model import Integration, Model, follows_state
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -41,7 +41,7 @@ class Sight:
     """What is known of a drive before anybody looks between its points.
 
     Attributes:
-        periods: of the nominal robot.
+        periods: of the nominal system.
         speeds: mean speed in every one of them [m/s], (N,).
     """
 
@@ -49,10 +49,10 @@ class Sight:
     speeds: Array
 
     @classmethod
-    def of(cls, problem: Problem, drive: Trajectory, poses: Array, speeds: Array) -> Sight:
+    def of(cls, problem: Problem, drive: Trajectory, states: Array, speeds: Array) -> Sight:
         """What is known by the states at the samples, (N + runs, states)."""
-        begins = np.concatenate([run[:-1] for run in np.split(poses, drive.runs)])
-        nominal = np.array([problem.robot.nominal])
+        begins = np.concatenate([run[:-1] for run in np.split(states, drive.runs)])
+        nominal = np.array([problem.system.nominal])
         return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
 
 
@@ -76,28 +76,28 @@ def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> 
 def _looked_at(
     problem: Problem, limit: Limit, sight: Sight, seen: Array
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
-    # The nominal robot, with its back-off; and the other robots that are to keep the limit.
-    tightening, rule, drive = problem.robust, problem.design.integration, sight.periods.trajectory
+    # The nominal system, with its back-off; and the other systems that are to keep the limit.
+    tightening, drive = problem.robust, sight.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
-        excess = excess_of(limit, problem.robot, rule)
+        excess = excess_of(limit, problem.system)
         yield excess, sight.periods, _near(excess, sight, seen)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
-    robot = scenarios.model
+    system = scenarios.system
     if tightening.backs_off:
         for run, one in enumerate(drive.each):
-            parameters, start = np.array([robot.nominal]), one.starts[None, :]
-            nominal = periods_of(robot, rule, one, parameters, start, sensitive=True)
+            parameters, start = np.array([system.nominal]), one.starts[None, :]
+            nominal = periods_of(system, one, parameters, start, sensitive=True)
             yield _backed_off(problem, limit, run), nominal, None
     else:
         scenarios = scenarios.after_nominal
     if len(scenarios.parameters):
-        others = periods_of(robot, rule, drive, scenarios.parameters, drive.starts + scenarios.shifts)
-        yield excess_of(limit, robot, rule), others, None
+        others = periods_of(system, drive, scenarios.parameters, drive.starts + scenarios.shifts)
+        yield excess_of(limit, system), others, None
 
 
 def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
-    # The parts of a path between points where more may be than at any point, as far as robots move between
+    # The parts of a path between points where more may be than at any point, as far as systems move between
     # them; None where nobody knows how far rows change with that.
     if not np.isfinite(excess.per_metre):
         return None
@@ -111,22 +111,22 @@ def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
 
 
 @lru_cache(maxsize=128)
-def excess_of(limit: Limit, robot: Model, rule: Integration) -> Excess:
+def excess_of(limit: Limit, system: System) -> Excess:
     """A limit's excess as it stands."""
-    change = change_per_metre(limit, robot, rule) if isinstance(limit, PathLimit) else np.inf
-    return Excess(limit.rows, robot, rule, per_metre=change)
+    change = change_per_metre(limit, system) if isinstance(limit, PathLimit) else np.inf
+    return Excess(limit.rows, system, per_metre=change)
 
 
 @lru_cache(maxsize=32)
 def _backed_off(problem: Problem, limit: PathLimit, run: int) -> Excess:
-    tightening, system = problem.robust, problem.uncertain_system
+    tightening, uncertain = problem.robust, problem.uncertain_system
     assert tightening is not None
 
-    def rows(instant: Moment) -> Rows:
-        return tightening.backed_off(limit, instant, system)
+    def rows(instant: Instant) -> Rows:
+        return tightening.backed_off(limit, instant, uncertain)
 
-    robot = tightening.scenarios(system).model
-    return Excess(rows, robot, problem.design.integration, sensitive=True, run=run)
+    system = tightening.scenarios(uncertain).system
+    return Excess(rows, system, sensitive=True, run=run)
 
 
 def largest(
@@ -174,10 +174,9 @@ def gap_of(size: float, found: Array) -> Array:
     return np.maximum(GAP * size, SHARE * np.abs(found))
 
 
-def change_per_metre(limit: PathLimit, robot: Model, rule: Integration) -> float:
-    """What a limit's rows change by at most per metre that the robot's mean speed tells of a period.
+def change_per_metre(limit: PathLimit, system: System) -> float:
+    """What a limit's rows change by at most per metre that the system's mean speed tells of a period.
 
-    Infinite for robots whose twist changes within a period, and for the midpoint rule, whose paths bend away
-    from its chords: there a part of the path may be longer than the speed tells.
+    Infinite for systems that may go farther within a period than their mean velocity tells.
     """
-    return limit.per_metre if rule == "arc" and not follows_state(robot) else np.inf
+    return limit.per_metre if system.as_far_as_velocity else np.inf

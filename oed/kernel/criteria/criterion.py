@@ -18,10 +18,10 @@ import numpy.typing as npt
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.information import Scaling, scaling_text
 from oed.kernel.measurement.matrices import solve_lower
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.models.model import Integration, Model
 
 Array = npt.NDArray[np.float64]
 
@@ -51,14 +51,12 @@ class Subject:
     """What the matrices that a criterion judges are about.
 
     Attributes:
-        robot: whose parameters are estimated.
-        integration: its integration rule.
+        system: whose parameters are estimated.
         parameters: names of each matrix's rows.
         scales: their scales, SI, one array for each matrix.
     """
 
-    robot: Model
-    integration: Integration
+    system: System
     parameters: tuple[tuple[str, ...], ...]
     scales: tuple[Array, ...]
 

@@ -1,4 +1,4 @@
-"""Criteria of what the estimates are for: the variance of the poses that they predict (G and I)."""
+"""Criteria of what the estimates are for: the variance of the states that they predict (G and I)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import Field, FiniteFloat
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import Duration
+from oed.foundation.quantities import UNITS_BY_NAME, Duration
 from oed.foundation.text import count, deviation_text
 from oed.kernel.criteria.criterion import (
     Criterion,
@@ -25,14 +25,12 @@ from oed.kernel.criteria.criterion import (
     lifted,
 )
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import carrier
+from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.models.model import step
 
 Array = npt.NDArray[np.float64]
 
 
-UNITS = {"position": "m", "heading": "rad"}
 FAINT = 1e-8
 """Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
 
@@ -51,9 +49,9 @@ class Prediction(RootCriterion):
     """Shared by G and I.
 
     Attributes:
-        test_drive: legs driven one after the other from a known pose; predictions are judged at the end
+        test_drive: legs driven one after the other from a known state; predictions are judged at the end
             of each.
-        quantity: "position" [m^2, both coordinates together] or "heading" [rad^2].
+        quantity: what is predicted, of what the system offers: its `predictions`, all their states together.
     """
 
     of: ClassVar[str]
@@ -61,15 +59,16 @@ class Prediction(RootCriterion):
     root_of: ClassVar[str]
     """Which standard deviation is the root of that."""
     test_drive: Annotated[tuple[Leg, ...], Field(min_length=1)]
-    quantity: Literal["position", "heading"] = "position"
+    quantity: str = "position"
     rows: tuple[tuple[tuple[tuple[float, ...], ...], ...], ...] = Field(default=(), exclude=True, repr=False)
     """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter]."""
 
     def about(self, subject: Subject) -> Criterion:
         """The criterion with the predictions' derivatives by the parameters of each block."""
-        poses = _sensitivities(subject, self.test_drive)
-        picked = poses[:, :2] if self.quantity == "position" else poses[:, 2:3]
-        names = [parameter.name for parameter in subject.robot.parameters]
+        system = subject.system
+        states = [system.states.index(name) for name in system.predictions[self.quantity]]
+        picked = _sensitivities(subject, self.test_drive)[:, states]
+        names = [parameter.name for parameter in system.parameters]
         rows = []
         for parameters, scales in zip(subject.parameters, subject.scales, strict=True):
             columns = [names.index(name) for name in parameters]
@@ -77,8 +76,10 @@ class Prediction(RootCriterion):
         return self.model_copy(update={"rows": _nested(rows)})
 
     def flaws(self, subject: Subject) -> list[Flaw]:
-        """Legs with more or fewer inputs than the robot, parameters that do not move it."""
-        names = subject.robot.input_names
+        """Legs with more or fewer inputs than the system, parameters that do not move it, an unknown
+        quantity.
+        """
+        names, known = subject.system.input_names, subject.system.predictions
         flaws = [
             Flaw(
                 ("criterion", "test_drive", index, "inputs"),
@@ -87,10 +88,14 @@ class Prediction(RootCriterion):
             for index, leg in enumerate(self.test_drive)
             if len(leg.inputs) != len(names)
         ]
-        own = {parameter.name for parameter in subject.robot.parameters}
+        if self.quantity not in known:
+            text = f"expected one of {', '.join(known)}; got {self.quantity!r}"
+            flaws.append(Flaw(("criterion", "quantity"), text))
+        own = {parameter.name for parameter in subject.system.parameters}
         strangers = [name for names in subject.parameters for name in names if name not in own]
         if strangers:
-            text = f"predictions follow from the robot's parameters; {', '.join(strangers)} are none"
+            text = f"predictions follow from the {subject.system.noun}'s parameters"
+            text += f"; {', '.join(strangers)} are none"
             flaws.append(Flaw(("criterion", "kind"), text))
         return flaws
 
@@ -122,7 +127,7 @@ class Prediction(RootCriterion):
 
     def deviation(self, value: float, size: int) -> str:
         """That of a prediction."""
-        told = deviation_text(math.sqrt(-value), UNITS[self.quantity])
+        told = deviation_text(math.sqrt(-value), UNITS_BY_NAME.get(self.quantity, ""))
         return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {told}"
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
@@ -184,15 +189,15 @@ class I(Prediction):  # noqa: E742
 
 
 def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:
-    # (legs, states, parameters): derivatives of the poses at the legs' ends. Each leg is one exact arc.
-    robot = subject.robot
-    states, size = len(robot.states), len(robot.parameters)
-    advance, carry = step(robot, "arc"), carrier(robot, "arc")
-    pose, carried = ca.DM.zeros(states), ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
+    # (legs, states, parameters): derivatives of the states at the legs' ends. Each leg is one exact step.
+    system = subject.system.exact
+    states, size = len(system.states), len(system.parameters)
+    advance, carry = stepper(system), carrier(system)
+    state, carried = ca.DM.zeros(states), ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
     found = []
     for leg in legs:
-        arguments = (pose, ca.DM(leg.inputs), ca.DM(robot.nominal), leg.duration)
-        carried, pose = carry(carried, *arguments), advance(*arguments)
+        arguments = (state, ca.DM(leg.inputs), ca.DM(system.nominal), leg.duration)
+        carried, state = carry(carried, *arguments), advance(*arguments)
         found.append(np.array(carried)[:, :size])
     return np.array(found)
 

@@ -5,38 +5,61 @@ The same code serves CasADi's SX (unrolled, for the optimiser) and MX (compact, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Integration, Model, chord, follows_state, step
+from oed.kernel.dynamics.system import System, carrier, follows_state, mover, signaller, stepper
 
 FINE = 10
 """How many times finer than the samples the grid is on which limits are checked."""
 
 
+class Named:
+    """What has the signals of a `system` as attributes, and goes by a domain's own names for its parts."""
+
+    system: System
+    signals: Mapping[str, Expression]
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """A signal, or the part that the system's domain calls so.
+
+            Raises:
+                AttributeError: there is neither; with the names there are.
+            """
+            if name.startswith("_") or name in ("system", "signals"):
+                raise AttributeError(name)
+            if name in self.signals:
+                return self.signals[name]
+            if name in self.system.renamed:
+                return getattr(self, self.system.renamed[name])
+            known = ", ".join([*self.signals, *self.system.renamed]) or "none"
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}; its signals are {known}")
+
+
 @dataclass(frozen=True)
-class Drive:
-    """One drive of a model as CasADi expressions; rows are times, those of several runs one after the other.
+class Drive(Named):
+    """One drive of a system as CasADi expressions; rows are times, those of several runs one after the other.
 
     Attributes:
-        model: the robot.
-        integration: rule by which its poses follow from its twist.
+        system: that is driven.
         parameters: its parameters' values, (p,).
         period: sample period T [s].
         inputs: held in each period, (N, inputs).
-        effective_inputs: as they act on the ground, (N, q).
-        twist: forward and lateral speed [m/s], yaw rate [rad/s] of the motion in each period, (N, 3).
-        gain: displacement per unit of speed in each period [s], (N, 1).
-        direction: heading of each period's displacement [rad], (N, 1).
-        poses: at the samples, (N + runs, states): each run has a pose more than periods.
-        path: poses where position limits apply, (G, states).
-        motion: twists where limits on the motion apply, (K, 3): those that the inputs ask for; of a robot
-            that follows them with a lag those that it has where each period begins, then where each ends.
+        signals: the system's, in each period, (N, ...) each; attributes of the drive by their names.
+        states: at the samples, (N + runs, states): each run has a state more than periods.
+        path: states where limits on them apply, (G, states).
+        motion: values of the system's signal of motion where limits on it apply, (K, m): those that the
+            inputs ask for; of a system that follows them with a lag those that it has where each period
+            begins, then where each ends.
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
@@ -45,16 +68,12 @@ class Drive:
         first_run: place of the first of these runs, where the drive is a part of one of several.
     """
 
-    model: Model
-    integration: Integration
+    system: System
     parameters: Expression
     period: Expression
     inputs: Expression
-    effective_inputs: Expression
-    twist: Expression
-    gain: Expression
-    direction: Expression
-    poses: Expression
+    signals: Mapping[str, Expression]
+    states: Expression
     path: Expression
     motion: Expression
     input_values: Expression
@@ -71,41 +90,47 @@ class Drive:
 
     @property
     def begins(self) -> list[int]:
-        """Rows of `poses` at which periods begin, (N,)."""
+        """Rows of `states` at which periods begin, (N,)."""
         return [run * (self.samples + 1) + k for run in range(self.runs) for k in range(self.samples)]
 
     def ends_of(self, rows: Expression) -> tuple[Expression, Expression]:
-        """First and last rows of every run, (runs, columns) each, of `poses` or `path`."""
+        """First and last rows of every run, (runs, columns) each, of `states` or `path`."""
         each = rows.shape[0] // self.runs
         first = [run * each for run in range(self.runs)]
         return rows[first, :], rows[[index + each - 1 for index in first], :]
 
+    @property
+    def columns(self) -> int:
+        """Columns of the sensitivities of one state: the parameters, then the start state."""
+        return len(self.system.parameters) + len(self.system.states)
+
     @cached_property
     def sensitivities(self) -> Expression:
-        """Derivatives of the poses at the samples, side by side: (states, (N + runs) * (p + states)).
+        """Derivatives of the states at the samples, side by side: (states, (N + runs) * (p + states)).
 
         For each sample the columns are the parameters, then the start state of its run. They are carried
         along the drive by the chain rule, with exact derivatives of one step.
         """
-        count, states = self.samples, len(self.model.states)
-        begin = ca.horzcat(ca.DM(states, len(self.model.parameters)), ca.DM.eye(states))
-        carry = carrier(self.model, self.integration).mapaccum(count)
+        count, states = self.samples, len(self.system.states)
+        begin = ca.horzcat(ca.DM(states, len(self.system.parameters)), ca.DM.eye(states))
+        carry = carrier(self.system).mapaccum(count)
         parameters, periods = ca.repmat(self.parameters, 1, count), ca.repmat(self.period, 1, count)
-        poses, inputs = self.poses[self.begins, :].T, self.inputs.T
+        begun, inputs = self.states[self.begins, :].T, self.inputs.T
         parts = []
         for run in range(self.runs):
             own = slice(run * count, (run + 1) * count)
-            parts += [begin, carry(begin, poses[:, own], inputs[:, own], parameters, periods)]
+            parts += [begin, carry(begin, begun[:, own], inputs[:, own], parameters, periods)]
         return ca.horzcat(*parts)
 
     @cached_property
     def path_sensitivities(self) -> Expression:
-        """The same derivatives at every point of `path`: (states, G * (p + states))."""
+        """Derivatives of every point of `path`, as `sensitivities` has those of samples:
+        (states, G * (p + states)).
+        """
         if self.refine == 1:
             return self.sensitivities
-        count, between = self.samples, self.refine - 1
-        width = len(self.model.parameters) + len(self.model.states)
-        carry = carrier(self.model, self.integration).map(count * between)
+        count, between, width = self.samples, self.refine - 1, self.columns
+        carry = carrier(self.system).map(count * between)
         fractions = ca.DM(np.tile(np.arange(1, self.refine) / self.refine, count)).T
         columns = np.repeat(np.arange(count), between).tolist()
         repeated = ca.repmat(self.parameters, 1, count * between)
@@ -113,24 +138,23 @@ class Drive:
         for run in range(self.runs):
             first = run * (count + 1)
             known = self.sensitivities[:, first * width : (first + count + 1) * width]
-            poses = self.poses[first : first + count, :].T
+            begun = self.states[first : first + count, :].T
             held = self.inputs[run * count : (run + 1) * count, :].T
             wide = (np.array(columns)[:, None] * width + np.arange(width)).ravel().tolist()
             inner = carry(
-                known[:, wide], poses[:, columns], held[:, columns], repeated, self.period * fractions
+                known[:, wide], begun[:, columns], held[:, columns], repeated, self.period * fractions
             )
             order = _interleaved(count, self.refine)
             wide = (order[:, None] * width + np.arange(width)).ravel().tolist()
             parts.append(ca.horzcat(known, inner)[:, wide])
         return ca.horzcat(*parts)
 
-    def again(self, parameters: Expression, start: Expression, model: Model | None = None) -> Drive:
-        """The drive that the same inputs give a robot with other parameters (p,) from other starts
-        (runs, states), or another model of it.
+    def again(self, parameters: Expression, start: Expression, system: System | None = None) -> Drive:
+        """The drive that the same inputs give a system with other parameters (p,) from other starts
+        (runs, states), or the same seen through others.
         """
         return roll_out(
-            model or self.model,
-            self.integration,
+            system or self.system,
             inputs=self.inputs,
             start=start,
             parameters=parameters,
@@ -139,13 +163,26 @@ class Drive:
             runs=self.runs,
         )
 
+    @property
+    def speeds(self) -> Expression:
+        """How fast the system moves through space in each period [m/s], (N, 1); 0 of one that does not."""
+        return ca.hypot(*ca.horzsplit(self.signals["velocity"])) if self.moves else 0 * self.inputs[:, 0]
+
     def path_length(self, softening: float = 1e-9) -> Expression:
-        """Distance travelled by the robot's origin [m].
+        """Distance travelled through space [m]; 0 of a system that has no velocity.
 
         `softening` [m/s] rounds the speed's corner at rest, for optimisers that need finite curvature.
         """
-        speed = ca.sqrt(self.twist[:, 0] ** 2 + self.twist[:, 1] ** 2 + softening**2)
+        if not self.moves:
+            return 0 * self.period
+        first, second = ca.horzsplit(self.signals["velocity"])
+        speed = ca.sqrt(first**2 + second**2 + softening**2)
         return ca.sum1(speed - softening) * self.period
+
+    @property
+    def moves(self) -> bool:
+        """Whether the system moves through space."""
+        return "velocity" in self.signals
 
 
 @dataclass(frozen=True)
@@ -155,32 +192,30 @@ class DriveShape(Drive):
     @cached_property
     def sensitivities(self) -> Expression:
         """Symbols."""
-        states = len(self.model.states)
         count = (self.samples + 1) * self.runs
-        return ca.MX.sym("sensitivities", states, count * (len(self.model.parameters) + states))
+        return ca.MX.sym("sensitivities", len(self.system.states), count * self.columns)
 
 
-def drive_shape(
-    model: Model, integration: Integration, *, samples: int, runs: int, period: float
-) -> DriveShape:
-    """The shape of a robot's drives of so many samples in each run, at its nominal parameters."""
-    count, states = samples * runs, len(model.states)
-    inputs, twist = ca.MX.sym("inputs", count, len(model.inputs)), ca.MX.sym("twist", count, 3)
-    poses = ca.MX.sym("poses", count + runs, states)
-    columns = _sample(model, integration).size1_out(1)
+def drive_shape(system: System, *, samples: int, runs: int, period: float) -> DriveShape:
+    """The shape of a system's drives of so many samples in each run, at its nominal parameters."""
+    count = samples * runs
+    inputs = ca.MX.sym("inputs", count, len(system.inputs))
+    function = signaller(system)
+    signals = {
+        name: ca.MX.sym(name, count, function.size1_out(place))
+        for place, name in enumerate(function.name_out())
+    }
+    states = ca.MX.sym("states", count + runs, len(system.states))
+    motion = signals.get(system.motion_signal, ca.MX(count, 0))
     return DriveShape(
-        model=model,
-        integration=integration,
-        parameters=ca.MX(ca.DM(model.nominal)),
+        system=system,
+        parameters=ca.MX(ca.DM(system.nominal)),
         period=ca.MX(period),
         inputs=inputs,
-        effective_inputs=ca.MX.sym("effective_inputs", count, columns),
-        twist=twist,
-        gain=ca.MX.sym("gain", count),
-        direction=ca.MX.sym("direction", count),
-        poses=poses,
-        path=poses,
-        motion=ca.repmat(twist, 2 if follows_state(model) else 1, 1),
+        signals=signals,
+        states=states,
+        path=states,
+        motion=ca.repmat(motion, 2 if follows_state(system) else 1, 1),
         input_values=inputs,
         input_rates=inputs,
         input_jerks=inputs,
@@ -188,46 +223,14 @@ def drive_shape(
     )
 
 
-@lru_cache(maxsize=32)
-def _sample(model: Model, integration: Integration) -> ca.Function:
-    # Everything a measurement may need of one period, as one function to map over the periods.
-    pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
-    gain, direction = chord(twist[2], pose[2], period, integration)
-    effective = model.effective_inputs(inputs, parameters)
-    return ca.Function("sample", [pose, inputs, parameters, period], [twist, effective, gain, direction])
-
-
-@lru_cache(maxsize=32)
-def carrier(model: Model, integration: Integration) -> ca.Function:
-    """The function (S, pose, inputs, parameters, period) -> S at the next sample, for the derivatives
-    S (states, p + states) of the pose by the parameters and the start state.
-    """
-    states, size = len(model.states), len(model.parameters)
-    pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
-    parameters, period = ca.SX.sym("p", size), ca.SX.sym("period")
-    before = ca.SX.sym("S", states, size + states)
-    following = step(model, integration)(pose, inputs, parameters, period)
-    direct = ca.horzcat(ca.jacobian(following, parameters), ca.SX(states, states))
-    after = ca.jacobian(following, pose) @ before + direct
-    return ca.Function("carry", [before, pose, inputs, parameters, period], [ca.densify(after)])
-
-
-@lru_cache(maxsize=32)
-def _twist(model: Model) -> ca.Function:
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    return ca.Function("twist", [inputs, parameters], [model.twist(inputs, parameters)])
-
-
 def roll_out(
-    model: Model,
-    integration: Integration,
+    system: System,
     *,
     inputs: Expression,
-    start: Expression,
     parameters: Expression,
     period: Expression,
+    start: Expression | None = None,
+    states: Sequence[Expression] | None = None,
     input_values: Expression | None = None,
     input_rates: Expression | None = None,
     input_jerks: Expression | None = None,
@@ -235,103 +238,51 @@ def roll_out(
     refine: int = 1,
     runs: int = 1,
 ) -> Drive:
-    """The drive that holds `inputs` (N, inputs) from `start` (runs, states).
+    """The drive that holds `inputs` (N, inputs) from `start` (runs, states), or through known `states`.
 
     Args:
-        model: the robot.
-        integration: rule by which its poses follow from its twist.
+        system: that is driven.
         inputs: one row per period, of all runs.
-        start: of every run; of a single one also (states,).
         parameters: (p,).
         period: sample period T [s].
+        start: of every run; of a single one also (states,).
+        states: instead, those at the samples, of every run (states, N / runs + 1); that the inputs lead from
+            one to the next is the caller's affair.
         input_values: what bounds the inputs at all times checked; the inputs themselves by default.
         input_rates: what bounds their derivatives.
         input_jerks: what bounds their second derivatives.
-        motion_inputs: inputs whose twists limits on the motion apply to; by default those held. A robot that
-            follows them with a lag moves by those held, whatever is asked for between.
+        motion_inputs: inputs whose motion limits apply to; by default those held. A system that follows them
+            with a lag moves by those held, whatever is asked for between.
         refine: path points per sample.
         runs: how many runs of equal length the periods are shared out to.
     """
     each = inputs.shape[0] // runs
-    repeated, periods = ca.repmat(parameters, 1, each), ca.repmat(period, 1, each)
-    begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
-    accumulate = step(model, integration).mapaccum(each)
-    following = [
-        accumulate(begin[:, run], inputs[run * each : (run + 1) * each, :].T, repeated, periods)
-        for run in range(runs)
-    ]
-    return drive_through(
-        model,
-        integration,
-        inputs=inputs,
-        poses=[ca.horzcat(begin[:, run], part) for run, part in enumerate(following)],
-        parameters=parameters,
-        period=period,
-        input_values=input_values,
-        input_rates=input_rates,
-        input_jerks=input_jerks,
-        motion_inputs=motion_inputs,
-        refine=refine,
-    )
-
-
-def drive_through(
-    model: Model,
-    integration: Integration,
-    *,
-    inputs: Expression,
-    poses: list[Expression],
-    parameters: Expression,
-    period: Expression,
-    input_values: Expression | None = None,
-    input_rates: Expression | None = None,
-    input_jerks: Expression | None = None,
-    motion_inputs: Expression | None = None,
-    refine: int = 1,
-) -> Drive:
-    """The drive that holds `inputs` (N, inputs), given its poses at the samples.
-
-    Args:
-        model: the robot.
-        integration: rule by which its poses follow from its twist.
-        inputs: one row per period, of all runs.
-        poses: of every run, (states, N / runs + 1); that the inputs lead from one to the next is the caller's
-            affair.
-        parameters: (p,).
-        period: sample period T [s].
-        input_values: as in `roll_out`, like all that follows.
-        input_rates: what bounds their derivatives.
-        input_jerks: what bounds their second derivatives.
-        motion_inputs: inputs whose twists limits on the motion apply to.
-        refine: path points per sample.
-    """
-    count, runs = inputs.shape[0], len(poses)
-    each = count // runs
-    held, repeated = inputs.T, ca.repmat(parameters, 1, count)
-    periods = ca.repmat(period, 1, count)
-    advance = step(model, integration)
     slices = [slice(run * each, (run + 1) * each) for run in range(runs)]
-    begun = ca.horzcat(*(part[:, :each] for part in poses))
-    twist, effective, gain, direction = _sample(model, integration).map(count)(begun, held, repeated, periods)
-    if follows_state(model):
-        motion = _actual_motion(model, poses, held, parameters)
+    if states is None:
+        states = _stepped(system, [inputs[own, :].T for own in slices], start, parameters, period)
+    count, held = inputs.shape[0], inputs.T
+    begun = ca.horzcat(*(part[:, :each] for part in states))
+    repeated, periods = ca.repmat(parameters, 1, count), ca.repmat(period, 1, count)
+    function = signaller(system)
+    found = function.map(count).call([begun, held, repeated, periods]) if function.n_out() else []
+    signals = {name: one.T for name, one in zip(function.name_out(), found, strict=True)}
+    if follows_state(system):
+        motion = _actual_motion(system, states, held, parameters)
+    elif motion_inputs is None:
+        motion = signals.get(system.motion_signal, inputs[:, []])
     else:
-        motion = twist.T if motion_inputs is None else asked_motion(model, motion_inputs, parameters)
+        motion = _asked_motion(system, motion_inputs, parameters)
     path = [
-        _refined_path(advance, part, held[:, own], parameters, period, refine)
-        for part, own in zip(poses, slices, strict=True)
+        _refined_path(stepper(system), part, held[:, own], parameters, period, refine)
+        for part, own in zip(states, slices, strict=True)
     ]
     return Drive(
-        model=model,
-        integration=integration,
+        system=system,
         parameters=parameters,
         period=period,
         inputs=inputs,
-        effective_inputs=effective.T,
-        twist=twist.T,
-        gain=gain.T,
-        direction=direction.T,
-        poses=ca.horzcat(*poses).T,
+        signals=signals,
+        states=ca.horzcat(*states).T,
         path=ca.horzcat(*path).T,
         motion=motion,
         input_values=inputs if input_values is None else input_values,
@@ -342,34 +293,43 @@ def drive_through(
     )
 
 
-def asked_motion(model: Model, inputs: Expression, parameters: Expression) -> Expression:
-    """The twists (K, 3) that inputs (K, inputs) ask for, whether or not the robot follows them at once."""
+def _stepped(
+    system: System,
+    held: Sequence[Expression],
+    start: Expression | None,
+    parameters: Expression,
+    period: Expression,
+) -> list[Expression]:
+    # The states at the samples of every run, (states, N / runs + 1).
+    each = held[0].shape[1]
+    repeated, periods = ca.repmat(parameters, 1, each), ca.repmat(period, 1, each)
+    assert start is not None, "either a start or the states"
+    begin = start.T if len(held) > 1 else ca.reshape(start, -1, 1)
+    accumulate = stepper(system).mapaccum(each)
+    following = [accumulate(begin[:, run], own, repeated, periods) for run, own in enumerate(held)]
+    return [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
+
+
+def _asked_motion(system: System, inputs: Expression, parameters: Expression) -> Expression:
+    # The motion (K, m) that inputs (K, inputs) ask for, of a system that follows them at once.
     count = inputs.shape[0]
-    return _twist(model).map(count)(inputs.T, ca.repmat(parameters, 1, count)).T
+    state = ca.DM.zeros(len(system.states), count)
+    return mover(system).map(count)(state, inputs.T, ca.repmat(parameters, 1, count)).T
 
 
 def _actual_motion(
-    model: Model, poses: list[Expression], held: Expression, parameters: Expression
+    system: System, states: Sequence[Expression], held: Expression, parameters: Expression
 ) -> Expression:
-    # The twists where periods begin, then those where they end, (2 N, 3): the inputs jump in between.
+    # Where periods begin, then where they end, (2 N, m): the inputs jump in between.
     count = held.shape[1]
-    begins = ca.horzcat(*(part[:, :-1] for part in poses))
-    ends = ca.horzcat(*(part[:, 1:] for part in poses))
-    states, twice = ca.horzcat(begins, ends), ca.horzcat(held, held)
-    return _instant(model).map(2 * count)(states, twice, ca.repmat(parameters, 1, 2 * count)).T
-
-
-@lru_cache(maxsize=32)
-def _instant(model: Model) -> ca.Function:
-    # The twist that a robot has in a state with inputs.
-    state = ca.SX.sym("state", len(model.states))
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    twist = model.mean_twist(state, model.twist(inputs, parameters), parameters, ca.SX(0))
-    return ca.Function("instant", [state, inputs, parameters], [twist])
+    begins = ca.horzcat(*(part[:, :-1] for part in states))
+    ends = ca.horzcat(*(part[:, 1:] for part in states))
+    both, twice = ca.horzcat(begins, ends), ca.horzcat(held, held)
+    return mover(system).map(2 * count)(both, twice, ca.repmat(parameters, 1, 2 * count)).T
 
 
 @dataclass(frozen=True)
-class Moment(Drive):
+class Instant(Drive):
     """One instant of a drive, some way through a period: `path` and `motion` are a single row.
 
     Attributes:
@@ -382,14 +342,13 @@ class Moment(Drive):
     @cached_property
     def path_sensitivities(self) -> Expression:
         """Derivatives of the point by the parameters and the start state of its run: (states, p + states)."""
-        carry = carrier(self.model, self.integration)
-        state, inputs = self.poses[0, :].T, self.inputs.T
+        carry = carrier(self.system)
+        state, inputs = self.states[0, :].T, self.inputs.T
         return carry(self.begin_sensitivities, state, inputs, self.parameters, self.period)
 
 
-def moment(
-    model: Model,
-    integration: Integration,
+def instant_of(
+    system: System,
     *,
     state: Expression,
     inputs: Expression,
@@ -398,12 +357,11 @@ def moment(
     elapsed: Expression,
     begin_sensitivities: Expression | None = None,
     run: int = 0,
-) -> Moment:
+) -> Instant:
     """The instant `elapsed` [s] after a period began in `state` (states,), of a drive's run.
 
     Args:
-        model: the robot.
-        integration: rule by which its poses follow from its twist.
+        system: that is driven.
         state: at the period's begin.
         inputs: held in the period, (inputs,).
         asked: values of the splines at the instant, (inputs,).
@@ -413,8 +371,7 @@ def moment(
         run: which one.
     """
     drive = roll_out(
-        model,
-        integration,
+        system,
         inputs=inputs.T,
         start=state,
         parameters=parameters,
@@ -424,26 +381,26 @@ def moment(
     )
     parts = {entry.name: getattr(drive, entry.name) for entry in fields(drive)}
     parts |= {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
-    return Moment(**parts, begin_sensitivities=begin_sensitivities)
+    return Instant(**parts, begin_sensitivities=begin_sensitivities)
 
 
 def _refined_path(
     advance: ca.Function,
-    poses: Expression,
+    states: Expression,
     held: Expression,
     parameters: Expression,
     period: Expression,
     refine: int,
 ) -> Expression:
     if refine == 1:
-        return poses
-    # The poses at the samples are known; between them, refine - 1 steps of a fraction of the period.
+        return states
+    # The states at the samples are known; between them, refine - 1 steps of a fraction of the period.
     count, between = held.shape[1], refine - 1
     columns = np.repeat(np.arange(count), between).tolist()
     fractions = ca.DM(np.tile(np.arange(1, refine) / refine, count)).T
     repeated = ca.repmat(parameters, 1, count * between)
-    inner = advance.map(count * between)(poses[:, columns], held[:, columns], repeated, period * fractions)
-    return ca.horzcat(poses, inner)[:, _interleaved(count, refine).tolist()]
+    inner = advance.map(count * between)(states[:, columns], held[:, columns], repeated, period * fractions)
+    return ca.horzcat(states, inner)[:, _interleaved(count, refine).tolist()]
 
 
 def _interleaved(count: int, refine: int) -> npt.NDArray[np.int_]:

@@ -1,21 +1,15 @@
-"""The design: B-splines of the inputs, a start pose, and the space of them that a study allows."""
+"""The design: B-splines of the inputs, and start states."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
 
-from oed.foundation.component import Component
-from oed.foundation.quantities import Angle, Duration, Length
 from oed.kernel.dynamics import spline
-from oed.robots.models.model import Integration
 
 Array = npt.NDArray[np.float64]
 
@@ -51,7 +45,7 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A drive: splines of the inputs over time, held sample by sample, from a start pose.
+    """A drive: splines of the inputs over time, held sample by sample, from a start state.
 
     A drive may consist of several runs, each from a start of its own: then their splines follow each other
     on one clock and have nothing in common where they meet.
@@ -60,8 +54,8 @@ class Trajectory:
         knots: (n + degree + 1,) [s], clamped, from 0 to the duration; the same in every run.
         degree: of the splines.
         coefficients: (n, inputs), in the inputs' SI units.
-        start: start state (states,): x [m], y [m], heading [rad], ...; of several runs (runs, states).
-        samples: N; the robot holds each input at its spline's value in the middle of each period.
+        start: start state (states,), SI; of several runs (runs, states).
+        samples: N; the system holds each input at its spline's value in the middle of each period.
         runs: how many runs of equal length the N samples are shared out to.
     """
 
@@ -140,7 +134,7 @@ class Trajectory:
     @property
     def starts(self) -> Array:
         """The start state of every run, (runs, states)."""
-        return self.start.reshape(-1, self.start.shape[-1])
+        return self.start if self.start.ndim == 2 else self.start[None, :]
 
     @cached_property
     def each(self) -> tuple[Trajectory, ...]:
@@ -235,130 +229,3 @@ class Trajectory:
             held = (held_rates, held_jerks)[order - 1]
             found += [held(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
         return np.concatenate(found)
-
-
-class Spline(Component):
-    """The inputs' splines: degree, and coefficients per input (those that rest fixes included)."""
-
-    degree: Annotated[int, Field(ge=0, le=7)] = 3
-    coefficients: Annotated[int, Field(ge=1, le=100_000)] = 16
-
-
-class StartPose(Component):
-    """A fixed start pose: x [m], y [m], heading [rad]."""
-
-    x: Length = 0.0
-    y: Length = 0.0
-    heading: Angle = 0.0
-
-
-class DesignSpace(Component):
-    """All drives that a study allows: duration [s], samples N, splines, start, rest and integration rule.
-
-    `rest_to_rest` fixes the first and last coefficient of every input at 0. With several `runs` the drive is
-    a series of them, each with this duration, samples and spline and a start of its own; a single start
-    pose holds for all.
-    """
-
-    duration: Annotated[Duration, Field(gt=0)]
-    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 200
-    spline: Spline = Spline()
-    start: StartPose | Annotated[tuple[StartPose, ...], Field(min_length=1)] | Literal["free"] = StartPose()
-    rest_to_rest: bool = True
-    integration: Integration = "arc"
-    runs: Annotated[int, Field(ge=1, le=100)] = 1
-
-    @model_validator(mode="after")
-    def _start_for_every_run(self) -> DesignSpace:
-        if isinstance(self.start, tuple) and len(self.start) != self.runs:
-            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
-        return self
-
-    @property
-    def period(self) -> float:
-        """Sample period T [s]."""
-        return self.duration / self.samples
-
-    @property
-    def all_samples(self) -> int:
-        """Samples of all runs together."""
-        return self.runs * self.samples
-
-    @property
-    def whole_duration(self) -> float:
-        """Duration of all runs together [s]."""
-        return self.runs * self.duration
-
-    @property
-    def all_coefficients(self) -> int:
-        """Spline coefficients of an input in all runs together."""
-        return self.runs * self.spline.coefficients
-
-    @property
-    def knots(self) -> Array:
-        """Knots of the splines [s], of all runs on one clock."""
-        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
-        return spline.repeated_knots(own, self.spline.degree, self.runs)
-
-    @property
-    def sampling_matrix(self) -> Array:
-        """(N, n): takes coefficients to the inputs held in each period."""
-        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
-        held = spline.basis(own, self.spline.degree, middles(self.duration, self.samples))
-        return np.asarray(np.kron(np.eye(self.runs), held.toarray()))
-
-    @property
-    def rate_matrix(self) -> Array:
-        """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
-        of the rate at all times; for degree 0, the rates from period to period.
-        """
-        if self.spline.degree == 0:
-            return self._of_every_run(held_rates)
-        return spline.derivative(self.knots, self.spline.degree)[0].toarray()
-
-    @property
-    def jerk_matrix(self) -> Array:
-        """The same of the inputs' second derivatives; for degrees 0 and 1, those of `held_jerks`."""
-        degree = self.spline.degree
-        if degree < 2:
-            return self._of_every_run(held_jerks)
-        first, knots = spline.derivative(self.knots, degree)
-        second, _ = spline.derivative(knots, degree - 1)
-        return second @ first.toarray()
-
-    def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
-        # The matrix of what is held of a run's splines, for all runs.
-        count, degree = self.spline.coefficients, self.spline.degree
-        own = spline.clamped_knots(self.duration, count, degree)
-        return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
-
-    @property
-    def free_rows(self) -> npt.NDArray[np.int64]:
-        """Indices of the coefficients that are free; the others are 0."""
-        own = np.arange(self.spline.coefficients)
-        own = own[1:-1] if self.rest_to_rest else own
-        return np.concatenate([run * self.spline.coefficients + own for run in range(self.runs)])
-
-    @property
-    def start_is_free(self) -> bool:
-        """Whether the start pose is part of the design."""
-        return self.start == "free"
-
-    @property
-    def fixed_starts(self) -> Array | None:
-        """The start pose (x, y, heading) of every run, (runs, 3), where they are fixed."""
-        if isinstance(self.start, str):
-            return None
-        poses = self.start if isinstance(self.start, tuple) else (self.start,) * self.runs
-        return np.array([(pose.x, pose.y, pose.heading) for pose in poses])
-
-    def trajectory(self, coefficients: npt.ArrayLike, start: npt.ArrayLike) -> Trajectory:
-        """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
-        return Trajectory(
-            self.knots,
-            self.spline.degree,
-            np.asarray(coefficients),
-            np.asarray(start),
-            self.all_samples,
-            self.runs,
-        )

@@ -17,9 +17,9 @@ from oed.foundation.errors import Flaw
 from oed.foundation.text import words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.matrices import harmonic
 from oed.kernel.measurement.square_root import reduced
-from oed.robots.models.model import Model
 
 if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
@@ -32,7 +32,7 @@ class Nuisance:
     """A constant that the readings depend on and nobody asks for, eliminated from the information.
 
     Attributes:
-        name: "initial_pose.x", "yaw_rate.bias", ...
+        name: "start.x", "gyroscope.bias", ...
         nominal: value designed for, SI.
         unit: SI unit.
         deviation: standard deviation known beforehand, SI; None where nothing is known.
@@ -49,7 +49,7 @@ class Block:
     """Readings estimated together: their information on the parameters, and on nuisances after them.
 
     Attributes:
-        name: "position", "heading", "joint", ...
+        name: "position", "joint", ...
         parameters: the parameters' names.
         nominal: their nominal values, (p,), SI.
         units: their SI units ("" for a ratio).
@@ -171,8 +171,8 @@ class Measurement(Component, ABC):
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """The estimations that this measurement of `drive` allows, each with its own parameters."""
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
-        """What makes this measurement impossible for `model` and that many samples; [] if nothing."""
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """What makes this measurement impossible for `system` and that many samples; [] if nothing."""
         return []
 
     @property

@@ -1,7 +1,7 @@
 """Sensors: readings that depend on the drive as it truly was, and are estimated from together.
 
 A sensor says what it reads at one moment, and how noisy that is. Its dependence on the parameters, the
-initial pose and its own nuisances follows by the chain rule along the drive, for every robot alike.
+start state and its own nuisances follows by the chain rule along the drive, for every system alike.
 """
 
 from __future__ import annotations
@@ -11,77 +11,64 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import lcm
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, cast
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
-from oed.foundation.quantities import Angle, Length
-from oed.foundation.text import count, given_text, listing, words
+from oed.foundation.text import count, words
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.rollout import Drive, Named
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
-from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
 
-class PosePrior(Component):
-    """How well the initial pose is known beforehand: standard deviations [m, rad].
-
-    `heading` is that of a trailer's angle as well; of a yaw rate that lags nothing is taken to be known.
-    """
-
-    position: Annotated[Length, Field(gt=0)]
-    heading: Annotated[Angle, Field(gt=0)]
-
-
-InitialPose = Literal["unknown", "known"] | PosePrior
-
-
-class LeverArm(Component):
-    """Where on the robot a sensor sits: ahead of its origin, and to the left [m].
-
-    With `known: false` the place is estimated along; `deviation` is what is known of it beforehand.
-    """
-
-    x: Length = 0.0
-    y: Length = 0.0
-    known: bool = True
-    deviation: Annotated[Length, Field(gt=0)] | None = None
-
-    @model_validator(mode="after")
-    def _deviation_of_what_is_unknown(self) -> LeverArm:
-        if self.known and self.deviation is not None:
-            raise ValueError("a deviation belongs to a lever arm that is estimated: add known: false")
-        return self
+Start = Literal["unknown", "known"] | Mapping[str, float]
+"""What is known of the start states: nothing, all, or standard deviations by their units."""
 
 
 @dataclass(frozen=True)
-class Moment:
+class Moment(Named):
     """What a sensor may read at one time; expressions.
 
     Attributes:
-        pose: (states,).
+        system: that is driven.
+        state: (states,).
         inputs: held at that time, (inputs,).
-        twist: forward and lateral speed [m/s], yaw rate [rad/s], (3,): of the motion at that instant, or the
-            mean of the period.
+        signals: the system's, at that instant or as means of the period; attributes by their names.
         nuisances: the sensor's own, by the names it gave them.
     """
 
-    pose: Expression
+    system: System
+    state: Expression
     inputs: Expression
-    twist: Expression
+    signals: Mapping[str, Expression]
     nuisances: Mapping[str, Expression]
 
 
-MOST = 32
-"""States and inputs of a moment at which nothing is known: at least as many as any robot has."""
+class AnyMoment:
+    """A moment at which nothing is known: symbols for all that is asked.
+
+    Attributes:
+        SIZE: entries of each, more than any system's state or signal has.
+        nuisances: the sensor's own.
+    """
+
+    SIZE = 32
+
+    def __init__(self, nuisances: Mapping[str, Expression]) -> None:
+        """Keep the nuisances."""
+        self.nuisances = nuisances
+
+    def __getattr__(self, name: str) -> Expression:
+        """A symbol."""
+        return ca.SX.sym(name, self.SIZE)
 
 
 class Sensor(Measurement):
@@ -115,8 +102,8 @@ class Sensor(Measurement):
         return ()
 
     @property
-    def initial_pose_known(self) -> InitialPose | None:
-        """What the sensor's owner knows of the initial pose; None for a sensor it does not concern."""
+    def start_known(self) -> Start | None:
+        """What its owner knows of the start states; None for a sensor they do not concern."""
         return None
 
     @property
@@ -125,7 +112,7 @@ class Sensor(Measurement):
         return None
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
-        """One block: the robot's parameters, with the initial pose and the sensor's nuisances."""
+        """One block: the system's parameters, with the start states and the sensor's nuisances."""
         return (joint_block((self,), drive),)
 
     @property
@@ -165,8 +152,7 @@ class Sensor(Measurement):
         if whole is not None:
             return noise_text(ca.DM(whole), self.units * (len(whole) // max(1, len(self.units))))
         own = {nuisance.name: ca.SX.sym(nuisance.name) for nuisance in self.nuisances}
-        pose, inputs, twist = (ca.SX.sym(name, MOST) for name in ("pose", "inputs", "twist"))
-        return noise_text(self.whitening(Moment(pose, inputs, twist, own)), self.units)
+        return noise_text(self.whitening(cast(Moment, AnyMoment(own))), self.units)
 
     @property
     def remark(self) -> str:
@@ -182,56 +168,6 @@ class Sensor(Measurement):
         when = when_text("sample" if self.when == "at samples" else "period", self.every)
         times = count(len(self.columns(samples)), "time")
         return f"{self.subject} {when} ({times}) with {self.noise_text}{self.remark}"
-
-
-class PlacedSensor(Sensor):
-    """A sensor that follows a point of the robot.
-
-    Attributes:
-        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
-        lever_arm: where on the robot that point is.
-    """
-
-    initial_pose: InitialPose = "unknown"
-    lever_arm: LeverArm = LeverArm()
-
-    @property
-    def initial_pose_known(self) -> InitialPose | None:
-        """What is known of the initial pose."""
-        return self.initial_pose
-
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The lever arm's coordinates, where they are not known."""
-        arm = self.lever_arm
-        if arm.known:
-            return ()
-        return (
-            Nuisance("lever_arm.x", arm.x, "m", arm.deviation),
-            Nuisance("lever_arm.y", arm.y, "m", arm.deviation),
-        )
-
-    @property
-    def remark(self) -> str:
-        """Where the point is, unless it is the robot's origin."""
-        sides = (
-            (self.lever_arm.x, "ahead of", "behind"),
-            (self.lever_arm.y, "to the left of", "to the right of"),
-        )
-        parts = [
-            f"{given_text(abs(offset), 'm')} {plus if offset > 0 else minus}"
-            for offset, plus, minus in sides
-            if offset
-        ]
-        return f", taken {listing(parts)} the robot's origin" if parts else ""
-
-    def position(self, moment: Moment) -> tuple[Expression, Expression]:
-        """Where the point is: x, y [m]."""
-        ahead = moment.nuisances.get("lever_arm.x", self.lever_arm.x)
-        left = moment.nuisances.get("lever_arm.y", self.lever_arm.y)
-        x, y, heading = moment.pose[0], moment.pose[1], moment.pose[2]
-        cosine, sine = ca.cos(heading), ca.sin(heading)
-        return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
 
 
 @dataclass(frozen=True)
@@ -259,14 +195,14 @@ def readings(sensor: Sensor, drive: Drive) -> Readings:
     columns = [run * (samples + 1) + column for run in runs for column in own]
     # At the last sample's instant the inputs are those held until then.
     held = [run * samples + min(column, samples - 1) for run in runs for column in own]
-    width = len(drive.model.parameters) + len(drive.model.states)
+    width = len(drive.system.parameters) + len(drive.system.states)
     stacked = [width * column + offset for column in columns for offset in range(width)]
     values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
     count = len(columns)
     period = drive.period if sensor.when == "in periods" else 0.0
-    each = moment_reading(sensor, drive.model).map(count)
+    each = moment_reading(sensor, drive.system).map(count)
     response, transposed, whitening, white_response, white_transposed = each(
-        drive.poses.T[:, columns],
+        drive.states.T[:, columns],
         drive.sensitivities[:, stacked],
         drive.inputs.T[:, held],
         ca.repmat(drive.parameters, 1, count),
@@ -304,13 +240,13 @@ def _by_run(transposed: Expression, drive: Drive) -> Expression:
     # Every run has a start state of its own: rows of derivatives by it, for the run's own readings.
     if drive.runs == 1:
         return transposed
-    size, states = len(drive.model.parameters), len(drive.model.states)
+    size, states = len(drive.system.parameters), len(drive.system.states)
     starts = ca.horzsplit(transposed[size : size + states, :], transposed.shape[1] // drive.runs)
     return ca.vertcat(transposed[:size, :], ca.diagcat(*starts), transposed[size + states :, :])
 
 
 def row_times(
-    sensors: Sequence[Sensor], model: Model, samples: int, runs: int
+    sensors: Sequence[Sensor], system: System, samples: int, runs: int
 ) -> list[tuple[str, int, float]]:
     """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods."""
     return [
@@ -318,33 +254,33 @@ def row_times(
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
         for run in range(runs)
         for column in sensor.columns(samples)
-        for _ in range(moment_reading(sensor, model).size1_out(0))
+        for _ in range(moment_reading(sensor, system).size1_out(0))
     ]
 
 
 @lru_cache(maxsize=64)
-def moment_reading(sensor: Sensor, model: Model) -> ca.Function:
-    """What a sensor reads at one moment, as a function of (pose, S, inputs, parameters, nuisances, period).
+def moment_reading(sensor: Sensor, system: System) -> ca.Function:
+    """What a sensor reads at one moment, as a function of (state, S, inputs, parameters, nuisances, period).
 
-    S (states, p + states) are the pose's derivatives by parameters and start. The results are the reading
+    S (states, p + states) are the state's derivatives by parameters and start. The results are the reading
     (q,), its derivatives by these and the nuisances (columns, q), its whitening (q, q), and the first two in
     units of the noise.
     """
-    states, size = len(model.states), len(model.parameters)
-    pose, inputs = ca.SX.sym("pose", states), ca.SX.sym("inputs", len(model.inputs))
+    states, size = len(system.states), len(system.parameters)
+    state, inputs = ca.SX.sym("state", states), ca.SX.sym("inputs", len(system.inputs))
     parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
     period = ca.SX.sym("period")
     carried = ca.SX.sym("S", states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
-    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
-    moment = Moment(pose, inputs, twist, dict(zip(names, ca.vertsplit(own), strict=True)))
+    signals = system.signals(state, inputs, parameters, period)
+    moment = Moment(system, state, inputs, signals, dict(zip(names, ca.vertsplit(own), strict=True)))
     reading, whitening = sensor.reading(moment), sensor.whitening(moment)
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
-    through = ca.jacobian(reading, pose) @ carried + direct
+    through = ca.jacobian(reading, state) @ carried + direct
     jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
     return ca.Function(
         "reading",
-        [pose, carried, inputs, parameters, own, period],
+        [state, carried, inputs, parameters, own, period],
         [reading, jacobian.T, ca.densify(whitening), whitening @ reading, (whitening @ jacobian).T],
     )
 
@@ -380,7 +316,7 @@ class JointReadings:
 def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> JointReadings:
     """What all sensors read of `drive`, their nuisances at nominal values."""
     each = tuple(readings(sensor, drive) for sensor in sensors)
-    leading = len(drive.model.parameters) + drive.runs * len(drive.model.states)
+    leading = len(drive.system.parameters) + drive.runs * len(drive.system.states)
     return JointReadings(each, labelled_nuisances(sensors), leading)
 
 
@@ -394,28 +330,28 @@ def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
 
 
 def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
-    """The readings of all sensors as one estimation of the robot's parameters."""
-    model = drive.model
-    size = len(model.parameters)
-    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, model, drive.runs)
+    """The readings of all sensors as one estimation of the system's parameters."""
+    system = drive.system
+    size = len(system.parameters)
+    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, system, drive.runs)
     nuisances = (*start, *joint.nuisances)
-    # A start pose that is known is no unknown.
+    # A start that is known is no unknown.
     own = list(range(joint.leading, joint.leading + len(joint.nuisances)))
     design = joint.white_jacobian[:, [*range(size + len(start)), *own]]
     known = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
     matrix = design.T @ design + ca.diag(ca.DM(known))
     return Block(
         name="joint",
-        parameters=tuple(parameter.name for parameter in model.parameters),
-        nominal=np.array(model.nominal, dtype=float),
-        units=tuple(parameter.unit for parameter in model.parameters),
+        parameters=tuple(parameter.name for parameter in system.parameters),
+        nominal=np.array(system.nominal, dtype=float),
+        units=tuple(parameter.unit for parameter in system.parameters),
         response=ca.vertcat(*(one.white_response for one in joint.each)),
         design_matrix=design[:, :size],
         jacobian=design,
         information=lambda chosen: matrix[list(chosen), list(chosen)],
         noise=1.0,
         nuisances=nuisances,
-        sizes=np.array([parameter.scale for parameter in model.parameters]),
+        sizes=np.array([parameter.scale for parameter in system.parameters]),
     )
 
 
@@ -426,19 +362,18 @@ def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
     return Cuts(multiple=lcm(*(sensor.every for sensor in sensors)))
 
 
-def start_nuisances(sensors: Sequence[Sensor], model: Model, runs: int = 1) -> tuple[Nuisance, ...]:
-    """The initial poses' coordinates, run by run, that are estimated along; () where they are known or do
-    not matter.
-    """
-    known = [sensor.initial_pose_known for sensor in sensors if sensor.initial_pose_known is not None]
+def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) -> tuple[Nuisance, ...]:
+    """The start states, run by run, that are nuisances; () where they are known or do not matter."""
+    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
     if not known or known[0] == "known":
         return ()
-    prior = known[0] if isinstance(known[0], PosePrior) else None
-    deviations = {} if prior is None else {"m": prior.position, "rad": prior.heading}
+    deviations = known[0] if isinstance(known[0], Mapping) else {}
     return tuple(
-        Nuisance(f"initial_pose{f'_{run + 1}' if runs > 1 else ''}.{state}", 0.0, unit, deviations.get(unit))
+        Nuisance(
+            f"{system.start_name}{f'_{run + 1}' if runs > 1 else ''}.{state}", 0.0, unit, deviations.get(unit)
+        )
         for run in range(runs)
-        for state, unit in zip(model.states, model.state_units, strict=True)
+        for state, unit in zip(system.states, system.state_units, strict=True)
     )
 
 

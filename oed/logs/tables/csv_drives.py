@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.errors import LogError
+from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, Drive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
 from oed.logs.series import Gathered, Mask, Rows, Series
 from oed.logs.tables.sheet import Sheet, distinct_rows
-from oed.robots.models import Model
 
 
-def drives_in(sheet: Sheet, model: Model, gap: float | None = None) -> list[Drive]:
+def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Drive]:
     """Every run of a table, and every stretch of it that is kept.
 
     Args:
@@ -56,7 +56,7 @@ class _Run:
     """Rows of a sheet that are one run."""
 
     def __init__(
-        self, sheet: Sheet, model: Model, name: str, label: str | None, rows: Rows, runs: int
+        self, sheet: Sheet, model: System, name: str, label: str | None, rows: Rows, runs: int
     ) -> None:
         """Keep what it is, and how many runs there are in all."""
         self.sheet, self.model, self.name, self.label, self.runs = sheet, model, name, label, runs
@@ -140,7 +140,7 @@ def _with_anything(series: Series, rows: Rows) -> Rows:
     return rows[~(np.isnan(series.times[rows]) & np.isnan(series.values[rows]).all(axis=1))]
 
 
-def _ends_needed(sheet: Sheet, model: Model) -> tuple[Mask, Mask]:
+def _ends_needed(sheet: Sheet, model: System) -> tuple[Mask, Mask]:
     needed = [column.ends_needed(entry) for column, entry in zip(sheet.columns, model.inputs, strict=True)]
     first, last = np.array(needed, dtype=bool).T
     return first, last
@@ -158,7 +158,7 @@ def _with_inputs(values: np.typing.NDArray[np.float64], rows: Rows, first: bool,
     return np.asarray(rows[wanted])
 
 
-def _integrated(inputs: Series, sheet: Sheet, model: Model) -> Drive:
+def _integrated(inputs: Series, sheet: Sheet, model: System) -> Drive:
     flaws = inputs.clock_flaws()
     if not len(inputs):
         turned = []
@@ -170,7 +170,7 @@ def _integrated(inputs: Series, sheet: Sheet, model: Model) -> Drive:
         raise LogError(flaws)
     values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
     wraps = sum(one.wraps for one in turned)
-    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; made to run on"),)
+    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
     return Drive(
         name="",
         names=model.input_names,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator
 
 from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.kernel.dynamics.system import System
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
@@ -18,7 +19,6 @@ from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
 from oed.logs.tables.pose_columns import PoseColumns
 from oed.logs.tables.sheet import Layout, Wanted, read_sheet
 from oed.logs.tables.table import DELIMITERS, read_table
-from oed.robots.models import Model
 
 
 def _names(value: Any) -> Any:
@@ -34,7 +34,7 @@ class CsvForm(LogForm):
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
-        runs: the column that tells runs apart; "run" by default, where there is one.
+        runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
     """
 
@@ -47,11 +47,11 @@ class CsvForm(LogForm):
     runs: Annotated[Column, Short("column")] | None = None
     keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
 
-    def flaws(self, model: Model) -> list[Flaw]:
+    def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
         return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
 
-    def read(self, file: Path, model: Model) -> list[Log]:
+    def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
 
         Raises:

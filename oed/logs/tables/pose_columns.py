@@ -9,8 +9,8 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.system import System
 from oed.logs.tables.columns import PoseColumn, Short, TimeColumn, unit_reason
-from oed.robots.models import Model
 
 
 def _pose_column(value: Any) -> str:
@@ -62,7 +62,7 @@ class PoseColumns(Component):
         """Where the poses of a log are; None where they are in the log itself."""
         return None if self.file is None else log.parent / self.file.replace("{stem}", log.stem)
 
-    def flaws(self, model: Model) -> list[Flaw]:
+    def flaws(self, model: System) -> list[Flaw]:
         """States the robot does not have, units of another kind, nothing measured."""
         key, flaws = ("log", "poses"), []
         units = dict(zip(model.states, model.state_units, strict=True))

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.errors import FileFlaw, LogError
+from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Gathered, Mask, Rows, Series
 from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.pose_columns import PoseColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
-from oed.robots.models import Model
 
 Wanted = float | str | tuple[float, float]
 RUN = "run"
@@ -30,7 +30,7 @@ class Layout:
         time: of the inputs, and of the poses without a clock of their own.
         inputs: by the robot's names of them.
         poses: of the reference.
-        runs: tells runs apart; None for a column "run" where there is one.
+        runs: says which run a row belongs to; None for a column "run" where there is one.
         keep: values of columns, or [low, high], in rows whose poses are wanted.
     """
 
@@ -97,7 +97,7 @@ class Sheet:
     cut_off: bool
 
 
-def read_sheet(table: Table, layout: Layout, model: Model) -> Sheet:
+def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     """Find the columns and read them.
 
     Raises:
@@ -132,7 +132,7 @@ def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], r
     labels = gathered.take(lambda: _run_labels(table, runs))
     found = [one for one in read if one is not None]
     if clock is not None and gathered.flaws and labels is None:
-        # What is wrong with the times is told along with what is wrong with the numbers.
+        # What is wrong with the times is named along with what is wrong with the numbers.
         gathered.flaws += (
             _series(table, time, clock, ())
             .rows(distinct_rows(table, clock[1], np.arange(len(table.rows))))
@@ -168,14 +168,14 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 
 def _read_poses(
-    table: Table, beside: Path | None, layout: Layout, model: Model
+    table: Table, beside: Path | None, layout: Layout, model: System
 ) -> tuple[tuple[str, ...], Block]:
     poses, runs = layout.poses, layout.runs
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses)
     if beside is not None:
         table = read_table(beside)
-        # A file of poses need not tell runs apart, even where the log does.
+        # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
     block = _read_block(table, poses.time or layout.time, columns, runs)
@@ -189,7 +189,7 @@ def _read_tum(file: Path, poses: PoseColumns) -> Block:
     return Block(None, read_tum(file, tuple(poses.columns), factor))
 
 
-def _pose_columns(table: Table, poses: PoseColumns, model: Model) -> dict[str, PoseColumn]:
+def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:
     # Further states of the robot are read by their names where the table has them.
     by_name = {name: PoseColumn(column=name) for name in model.states[3:] if name in table.header}
     known = by_name | poses.columns
@@ -207,8 +207,8 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
         values = _numbers(table, place)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
-        told = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {told}")])
+        wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
+        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {wanted_rows}")])
     return kept
 
 

@@ -30,7 +30,7 @@ MOST = 2**30
 """Bytes of a log: days of driving."""
 
 NAMES = 40
-"""Of a header's columns that are shown."""
+"""Columns of a header that are shown."""
 
 _LOOKED_AT = 20
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
@@ -176,7 +176,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
         LogError: no such file, not text, or nothing in it.
     """
     texts = _lines(file)
-    # Most lines begin with a digit, which is enough to tell that they are rows.
+    # Most lines begin with a digit, which is enough to know that they are rows.
     kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
     if not kept:
         raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows")])
@@ -202,7 +202,7 @@ def _is_row(text: str) -> bool:
 
 
 def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
-    # A robot that is switched off leaves half a line.
+    # A robot that is switched off writes half a line.
     first, before, last = (len(cells(rows[index])) for index in (0, max(len(rows) - 2, 0), -1))
     return len(rows) > 1 and last < min(before, first)
 

@@ -34,7 +34,7 @@ class Terms(ABC):
     """Information and limit rows of a problem's drives as functions of the unknowns z.
 
     The unknowns are the free spline coefficients, in units of each input's largest speed, and the start
-    poses where they are free. Positions are limited at `refine` points per sample.
+    states where they are free. Positions are limited at `refine` points per sample.
 
     Attributes:
         size: of z; the first `coefficient_count` are spline coefficients.
@@ -48,7 +48,9 @@ class Terms(ABC):
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
         self.free = space.free_rows
         self.coefficient_count = len(self.free) * len(problem.model.inputs)
-        self.size = self.coefficient_count + (3 * space.runs if space.start_is_free else 0)
+        self.size = self.coefficient_count + (
+            problem.system.chosen_states * space.runs if space.start_is_free else 0
+        )
         self.unknowns: Expression = ca.SX.sym("z", self.size)
 
     @cached_property
@@ -58,7 +60,6 @@ class Terms(ABC):
         coefficients = self.coefficients
         return roll_out(
             robot,
-            space.integration,
             inputs=without_zeros(space.sampling_matrix) @ coefficients,
             start=self.starts,
             parameters=ca.SX(ca.DM(robot.nominal)),
@@ -72,7 +73,7 @@ class Terms(ABC):
 
     @property
     def coefficients(self) -> Expression:
-        """Of all splines (SX of `unknowns`), (n, inputs)."""
+        """Coefficients of all splines (SX of `unknowns`), (n, inputs)."""
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
         table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
@@ -85,8 +86,9 @@ class Terms(ABC):
         problem = self.problem
         if problem.fixed_starts is not None:
             return ca.SX(ca.DM(problem.fixed_starts))
-        poses = ca.reshape(self.unknowns[self.coefficient_count :], 3, problem.design.runs).T
-        return ca.horzcat(poses, ca.SX(problem.design.runs, len(problem.model.states) - 3))
+        runs, chosen = problem.design.runs, problem.system.chosen_states
+        free = ca.reshape(self.unknowns[self.coefficient_count :], chosen, runs).T
+        return ca.horzcat(free, ca.SX(runs, len(problem.system.states) - chosen))
 
     @property
     @abstractmethod
@@ -159,7 +161,6 @@ def small_drive(problem: Problem, held: Expression, start: Expression, refine: i
     """The drive of a few samples with `held` inputs (n, inputs) from a state."""
     return roll_out(
         problem.robot,
-        problem.design.integration,
         inputs=held,
         start=start,
         parameters=ca.SX(ca.DM(problem.robot.nominal)),

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.kernel.dynamics import spline
-from oed.kernel.dynamics.trajectory import DesignSpace, middles
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.trajectory import middles
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
@@ -25,7 +26,7 @@ class Layout:
         inputs: how many inputs the robot has.
     """
 
-    space: DesignSpace
+    space: Space
     samples: int
     inputs: int
 
@@ -82,9 +83,7 @@ class Layout:
         return np.asarray((offsets[None, :, None] + runs[:, None, :]).reshape(self.count, -1))
 
 
-def best_layout(
-    space: DesignSpace, inputs: int, *, multiple: int = 1, divisor: int | None = None
-) -> Layout | None:
+def best_layout(space: Space, inputs: int, *, multiple: int = 1, divisor: int | None = None) -> Layout | None:
     """The layout of least work whose pieces are of a multiple of `multiple` samples and divide `divisor`.
 
     None where no piece is both short and long enough.

@@ -154,11 +154,10 @@ def _sample(drive: Drive, place: int) -> Drive:
     first = 1 + place * drive.refine
     return replace(
         drive,
-        **{
-            name: getattr(drive, name)[place::SAMPLES, :]
-            for name in ("inputs", "effective_inputs", "twist", "gain", "direction", "motion")
-        },
-        poses=drive.poses[place : place + 2, :],
+        inputs=drive.inputs[place::SAMPLES, :],
+        motion=drive.motion[place::SAMPLES, :],
+        signals={name: signal[place::SAMPLES, :] for name, signal in drive.signals.items()},
+        states=drive.states[place : place + 2, :],
         path=drive.path[first : first + drive.refine, :],
     )
 

@@ -100,8 +100,9 @@ class Sweep:
         fixed = self.plan.problem.fixed_starts
         if fixed is not None:
             return ca.MX(ca.DM(fixed.T))
-        poses = ca.reshape(self.z[self.plan.size - 3 * self._runs :], 3, self._runs)
-        return ca.densify(ca.vertcat(poses, ca.MX(self._kernel.states - 3, self._runs)))
+        chosen = self.plan.problem.system.chosen_states
+        free = ca.reshape(self.z[self.plan.size - chosen * self._runs :], chosen, self._runs)
+        return ca.densify(ca.vertcat(free, ca.MX(self._kernel.states - chosen, self._runs)))
 
     @cached_property
     def _start_slopes(self) -> Array:
@@ -109,9 +110,10 @@ class Sweep:
         width, size = self._link.width, self.plan.size
         slopes = np.zeros((size, width * self._runs))
         if self.plan.problem.design.start_is_free:
+            chosen = self.plan.problem.system.chosen_states
             for run in range(self._runs):
-                for place in range(3):
-                    slopes[size - 3 * (self._runs - run) + place, run * width + place] = 1.0
+                for place in range(chosen):
+                    slopes[size - chosen * (self._runs - run) + place, run * width + place] = 1.0
         return slopes
 
     @cached_property
@@ -126,7 +128,7 @@ class Sweep:
 
     @cached_property
     def _rolled(self) -> tuple[Expression, ...]:
-        # What is handed on at every sample's begin, the pieces' end states, what they tell, their rows.
+        # What is handed on at every sample's begin, the pieces' end states, what they gather, their rows.
         return self._kernel.roll(self._starts, self._inputs)
 
     @cached_property
@@ -196,7 +198,7 @@ class Sweep:
     @cached_property
     def _piece_slopes(self) -> list[Expression]:
         # Of what pieces hand on, and of their information.
-        return [self._steps[1], self._kernel.told_slopes(self._steps[0], self._sample_slopes[1])]
+        return [self._steps[1], self._kernel.gathered_slopes(self._steps[0], self._sample_slopes[1])]
 
     @cached_property
     def _piece_rows(self) -> tuple[Expression, Expression]:
@@ -278,9 +280,9 @@ class Sweep:
         pulled = link.pull.map(count)(begin, begin_rows, added, own_rows)
         ends = join.weights(last, self._link_slopes[0], pulled)
         states, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
-        told = link.pull_told.map(count)(*self._arguments, carried, added)
+        gathered = link.pull_gathered.map(count)(*self._arguments, carried, added)
         given, steps = [self._rolled[0], self._inputs], self._steps[0]
-        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, told, own_rows])
+        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, gathered, own_rows])
         parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
         return total + more + self._first_curvature(first) + join.curvature(self._begin_slopes, *parts)
 

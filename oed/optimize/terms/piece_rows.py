@@ -66,6 +66,7 @@ class PieceRows:
         """
         self._problem, self._layout, self._cell = problem, layout, cell
         self._size, self._free = unknowns.shape[0], problem.design.start_is_free
+        self._chosen = problem.system.chosen_states
         self._pool = self._pooled(unknowns, list(needs.tables.values()))
         self._sort(needs)
 
@@ -123,8 +124,8 @@ class PieceRows:
     def _moved_starts(self, run: int) -> Moved:
         moved = np.zeros((self._cell.states, self._size), dtype=bool)
         if self._free:
-            first = self._size - 3 * (self._layout.space.runs - run)
-            moved[[0, 1, 2], [first, first + 1, first + 2]] = True
+            places = np.arange(self._chosen)
+            moved[places, self._size - self._chosen * (self._layout.space.runs - run) + places] = True
         return moved
 
     def _sort(self, needs: Needs) -> None:

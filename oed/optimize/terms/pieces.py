@@ -29,12 +29,12 @@ from oed.optimize.terms.whole_sweep import WholeSweep
 def divisible(problem: Problem) -> Layout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
-    That is so for robust limits and other robots, noise that readings share over time, segments of unequal
-    length, and samples without a suitable divisor.
+    That is so for robust limits and other systems, noise that readings share over time, segments of unequal
+    length, samples without a suitable divisor, and systems without states, which hand nothing on.
     """
     space = problem.design
     cuts = problem.measurement.cuts(space.samples)
-    if problem.robust is not None or cuts is None:
+    if problem.robust is not None or cuts is None or not problem.system.states:
         return None
     inputs, divisor = len(problem.robot.inputs), None if cuts.segment == 1 else cuts.segment
     return best_layout(space, inputs, multiple=cuts.multiple, divisor=divisor)
@@ -107,7 +107,7 @@ class Pieces(Terms):
 def _carry(problem: Problem, kernel: Kernel, totals: Totals) -> Carry:
     sensors = totals.sensors
     return Carry(
-        kernel.told,
+        kernel.gathered,
         states=kernel.states,
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),

@@ -89,14 +89,14 @@ class Unrolled(Terms):
 
 
 class OtherRobots:
-    """The information that the same inputs give other robots: one function of their parameters."""
+    """The information that a drive's inputs give other robots: one function of their parameters."""
 
     def __init__(self, problem: Problem, terms: Unrolled) -> None:
         """Write the expressions; functions are compiled when first used."""
         drive, z = terms.drive, terms.unknowns
         parameters = ca.SX.sym("p", len(problem.robot.parameters))
         shift = ca.SX.sym("shift", problem.design.runs, len(problem.robot.states))
-        begin, _ = drive.ends_of(drive.poses)
+        begin, _ = drive.ends_of(drive.states)
         other = drive.again(parameters, begin + shift)
         matrices = ca.cse([one.matrix for one in problem.estimations(other)])
         self.entries = ca.vertcat(*(upper_half(matrix) for matrix in matrices))
@@ -109,13 +109,13 @@ class OtherRobots:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """The same -> derivatives of the entries by z."""
+        """(z, parameters, shift of the start) -> derivatives of the entries by z."""
         slope = ca.jacobian(self.entries, self.arguments[0])
         return ca.Function("other_slopes", self.arguments, [ca.densify(slope)])
 
     @cached_property
     def hessian(self) -> ca.Function:
-        """(the same, weights of the entries) -> second derivatives by z of the weighted sum."""
+        """(z, parameters, shift, weights of the entries) -> second derivatives by z of the weighted sum."""
         z, weights = self.arguments[0], ca.SX.sym("entries", self.entries.shape[0])
         gradient = ca.gradient(ca.dot(weights, self.entries), z)
         curvature = ca.jtimes(gradient, z, ca.SX.eye(z.shape[0]))

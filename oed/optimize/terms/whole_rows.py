@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive, drive_through
+from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.terms.base import RowBounds, Terms, without_zeros
 from oed.optimize.terms.needs import Asked, splines_of
@@ -36,8 +36,8 @@ class SampleStates(Limit):
     columns: tuple[int, ...]
 
     def rows(self, drive: Drive) -> Rows:
-        """Every state of the last pose."""
-        states = drive.poses[-1, list(self.columns)].T
+        """Every state at the end."""
+        states = drive.states[-1, list(self.columns)].T
         unbounded = np.full(len(self.columns), np.inf)
         return Rows(states, -unbounded, unbounded, 1.0, "")
 
@@ -63,11 +63,11 @@ class Formulas:
         after = ca.SX.sym("after", space.all_samples, len(robot.states))
         held = ca.SX.sym("held", space.all_samples, len(robot.inputs))
         ends = ca.vertsplit(after, space.samples)
-        drive = drive_through(
+        drive = roll_out(
             robot,
-            space.integration,
             inputs=held,
-            poses=[ca.horzcat(terms.starts[run, :].T, end.T) for run, end in enumerate(ends)],
+            runs=space.runs,
+            states=[ca.horzcat(terms.starts[run, :].T, end.T) for run, end in enumerate(ends)],
             parameters=ca.SX(ca.DM(robot.nominal)),
             period=ca.SX(space.period),
             refine=terms.refine,
@@ -162,7 +162,7 @@ class WholeRows:
 
     @cached_property
     def bounds(self) -> list[RowBounds]:
-        """Of every limit's rows."""
+        """The bounds of every limit's rows."""
         kept = np.zeros(self._pattern.size1(), dtype=bool)
         kept[self._kept] = True
         edges = np.cumsum([len(rows.lower) for rows in self.formulas.rows[:-1]], dtype=int)

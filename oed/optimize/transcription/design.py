@@ -111,7 +111,9 @@ class DesignExpressions:
         if not same or not np.allclose(trajectory.knots, space.knots):
             raise ValueError("the trajectory's splines are not those of the design space")
         free = trajectory.coefficients[space.free_rows] / self.input_scale
-        start = trajectory.starts[:, :3] if space.start_is_free else np.zeros(0)
+        start = (
+            trajectory.starts[:, : self.problem.system.chosen_states] if space.start_is_free else np.zeros(0)
+        )
         return np.concatenate([free.ravel(order="F"), start.ravel()])
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:
@@ -164,7 +166,7 @@ class DesignExpressions:
 
 
 def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
-    # A drive that is not finite tells nothing and exceeds all limits, whatever robot it is of.
+    # A drive that is not finite is not informative and exceeds all limits, whatever robot it is of.
     parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
     sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
     if sound.all():

@@ -17,7 +17,9 @@ SMALL = 0.25
 """Amplitude of the small random starts, as a share of each input's range."""
 DISCOUNT = 1.0
 """Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
-KICK = 0.15
+USUAL = (-1.0, 1.0)
+"""Where a start state of any other unit is tried, SI, if no limit bounds it."""
+PERTURBATION = 0.15
 """Standard deviation of a perturbation, as a share of each input's largest value."""
 
 
@@ -30,27 +32,26 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
     centre = np.repeat(rest, per_input)
     draws = rng.uniform(low, high, (len(amplitudes), design.coefficient_count))
     coefficients = centre + amplitudes[:, None] * (draws - centre)
-    poses = design.size - design.coefficient_count
-    if not poses:
+    if design.size == design.coefficient_count:
         return np.asarray(coefficients)
-    return np.hstack([coefficients, random_poses(design, len(amplitudes), rng)])
+    return np.hstack([coefficients, random_starts(design, len(amplitudes), rng)])
 
 
 def start_bounds(design: DesignExpressions) -> Array:
-    """Bounds (3 * runs, 2) of free start poses: what limits say of them, else all headings, and a place."""
+    """Bounds (k * runs, 2) of free start states: what limits say of them, else all angles, and a place."""
     robot, known = design.problem.robot, dict[str, tuple[float, float]]()
     for limit in design.problem.limits:
         for state, (low, high) in limit.state_bounds().items():
             least, most = known.get(state, (-np.inf, np.inf))
             known[state] = (max(low, least), min(high, most))
     usual = {"m": (-1e-3, 1e-3), "rad": (-np.pi, np.pi)}
-    units = zip(robot.states[:3], robot.state_units, strict=False)
-    pose = np.array([known.get(state, usual[unit]) for state, unit in units])
+    units = zip(robot.states[: robot.chosen_states], robot.state_units, strict=False)
+    pose = np.array([known.get(state, usual.get(unit, USUAL)) for state, unit in units])
     return np.tile(pose, (design.problem.design.runs, 1))
 
 
-def random_poses(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
-    """Random start poses (count, 3 * runs) within those bounds."""
+def random_starts(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
+    """Random start states (count, k * runs) within those bounds."""
     # Coordinate by coordinate, as they always were drawn.
     columns = [rng.uniform(low, high, count) for low, high in start_bounds(design)]
     return np.stack(columns, axis=1)
@@ -110,10 +111,10 @@ def _merit(values: Array, violations: Array) -> Array:
 
 
 def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
-    """A neighbour of a design: every coefficient kicked, within the inputs' bounds."""
+    """A neighbour of a design: every coefficient perturbed, within the inputs' bounds."""
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     per_input = design.coefficient_count // len(bounds)
-    kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
-    head = kicked[: design.coefficient_count]
+    moved = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
+    head = moved[: design.coefficient_count]
     np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
-    return np.asarray(kicked)
+    return np.asarray(moved)

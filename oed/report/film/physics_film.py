@@ -15,6 +15,7 @@ from oed.records.recorded_study import recorded_study
 from oed.report.film import require_format, require_length, usual_rate, write_frames
 from oed.report.film.animation import MadeFilm
 from oed.report.film.frame import Frame
+from oed.robots.models.model import robot_of
 from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
 
 SIZE = (300, 400)
@@ -67,7 +68,11 @@ def film_physics(
     rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
     require_length(trajectory.duration / speed, rate, Path(file))
     study = recorded_study(saved, trust=trust)
-    robot = physics_robot(study.problem.model) if study.file.physics is None else study.file.physics.robot
+    robot = (
+        physics_robot(robot_of(study.problem.model))
+        if study.file.physics is None
+        else study.file.physics.robot
+    )
     motion = drive(
         robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
     )

@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.text import in_degrees, words
+from oed.kernel.dynamics.system import Input
 from oed.kernel.limit import InputLimit
 from oed.records.record import Record, drive_of
 from oed.report.parts.reading import Entry, heading
-from oed.robots.models.model import Input
+from oed.robots.models.model import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
 Array = npt.NDArray[np.float64]
@@ -68,7 +69,7 @@ def _pair(inputs: list[tuple[int, Input]]) -> tuple[Group, Group]:
     # Angles that someone sets are in degrees, speeds of wheels in rad/s, as data sheets have them.
     shown, factor = in_degrees(first.unit) if first.unit == "rad" else (first.unit, 1.0)
     values = Group(first.quantity, columns, names, shown, factor)
-    return values, replace(values, limit=first.rate, unit=_per_second(shown))
+    return values, replace(values, limit=rate_of(first), unit=_per_second(shown))
 
 
 def _per_second(unit: str) -> str:

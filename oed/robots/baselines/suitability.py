@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import kinematics
 from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, Move
@@ -46,7 +47,7 @@ def refusal(problem: Problem, name: str) -> str:
     obstacle = _obstacle(problem, name)
     if not obstacle:
         return ""
-    kind = problem.model.kind
+    kind = label_of(problem.model)
     return f"{kind} cannot drive a {name} ({obstacle}); it can drive {', '.join(suited(problem))}"
 
 
@@ -67,6 +68,6 @@ def _obstacle(problem: Problem, name: str) -> str:
 def _in_words(move: Move) -> str:
     if move.sideways:
         return "move sideways"
-    if move.on_the_spot:
-        return "turn on the spot"
+    if move.in_place:
+        return "turn in place"
     return "drive along an arc" if move.turn else "drive straight on"

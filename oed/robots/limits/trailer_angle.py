@@ -8,9 +8,9 @@ import numpy as np
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import BareLimit, PathLimit, Rows, TwoSided
-from oed.robots.models.model import Model
 
 STATE = "trailer_angle"
 
@@ -22,17 +22,17 @@ class TrailerAngle(BareLimit, PathLimit):
     in_degrees: ClassVar[bool] = True
     bounds: Annotated[tuple[float, float], TwoSided("rad", "60 deg")]
 
-    def rows_at(self, path: Expression, model: Model) -> Rows:
+    def rows_at(self, path: Expression, system: System) -> Rows:
         """The angle at every point."""
-        angle = path[:, model.states.index(STATE)]
+        angle = path[:, system.states.index(STATE)]
         count, (low, high) = angle.shape[0], self.bounds
         return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """A robot without a trailer, or bounds that exclude 0, where every run begins."""
         low, high = self.bounds
-        if STATE not in model.states:
-            text = f"{model.kind} has no trailer"
+        if STATE not in system.states:
+            text = f"{label_of(system)} has no trailer"
         elif not low <= 0 <= high:
             text = f"[{low:g}, {high:g}] rad excludes 0, where every run begins"
         else:

@@ -15,7 +15,8 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.trajectory import DesignSpace
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows, magnitude
 from oed.robots.limits.outline import Extent, Outline
 from oed.robots.limits.shapes import (
@@ -30,7 +31,7 @@ from oed.robots.limits.shapes import (
     seamless,
     walls_and_pockets,
 )
-from oed.robots.models.model import Model
+from oed.robots.models.model import robot_of
 
 
 def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -53,17 +54,17 @@ class Area(PathLimit):
     def rows_for(self, points: Expression, radius: float) -> Rows:
         """The limit on points (G, 2) [m] of the origin of a robot of that radius [m]."""
 
-    def rows_at(self, path: Expression, model: Model) -> Rows:
+    def rows_at(self, path: Expression, system: System) -> Rows:
         """The limit on the robot's origin at every point."""
-        return self.rows_for(path[:, :2], model.body_radius)
+        return self.rows_for(path[:, :2], robot_of(system).body_radius)
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """A fixed start that the limit does not allow."""
         starts = np.zeros((0, 3)) if space.fixed_starts is None else space.fixed_starts
         for x, y in dict.fromkeys((float(x), float(y)) for x, y, _ in starts):
-            if not self.allows(x, y, model.body_radius):
+            if not self.allows(x, y, robot_of(system).body_radius):
                 where = f"the start ({x:g} m, {y:g} m)"
-                return [Flaw(("limits", self.name), self.start_flaw(where, model.body_radius))]
+                return [Flaw(("limits", self.name), self.start_flaw(where, robot_of(system).body_radius))]
         return []
 
     def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
@@ -82,7 +83,7 @@ def _keeping(radius: float) -> str:
 
 
 class Workspace(Area):
-    """An area that the robot must not leave."""
+    """An area in which the robot has to stay."""
 
     name: ClassVar[str] = "workspace"
     kind: str
@@ -93,7 +94,7 @@ class Workspace(Area):
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
     def state_bounds(self) -> dict[str, tuple[float, float]]:
-        """Of x and y: the bounding box [m]."""
+        """Bounds of x and y: the bounding box [m]."""
         x_min, x_max, y_min, y_max = self.extent
         return {"x": (x_min, x_max), "y": (y_min, y_max)}
 
@@ -118,12 +119,12 @@ class Workspace(Area):
         x_min, x_max, y_min, y_max = self.extent
         return (x_min + x_max) / 2, (y_min + y_max) / 2
 
-    def flaws(self, model: Model, space: DesignSpace) -> list[Flaw]:
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
         """A fixed start outside, a robot larger than the room."""
-        if not self.allows(*self.middle, model.body_radius):
-            text = f"the room is too small for a robot of radius {model.body_radius:g} m"
+        if not self.allows(*self.middle, robot_of(system).body_radius):
+            text = f"the room is too small for a robot of radius {robot_of(system).body_radius:g} m"
             return [Flaw(("limits", self.name), text)]
-        return super().flaws(model, space)
+        return super().flaws(system, space)
 
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start outside."""
@@ -220,7 +221,7 @@ class Polygon(Workspace):
 
     @property
     def extent(self) -> Extent:
-        """Its bounding box [m]."""
+        """The polygon's bounding box [m]."""
         return self.outline.extent
 
     @property
@@ -300,7 +301,7 @@ class CircularObstacle(Obstacle):
 
     @property
     def size(self) -> float:
-        """Its radius [m]."""
+        """The column's radius [m]."""
         return self.radius
 
     @property

@@ -10,7 +10,8 @@ from pydantic import Field
 
 from oed.foundation.quantities import Angle, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model
 from oed.robots.models.wheels import PositiveLength
 
 

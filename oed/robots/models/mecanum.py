@@ -7,7 +7,8 @@ from typing import ClassVar, Literal
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 from oed.robots.models.wheels import PositiveLength
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")

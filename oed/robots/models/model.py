@@ -7,83 +7,37 @@ that. Expressions are CasADi's, for one sample; the callers map them over time.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
-from math import inf
+from abc import abstractmethod
+from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Flaw, UserMistake
+from oed.foundation.own.code import in_words
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.own_code import in_words
+from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
 
 Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
 
 RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
-"""Quantity of an input -> name of its rate, where that has one of its own."""
+"""Quantity of an input -> what its rate is called, where that has a name of its own."""
 ROUNDING = 1e-12
 """Share of the largest coefficient of its row below which one is rounding of the geometry."""
 
 
-@dataclass(frozen=True)
-class Input:
-    """One input of a model.
-
-    Attributes:
-        name: in files.
-        quantity: what it is ("wheel_speed", "steering_angle"); limits apply by quantity.
-        unit: SI unit.
-        below: magnitude that the model's equations need it to stay below.
-    """
-
-    name: str
-    quantity: str
-    unit: str
-    below: float = inf
-
-    @property
-    def rate(self) -> str:
-        """What its derivative is called, by which limits on that are named."""
-        return RATES.get(self.quantity, f"rate_of_{self.quantity}")
-
-    @property
-    def drives(self) -> bool:
-        """Whether it moves the robot in proportion, as a speed does; an angle only shapes the motion."""
-        return self.unit in ("rad/s", "m/s")
+def rate_of(entry: Input) -> str:
+    """What the derivative of an input is called, by which limits on that are named."""
+    return RATES.get(entry.quantity, f"rate_of_{entry.quantity}")
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One constant of a model.
-
-    Attributes:
-        name: in files.
-        nominal: value in SI.
-        unit: SI unit ("" for a ratio).
-        size: what a relative precision refers to where the nominal value is 0, SI; 0 for nothing.
-    """
-
-    name: str
-    nominal: float
-    unit: str
-    size: float = 0.0
-
-    @property
-    def scale(self) -> float:
-        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0."""
-        return abs(self.nominal) or self.size
-
-
-class Model(Component, ABC):
+class Model(Component, System):
     """A planar robot: state (x, y, heading, ...), inputs, parameters and the body twist they give.
 
     Attributes:
@@ -93,9 +47,12 @@ class Model(Component, ABC):
 
     kind: str
     body_radius: Annotated[Length, Field(ge=0)] = 0.0
-    inputs: ClassVar[tuple[Input, ...]]
     states: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad")
+    noun: ClassVar[str] = "robot"
+    start_name: ClassVar[str] = "initial_pose"
+    motion_signal: ClassVar[str] = "twist"
+    renamed: ClassVar[Mapping[str, str]] = {"pose": "state", "poses": "states", "model": "system"}
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
     sideways: ClassVar[bool] = False
@@ -104,11 +61,25 @@ class Model(Component, ABC):
     """Whether it turns by sliding over the ground, which nobody can tell from its geometry."""
     short_forms: ClassVar[tuple[str, ...]] = ()
     """Keys that stand for several parameters at once."""
+    _integration: Integration = PrivateAttr("arc")
 
     @property
-    @abstractmethod
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The kinematic parameters with their nominal values, in the order `twist` takes them."""
+    def integration(self) -> Integration:
+        """The rule by which its pose follows from its twist."""
+        return self._integration
+
+    def system(self, rule: Integration) -> Self:
+        """The same robot with the rule by which its pose follows from its twist.
+
+        Args:
+            rule: "arc", exact for a twist that is constant over a period, or "midpoint", the paper's
+                [Choi, eq. 8].
+        """
+        if rule == self.integration:
+            return self
+        other = self.model_copy()
+        other._integration = rule
+        return other
 
     @abstractmethod
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
@@ -154,6 +125,106 @@ class Model(Component, ABC):
         """
         return ca.SX(0, 1)
 
+    def step(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The pose after an arc, or its chord, and the further states, shared by all robots."""
+        twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
+        forward, lateral, yaw_rate = ca.vertsplit(twist)
+        gain, direction = chord(yaw_rate, state[2], period, self.integration)
+        cosine, sine = ca.cos(direction), ca.sin(direction)
+        return ca.vertcat(
+            state[0] + gain * (forward * cosine - lateral * sine),
+            state[1] + gain * (forward * sine + lateral * cosine),
+            state[2] + period * yaw_rate,
+            self.internal_step(state, twist, parameters, period),
+        )
+
+    def signals(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Mapping[str, Expression]:
+        """What the robot does in a period.
+
+        - twist: forward and lateral speed [m/s], yaw rate [rad/s] of its motion (3,);
+        - velocity: the first two of these;
+        - effective_inputs: the inputs as they act on the ground (q,);
+        - gain: displacement per unit of speed [s];
+        - direction: heading of that displacement [rad].
+        """
+        twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
+        gain, direction = chord(twist[2], state[2], period, self.integration)
+        return {
+            "twist": twist,
+            "velocity": twist[:2],
+            "effective_inputs": self.effective_inputs(inputs, parameters),
+            "gain": gain,
+            "direction": direction,
+        }
+
+    def flaws(self) -> list[Flaw]:
+        """Why what its class gives as its twist is none; [] where it is one."""
+        inputs, parameters = ca.SX.sym("inputs", len(self.inputs)), ca.SX.sym("p", len(self.parameters))
+        try:
+            twist = ca.SX(self.twist(inputs, parameters))
+        except Exception as error:
+            # A class of the user's own may fail in any way.
+            return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
+        if twist.shape == (3, 1):
+            return []
+        text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
+        return [Flaw(("robot",), f"{text} {twist.shape}")]
+
+    @property
+    def estimable(self) -> Mapping[str, tuple[str, ...]]:
+        """Its parameters, and where it has any its coefficients."""
+        coefficients = tuple(name for row in self.coefficient_names for name in row)
+        own = super().estimable
+        return {**own, "coefficients": coefficients} if coefficients else own
+
+    def remedy(self, unbounded: Input, limits: Sequence[str]) -> str:
+        """The limit on the wheel, the steering or the motion that bounds an input."""
+        motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
+        if unbounded.quantity in RATES or motion is None:
+            return f"add {unbounded.quantity}"
+        if motion not in limits:
+            return f"add {motion}"
+        reason = f"{motion} does not, for the motion does not follow linearly"
+        return f"{reason}: make it a wheel_speed and add that"
+
+    def allows(self, values: Mapping[str, float]) -> bool:
+        """Whether there is a robot with these values of parameters, SI."""
+        try:
+            self.with_values(values)
+        except ValueError:
+            return False
+        return True
+
+    def long_names(self, name: str) -> tuple[str, ...]:
+        """Of a key that stands for both sides, the parameters of both."""
+        sides = (f"{name}_right", f"{name}_left")
+        both = name in self.short_forms and set(sides) <= set(super().estimable["parameters"])
+        return sides if both else (name,)
+
+    @property
+    def predictions(self) -> Mapping[str, tuple[str, ...]]:
+        """The position, both coordinates together, and the heading."""
+        return {"position": ("x", "y"), "heading": ("heading",)}
+
+    @property
+    def exact(self) -> Self:
+        """The robot on arcs."""
+        return self.system("arc")
+
+    @property
+    def chosen_states(self) -> int:
+        """The pose alone."""
+        return len(Model.states)
+
+    @property
+    def as_far_as_velocity(self) -> bool:
+        """On exact arcs, unless the twist changes within a period: chords of the midpoint rule are bent."""
+        return self.integration == "arc" and not follows_state(self)
+
     def with_values(self, values: Mapping[str, float]) -> Self:
         """The same robot with other nominal values of parameters, SI.
 
@@ -165,7 +236,7 @@ class Model(Component, ABC):
         if strangers:
             raise ValueError(f"expected parameters ({', '.join(nominal)}), got {', '.join(strangers)}")
         given = self.model_dump(exclude_none=True, exclude=set(self.short_forms))
-        return type(self).model_validate({**given, **nominal, **values})
+        return type(self).model_validate({**given, **nominal, **values}).system(self.integration)
 
     def estimating(self, names: Collection[str]) -> Model:
         """The robot that has the parameters `names`: itself, or the same seen through its coefficients.
@@ -187,8 +258,9 @@ class Model(Component, ABC):
 
     @property
     def body_width(self) -> float:
-        """Width of its body, roughly [m]; 0 where its geometry says nothing of it."""
-        return 0.0
+        """Width of its body, roughly [m]: its `track`; 0 where its geometry says nothing of it."""
+        track = getattr(self, "track", 0.0)
+        return track if isinstance(track, float) else 0.0
 
     @property
     def towed(self) -> tuple[float, float] | None:
@@ -198,16 +270,6 @@ class Model(Component, ABC):
     def body(self, states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Positions (n, joints, 2) [m] of what it tows, in these states (n, states): hitch and axle."""
         return np.zeros((len(states), 0, 2))
-
-    @property
-    def nominal(self) -> list[float]:
-        """Nominal parameter values, SI."""
-        return [parameter.nominal for parameter in self.parameters]
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """The inputs' names."""
-        return tuple(entry.name for entry in self.inputs)
 
 
 class CoefficientRobot(Model):
@@ -223,6 +285,15 @@ class CoefficientRobot(Model):
     @classmethod
     def _body_of_the_base(cls, data: dict[str, Any]) -> dict[str, Any]:
         return {"body_radius": data["base"].body_radius, **data}
+
+    @property
+    def integration(self) -> Integration:
+        """The base robot's."""
+        return self.base.integration
+
+    def system(self, rule: Integration) -> Self:
+        """Its base with that rule, seen so."""
+        return self.model_copy(update={"base": self.base.system(rule)})
 
     @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
@@ -295,32 +366,17 @@ class CoefficientRobot(Model):
         return self.base
 
 
-def twist_flaws(model: Model) -> list[Flaw]:
-    """Why what a robot's class gives as its twist is none; [] where it is one."""
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    try:
-        twist = ca.SX(model.twist(inputs, parameters))
-    except Exception as error:
-        # A class of the user's own may fail in any way.
-        return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
-    if twist.shape == (3, 1):
-        return []
-    text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
-    return [Flaw(("robot",), f"{text} {twist.shape}")]
+def asked_twists(model: Model, inputs: Array) -> Array:
+    """The twists (K, 3) that inputs (K, inputs) ask for, whether or not the robot follows them at once."""
+    symbols = ca.SX.sym("inputs", len(model.inputs))
+    function = ca.Function("asked", [symbols], [model.twist(symbols, ca.DM(model.nominal))])
+    return np.array(function.map(len(inputs))(inputs.T)).T
 
 
 def moves_sideways(model: Model) -> bool:
     """Whether any drive of the robot has a lateral speed."""
     inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
     return not model.twist(inputs, parameters)[1].is_zero()
-
-
-@lru_cache(maxsize=32)
-def follows_state(model: Model) -> bool:
-    """Whether how the robot moves depends on the states after its pose, not on its inputs alone."""
-    state, twist = ca.SX.sym("state", len(model.states)), ca.SX.sym("twist", 3)
-    parameters, period = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("period")
-    return bool(ca.depends_on(model.mean_twist(state, twist, parameters, period), state))
 
 
 def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
@@ -378,25 +434,12 @@ def chord(
     return gain, heading + half_turn
 
 
-@lru_cache(maxsize=32)
-def step(model: Model, integration: Integration) -> ca.Function:
-    """The function (pose, inputs, parameters, period [s]) -> next pose, shared by all robots."""
-    pose, period = ca.SX.sym("pose", len(model.states)), ca.SX.sym("period")
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    twist = model.mean_twist(pose, model.twist(inputs, parameters), parameters, period)
-    forward, lateral, yaw_rate = ca.vertsplit(twist)
-    gain, direction = chord(yaw_rate, pose[2], period, integration)
-    cosine, sine = ca.cos(direction), ca.sin(direction)
-    following = ca.vertcat(
-        pose[0] + gain * (forward * cosine - lateral * sine),
-        pose[1] + gain * (forward * sine + lateral * cosine),
-        pose[2] + period * yaw_rate,
-        model.internal_step(pose, twist, parameters, period),
-    )
-    return ca.Function(
-        "step",
-        [pose, inputs, parameters, period],
-        [following],
-        ["pose", "inputs", "parameters", "period"],
-        ["next"],
-    )
+def robot_of(system: System) -> Model:
+    """A system that has to be a robot.
+
+    Raises:
+        UserMistake: it is none.
+    """
+    if isinstance(system, Model):
+        return system
+    raise UserMistake(f"{label_of(system)} is no robot: it has no pose, wheels or twist")

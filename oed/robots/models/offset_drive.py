@@ -8,7 +8,8 @@ import casadi as ca
 
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 from oed.robots.models.wheels import (
     COEFFICIENT_NAMES,
     TWO_WHEEL_SPEEDS,

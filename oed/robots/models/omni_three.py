@@ -8,7 +8,8 @@ from typing import ClassVar, Literal
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 from oed.robots.models.wheels import PositiveLength
 
 PLACES = {"front_left": (0.5, sqrt(0.75)), "rear": (-1.0, 0.0), "front_right": (0.5, -sqrt(0.75))}

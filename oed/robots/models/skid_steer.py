@@ -9,7 +9,8 @@ from pydantic import Field
 
 from oed.foundation.quantities import AngularSpeed, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 from oed.robots.models.wheels import (
     COEFFICIENT_NAMES,
     TWO_WHEEL_SPEEDS,

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import Length, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter, coefficient_twist
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS, PositiveLength
 
 Alpha = Annotated[Ratio, Field(gt=0)]

@@ -8,7 +8,8 @@ import casadi as ca
 
 from oed.foundation.quantities import Angle
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Model, Parameter
+from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model
 from oed.robots.models.wheels import PositiveLength
 
 

@@ -12,15 +12,8 @@ import numpy as np
 from oed.foundation.names import identifier_flaw
 from oed.foundation.quantities import LARGEST
 from oed.foundation.shown import shown, written
-from oed.robots.models.model import (
-    Input,
-    Model,
-    Parameter,
-    follows_state,
-    nominal_coefficients,
-    step,
-    twist_flaws,
-)
+from oed.kernel.dynamics.system import Input, Parameter, follows_state, stepper
+from oed.robots.models.model import Model, nominal_coefficients
 
 MOST = 200
 """Inputs, states or parameters of a robot, and its coefficients; real ones have a tenth of it."""
@@ -89,14 +82,14 @@ def _try_states(robot: Model) -> None:
 
 def _try_motion(robot: Model) -> None:
     inputs, parameters, state, period = _symbols(robot)
-    flaws = twist_flaws(robot)
+    flaws = robot.flaws()
     if flaws:
         raise ValueError(flaws[0].message)
     twist = ca.SX(robot.twist(inputs, parameters))
     _require_shape("mean_twist", robot.mean_twist(state, twist, parameters, period), 3)
     following = robot.internal_step(state, twist, parameters, period)
     _require_shape("internal_step", following, len(robot.states) - 3)
-    step(robot, "arc")(len(robot.states) * [0.0], len(robot.inputs) * [0.0], robot.nominal, 0.1)
+    stepper(robot)(len(robot.states) * [0.0], len(robot.inputs) * [0.0], robot.nominal, 0.1)
     follows_state(robot)
 
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from oed.foundation.component import Component
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.robots.models.model import Input, Parameter
+from oed.kernel.dynamics.system import Input, Parameter
 
 PositiveLength = Annotated[Length, Field(gt=0)]
 

@@ -17,8 +17,9 @@ from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
-from oed.robots.models.model import Model, nominal_coefficients
+from oed.robots.models.model import nominal_coefficients, robot_of
 
 Regressor = Literal["position", "heading", "both"]
 NoiseModel = Literal["increments", "absolute"]
@@ -75,19 +76,20 @@ class Displacements(Measurement):
         """The blocks' names: "heading", "position" or both."""
         return ("heading", "position") if self.regressor == "both" else (self.regressor,)
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
-        """Robots without coefficients, more segments than samples, too few to tell two parameters apart."""
-        if not model.coefficient_names:
-            text = f"displacements need a robot whose twist is linear in coefficients; {model.kind} is not"
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """Robots without coefficients, more segments than samples, too few to identify two parameters."""
+        robot = robot_of(system)
+        if not robot.coefficient_names:
+            text = f"displacements need a robot whose twist is linear in coefficients; {robot.kind} is not"
             return [Flaw(("measurement", "kind"), text)]
         count = self.segment_count(samples)
         if count > samples:
             text = f"expected at most as many segments as there are samples ({samples}), got {count}"
             return [Flaw(("measurement", "segments"), text)]
-        columns = len(model.coefficient_names[0])
+        columns = len(robot.coefficient_names[0])
         if self.regressor != "position" and count < columns:
             text = (
-                f"one heading row per segment cannot tell {columns} coefficients apart: expected at least "
+                f"one heading row per segment cannot identify {columns} coefficients: expected at least "
                 f"{columns} segments, got {count}"
             )
             return [Flaw(("measurement", "segments"), text)]
@@ -121,26 +123,29 @@ class Displacements(Measurement):
         return 1 if self.segments == "samples" else self.segments
 
     def coarser(self, times: float) -> Displacements:
-        """The same: segments are parts of the drive, or its samples."""
+        """This measurement: segments are parts of the drive, or its samples."""
         return self
 
     def _heading_block(self, drive: Drive) -> Block:
-        rows = drive.period * drive.effective_inputs
+        rows = drive.period * drive.signals["effective_inputs"]
         matrix = self._segment_sums(drive, every=1, offset=0) @ rows
         return self._block(drive, "heading", matrix, ca.sum1(ca.fabs(rows)))
 
     def _position_block(self, drive: Drive) -> Block:
         # Rows x, y of each segment alternate, as they are stacked in [Choi, eq. 14].
-        columns = drive.effective_inputs.shape[1]
-        along_x = ca.repmat(drive.gain * ca.cos(drive.direction), 1, columns) * drive.effective_inputs
-        along_y = ca.repmat(drive.gain * ca.sin(drive.direction), 1, columns) * drive.effective_inputs
-        if len(drive.model.coefficient_names) == 3:
+        effective, gain, direction = (
+            drive.signals[name] for name in ("effective_inputs", "gain", "direction")
+        )
+        columns = effective.shape[1]
+        along_x = ca.repmat(gain * ca.cos(direction), 1, columns) * effective
+        along_y = ca.repmat(gain * ca.sin(direction), 1, columns) * effective
+        if len(robot_of(drive.system).coefficient_names) == 3:
             along_x, along_y = ca.horzcat(along_x, -along_y), ca.horzcat(along_y, along_x)
         matrix = (
             self._segment_sums(drive, every=2, offset=0) @ along_x
             + self._segment_sums(drive, every=2, offset=1) @ along_y
         )
-        way = ca.sum1(ca.repmat(ca.fabs(drive.gain), 1, columns) * ca.fabs(drive.effective_inputs))
+        way = ca.sum1(ca.repmat(ca.fabs(gain), 1, columns) * ca.fabs(effective))
         return self._block(drive, "position", matrix, ca.repmat(way, 1, matrix.shape[1] // columns))
 
     def _block(self, drive: Drive, name: str, matrix: Expression, summed: Expression) -> Block:
@@ -149,12 +154,12 @@ class Displacements(Measurement):
             "heading": (slice(0, 1), "", self.noise.heading, 1),
             "position": (slice(1, None), "m", self.noise.position, 2),
         }[name]
-        model = drive.model
-        nominal = nominal_coefficients(model)[rows].ravel()
+        robot = robot_of(drive.system)
+        nominal = nominal_coefficients(robot)[rows].ravel()
         return regression(
             name,
             matrix,
-            [entry for row in model.coefficient_names[rows] for entry in row],
+            [entry for row in robot.coefficient_names[rows] for entry in row],
             nominal,
             units=(unit,) * len(nominal),
             noise=noise,

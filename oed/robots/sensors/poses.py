@@ -15,10 +15,11 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
 from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.sensor import Moment, PlacedSensor
-from oed.robots.models.model import Model
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.logged import Mount, Noise
+from oed.robots.sensors.placed import PlacedSensor
 
 Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -64,7 +65,7 @@ class AbsoluteNoise(Component):
     def _one_way_to_give_it(self) -> AbsoluteNoise:
         others = [name for name, value in self if name != "covariance" and value]
         if self.covariance is not None and others:
-            raise ValueError(f"a covariance says it all: leave out {', '.join(others)}")
+            raise ValueError(f"a covariance says it all: omit {', '.join(others)}")
         return self
 
     def deviation(self, quantity: Quantity) -> float | None:
@@ -73,11 +74,11 @@ class AbsoluteNoise(Component):
         return self.position if own is None and quantity != "heading" else own
 
     def of(self, quantity: Quantity) -> Noise | None:
-        """That of one quantity; None where it is not given."""
+        """The noise of one quantity; None where it is not given."""
         return None if self.deviation(quantity) is None else self.at_least(quantity)
 
     def at_least(self, quantity: Quantity) -> Noise:
-        """The same, at rest 0 where it is not given."""
+        """Standard deviations of all quantities at rest, SI; 0 where one is not given."""
         size = self.deviation(quantity) or 0.0
         return Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
 
@@ -98,9 +99,9 @@ class AbsoluteNoise(Component):
             return f"correlated noise, its covariance given for {of} (standard deviations {text})"
         sizes = {name: self.deviation(name) or 0.0 for name in quantities}
         alike = {"x", "y"} <= sizes.keys() and sizes["x"] == sizes["y"]
-        told = [f"{given_text(sizes['x'], 'm')} per coordinate"] if alike else []
-        told += [_sized(name, size) for name, size in sizes.items() if name == "heading" or not alike]
-        return f"{deviations_text(*told)}{self._growth(quantities)}"
+        parts = [f"{given_text(sizes['x'], 'm')} per coordinate"] if alike else []
+        parts += [_sized(name, size) for name, size in sizes.items() if name == "heading" or not alike]
+        return f"{deviations_text(*parts)}{self._growth(quantities)}"
 
     def _growth(self, quantities: tuple[Quantity, ...]) -> str:
         # How the variance grows with the speed V and the yaw rate Omega.
@@ -149,7 +150,7 @@ class Poses(PlacedSensor):
     def reading(self, moment: Moment) -> Expression:
         """The quantities, at the lever arm's end."""
         x, y = self.position(moment)
-        read = {"x": x, "y": y, "heading": moment.pose[2]}
+        read = {"x": x, "y": y, "heading": moment.state[2]}
         return ca.vertcat(*(read[quantity] for quantity in self.quantities))
 
     def whitening(self, moment: Moment) -> Expression:
@@ -158,7 +159,8 @@ class Poses(PlacedSensor):
             if self.joint_whitening is not None:
                 return ca.SX.eye(len(self.quantities))
             return ca.SX(ca.DM(_inverse_factor(self.noise.covariance)))
-        speed, turning = moment.twist[0] ** 2 + moment.twist[1] ** 2, moment.twist[2] ** 2
+        twist = moment.signals["twist"]
+        speed, turning = twist[0] ** 2 + twist[1] ** 2, twist[2] ** 2
         own = [self.noise.of(name) or Noise(np.inf) for name in self.quantities]
         variances = [noise.variance(speed, turning) for noise in own]
         return ca.diag(1 / ca.sqrt(ca.vertcat(*variances)))
@@ -171,7 +173,7 @@ class Poses(PlacedSensor):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of the quantities."""
+        """The quantities' units."""
         return tuple(UNITS[name] for name in self.quantities)
 
     @property
@@ -193,7 +195,7 @@ class Poses(PlacedSensor):
 
     @property
     def noises(self) -> dict[str, Noise]:
-        """That of each quantity; {} of a covariance."""
+        """The noise of each quantity; {} of a covariance."""
         own = {name: self.noise.of(name) for name in self.quantities}
         return {name: noise for name, noise in own.items() if noise is not None}
 
@@ -204,7 +206,7 @@ class Poses(PlacedSensor):
         known = {} if arm.deviation is None else dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation)
         return Mount((arm.x, arm.y, 0.0), arm.known and bool(arm.x or arm.y), known)
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """Quantities without noise or given twice, a covariance of another size."""
         flaws, noise = [], self.noise
         if len(set(self.quantities)) < len(self.quantities):
@@ -219,7 +221,7 @@ class Poses(PlacedSensor):
             return flaws
         missing = [name for name in self.quantities if noise.deviation(name) is None]
         if missing:
-            text = f"the noise of {', '.join(missing)} is needed to weigh the readings"
+            text = f"the noise of {', '.join(missing)} is needed to weight the readings"
             flaws.append(Flaw(("measurement", "noise"), text))
         return flaws
 

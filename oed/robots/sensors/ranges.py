@@ -10,7 +10,8 @@ from pydantic import Field
 from oed.foundation.quantities import Length
 from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.sensor import Moment, PlacedSensor
+from oed.kernel.measurement.sensor import Moment
+from oed.robots.sensors.placed import PlacedSensor
 
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off, so that it has derivatives at the beacon itself."""
@@ -42,7 +43,7 @@ class Ranges(PlacedSensor):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of every distance."""
+        """The unit of every distance."""
         return ("m",) * len(self.beacons)
 
     @property

@@ -10,35 +10,37 @@ from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.text import listing
 from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement
 from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
-from oed.robots.models.model import Model
 from oed.robots.sensors.poses import Poses
+from oed.robots.sensors.python_sensor import PythonSensor
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.trailer_angle import TrailerAngle
 from oed.robots.sensors.yaw_rate import YawRate
 
 SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
+"""Every sensor of this package."""
 
 
 class Several(Measurement):
     """Sensors used together; in a study, a list of them."""
 
     kind: Literal["several"] = "several"
-    sensors: Annotated[tuple[Annotated[Sensor, OneOf(SENSORS)], ...], Field(min_length=1)]
+    sensors: Annotated[tuple[Annotated[Sensor, OneOf((*SENSORS, PythonSensor))], ...], Field(min_length=1)]
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block of all sensors."""
         return (joint_block(self.sensors, drive),)
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """The sensors' own flaws, and sensors that disagree on what is known of the initial pose."""
         flaws = [
             Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
             for index, sensor in enumerate(self.sensors)
-            for flaw in sensor.flaws(model, samples)
+            for flaw in sensor.flaws(system, samples)
         ]
-        known = [sensor.initial_pose_known for sensor in self.sensors]
+        known = [sensor.start_known for sensor in self.sensors]
         given = [entry for entry in known if entry is not None]
         for index, entry in enumerate(known):
             if entry is not None and entry != given[0]:

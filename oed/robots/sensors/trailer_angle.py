@@ -4,77 +4,56 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import casadi as ca
 from pydantic import Field
 
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import InitialPose, Moment, Sensor
-from oed.robots.models.model import Model
+from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.measurement.sensor import Moment, Start
+from oed.robots.sensors.biased import BiasedSensor
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import InitialPose, start_of
 
 STATE = 3
 """Place of the trailer's angle among the states."""
 
 
-class TrailerAngle(Sensor):
+class TrailerAngle(BiasedSensor):
     """The trailer's heading relative to the tractor's [rad], at every n-th sample, plus a constant bias.
 
     Attributes:
         noise: standard deviation of one reading [rad].
-        bias: the encoder's zero: "known", "unknown" (eliminated), or its standard deviation known
-            beforehand [rad].
-        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
+        bias: the encoder's zero: "known", "unknown" (eliminated), or the standard deviation of its
+            prior [rad].
+        initial_pose: "unknown" (eliminated), "known", or a prior's standard deviations.
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"
+    unit = "rad"
     noise: Annotated[Angle, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[Angle, Field(gt=0)] = "known"
     initial_pose: InitialPose = "unknown"
 
     @property
-    def initial_pose_known(self) -> InitialPose | None:
+    def start_known(self) -> Start:
         """What is known of the initial pose, the trailer's angle among it."""
-        return self.initial_pose
+        return start_of(self.initial_pose)
 
     @property
     def angles(self) -> tuple[int, ...]:
         """The reading itself."""
         return (0,)
 
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The bias, where it is not known."""
-        if self.bias == "known":
-            return ()
-        deviation = self.bias if isinstance(self.bias, float) else None
-        return (Nuisance("bias", 0.0, "rad", deviation),)
-
-    def reading(self, moment: Moment) -> Expression:
-        """Angle and bias."""
-        return moment.pose[STATE] + moment.nuisances.get("bias", 0.0)
-
-    def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma."""
-        return ca.SX(1 / self.noise)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Of the reading."""
-        return ("rad",)
+    def quantity(self, moment: Moment) -> Expression:
+        """The angle."""
+        return moment.state[STATE]
 
     @property
     def subject(self) -> str:
         """The angle."""
         return "the trailer's angle"
-
-    @property
-    def remark(self) -> str:
-        """That there is no bias, where that is known."""
-        return " and no bias" if self.bias == "known" else ""
 
     def brief(self, samples: int) -> str:
         """How many are read."""
@@ -82,7 +61,7 @@ class TrailerAngle(Sensor):
 
     @property
     def noises(self) -> dict[str, Noise]:
-        """That of the angle."""
+        """The noise of the angle."""
         return {"trailer_angle": Noise(self.noise)}
 
     @property
@@ -90,8 +69,10 @@ class TrailerAngle(Sensor):
         """Nowhere: an angle of the robot itself."""
         return None
 
-    def flaws(self, model: Model, samples: int) -> list[Flaw]:
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
         """A robot without a trailer."""
-        if "trailer_angle" in model.states:
+        if "trailer_angle" in system.states:
             return []
-        return [Flaw(("measurement", "kind"), f"{model.kind} has no trailer whose angle could be measured")]
+        return [
+            Flaw(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
+        ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from oed.estimation.setup.alternatives import Alternative
 from oed.estimation.setup.options import CalibrationOptions, Method
 from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.sensors import LeverArm, Poses
 from oed.simulation.trial.options import Trial
@@ -38,7 +39,7 @@ class Candidate:
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         segment = options.segment if method == "joint" else "auto"
         chosen = options.model_copy(update={"method": method, "segment": segment})
-        return Fitting(robot, names, self.problem.design.integration, self.problem.measurement, chosen)
+        return Fitting(robot, names, self.problem.measurement, chosen)
 
 
 def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
@@ -48,7 +49,7 @@ def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
         ProblemError: a model that the study's measurement or criterion does not suit.
     """
     others = [Candidate(one.label, _redesigned(problem, trial, one)) for one in trial.models]
-    return (Candidate(readable(problem.model.kind), problem), *others)
+    return (Candidate(readable(label_of(problem.model)), problem), *others)
 
 
 def readable(identifier: str) -> str:
@@ -81,7 +82,7 @@ def _misfits(problem: Problem) -> Iterator[str]:
 
 
 def _model_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
-    known = {readable(problem.model.kind)}
+    known = {readable(label_of(problem.model))}
     for index, one in enumerate(trial.models):
         place: Key = ("physics", "models", index)
         if one.label in known:

@@ -150,7 +150,7 @@ def prediction_errors(fitting: Fitting, log: Log, parameters: Array) -> tuple[fl
         log: of the true motion.
         parameters: of the robot, all of them (p,), SI.
     """
-    found = dead_reckoned(fitting.robot, fitting.integration, log, parameters, ORIGIN, 0.0)
+    found = dead_reckoned(fitting.robot, log, parameters, ORIGIN, 0.0)
     assert found.end_position is not None
     assert found.rmse_position is not None
     return found.end_position, found.rmse_position
@@ -166,7 +166,7 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
     # Estimates, all of the robot's parameters with them, and the misfit; None where the log is refused.
     options = fitting.options
     try:
-        usable = preprocess(fitting.robot, fitting.integration, [log], compare_clocks=options.clock_offset)
+        usable = preprocess(fitting.robot, [log], compare_clocks=options.clock_offset)
         fit = fitting.fitted(usable).fit
     except (UserMistake, np.linalg.LinAlgError):
         return None

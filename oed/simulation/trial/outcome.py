@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fitting import Fitting
+from oed.kernel.dynamics.system import label_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
 from oed.simulation.trial.candidates import Candidate
@@ -180,7 +181,7 @@ def _model_data(one: Candidate) -> dict[str, Any]:
     table = {entry.name: entry for entry in one.problem.robot.parameters}
     return {
         "name": one.name,
-        "kind": one.problem.model.kind,
+        "kind": label_of(one.problem.model),
         "parameters": [
             {
                 "name": name,
@@ -209,7 +210,7 @@ def _planned_data(one: Planned) -> dict[str, Any]:
         "fastest": None if trajectory is None else float(np.abs(trajectory.inputs).max()),
         "wall_seconds": round(one.solution.wall_seconds, 3),
         "promised": None if one.told is None else {name: _plain(size) for name, size in one.told.items()},
-        "path": None if evaluation is None else _drawn(evaluation.poses[:, :2]),
+        "path": None if evaluation is None else _drawn(evaluation.states[:, :2]),
         "inputs": None if trajectory is None else np.round(trajectory.inputs, 6).tolist(),
     }
 

@@ -9,7 +9,6 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, mak
 
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
@@ -18,6 +17,7 @@ from oed.robots.baselines.kinematics import Kinematics
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer, SkidSteerSlip
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 
 FULL_TURN = 2 * np.pi
 SAMPLING = 0.02

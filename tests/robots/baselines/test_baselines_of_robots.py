@@ -11,7 +11,7 @@ from sample_robots import ROBOTS, Example
 
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.robots.baselines import NAMES, PATTERNS, Move, baseline_flaws, baselines, suited
@@ -26,6 +26,7 @@ from oed.robots.limits import (
 )
 from oed.robots.models import Ackermann, DifferentialDrive, Mecanum, Model, SkidSteer, Tricycle
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 
 FULL_TURN = 2 * np.pi
 SAMPLING = 0.02
@@ -188,7 +189,7 @@ class TestSuited:
         ]
         for flaw in flaws:
             name = NAMES[flaw.key[1]]
-            reason = "move sideways" if name in SIDEWAYS else "turn on the spot"
+            reason = "move sideways" if name in SIDEWAYS else "turn in place"
             able = ", ".join(driven(example.model))
             expected = f"{example.model.kind} cannot drive a {name} (it cannot {reason}); it can drive {able}"
             assert flaw.message == expected
@@ -270,11 +271,11 @@ class TestSpins:
         limits = (WheelSpeed(bounds=10), SteeringAngle(bounds=1.7), ACCELERATION, ROOM)
         (solution,) = baselines(problem_of(TRICYCLE, limits=limits), name)
         assert solution.evaluation.feasible
-        turns = np.diff(solution.evaluation.poses[:, 2])
-        steps = np.hypot(*np.diff(solution.evaluation.poses[:, :2], axis=0).T)
+        turns = np.diff(solution.evaluation.states[:, 2])
+        steps = np.hypot(*np.diff(solution.evaluation.states[:, :2], axis=0).T)
         assert np.abs(turns).sum() == pytest.approx(2 * FULL_TURN, rel=1e-6)
         assert steps[np.abs(turns) > 1e-6].max() < 1e-6
-        assert np.abs(solution.evaluation.poses[-1, :3]).max() < 1e-6
+        assert np.abs(solution.evaluation.states[-1, :3]).max() < 1e-6
 
     def test_a_move_on_the_spot_is_no_move_ahead(self):
         # The check of the moves made can fail.

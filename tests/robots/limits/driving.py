@@ -10,11 +10,13 @@ from sample_robots import ROBOTS, Example
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive, roll_out
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Margin, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.limits import Limit
 from oed.robots.sensors import Poses
+from oed.robots.space import DesignSpace
 
 FINER = 10
 """Times per period that limits are looked at."""
@@ -56,7 +58,6 @@ def as_drive(model, trajectory: Trajectory) -> Drive:
     jerks = np.concatenate([run.jerks_at(times) for run, times in runs])
     return roll_out(
         model,
-        "arc",
         inputs=ca.DM(trajectory.inputs),
         start=ca.DM(trajectory.starts),
         parameters=ca.DM(model.nominal),

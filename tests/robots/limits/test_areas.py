@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from outlines import COMB, L_SHAPE, OUTLINES, U_SHAPE, grid_around, outlines, signed_distance
 from pydantic import TypeAdapter, ValidationError
 
-from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import LIMITS, Circle, Obstacles, Polygon, Rectangle
 from oed.robots.models import DifferentialDrive
+from oed.robots.space import DesignSpace, StartPose
 
 ROBOT = BY_NAME["differential"]
 COLUMN = {"kind": "circle", "x": 0.4, "y": 0.3, "radius": 0.2}
@@ -163,7 +164,7 @@ def test_an_obstacle_between_the_samples_is_met():
     post = {"kind": "polygon", "points": [[0.74, -0.1], [0.76, -0.1], [0.76, 0.1], [0.74, 0.1]]}
     problem = limited(ROBOT, obstacles(post), duration=10, rest_to_rest=False)
     drive = straight(2.0)
-    poses = evaluate(problem, drive).poses[:, :2]
+    poses = evaluate(problem, drive).states[:, :2]
     assert (-signed_distance(post["points"], poses)).min() > 0.2
     assert margin_of(problem, drive, "obstacles").margin == pytest.approx(-0.01)
     assert not evaluate(problem, drive).feasible
@@ -174,7 +175,7 @@ def test_a_pillar_of_the_room_between_the_samples_is_met():
     room = ((-1, -1), (3, -1), (3, 1), (0.76, 1), (0.75, -0.2), (0.74, 1), (-1, 1))
     problem = limited(ROBOT, Polygon(points=room), duration=10, rest_to_rest=False)
     drive = straight(2.0)
-    poses = evaluate(problem, drive).poses[:, :2]
+    poses = evaluate(problem, drive).states[:, :2]
     assert signed_distance(room, poses).min() > 0.2
     assert margin_of(problem, drive, "workspace").margin < -1e-3
     assert evaluate(problem, straight(0.7)).feasible

@@ -12,7 +12,8 @@ from driving import BY_NAME, FINER, as_drive, fine_path, fine_times, fine_twists
 from pydantic import TypeAdapter, ValidationError
 from sample_robots import ROBOTS, Example, draw_inputs
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, StartPose, Trajectory, middles
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory, middles
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import (
     LIMITS,
@@ -27,6 +28,7 @@ from oed.robots.limits import (
     YawRate,
 )
 from oed.robots.models import DifferentialDrive
+from oed.robots.space import DesignSpace, StartPose
 
 SIDEWAYS = {"mecanum", "omni", "icr", "slip", "slip_with_lag"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]

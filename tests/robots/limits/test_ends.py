@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from oed.kernel.dynamics.rollout import roll_out
-from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import LIMITS, EndHeading, EndPosition, PathLength
+from oed.robots.space import DesignSpace, StartPose
 
 EXAMPLES = {
     "wheel_speed": "10 rad/s",
@@ -270,7 +271,6 @@ def test_slopes_at_rest_are_finite(key: str):
     inputs = ca.SX.sym("inputs", space.samples, len(model.inputs))
     drive = roll_out(
         model,
-        "arc",
         inputs=inputs,
         start=ca.DM.zeros(1, 3),
         parameters=ca.DM(model.nominal),

@@ -9,8 +9,8 @@ from builders import random_drive
 from driving import BY_NAME, dense_times, limited, margin_of
 from pydantic import TypeAdapter, ValidationError
 
-from oed.kernel.dynamics.trajectory import DesignSpace
 from oed.robots.limits import LIMITS, SteeringAngle, WheelSpeed
+from oed.robots.space import DesignSpace
 
 KEYS = ("wheel_speed", "wheel_acceleration", "wheel_jerk", "steering_angle", "steering_rate")
 UNITS = dict(zip(KEYS, ("rad/s", "rad/s^2", "rad/s^3", "rad", "rad/s"), strict=True))

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from oed.kernel.dynamics.trajectory import DesignSpace, StartPose, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Margin, evaluate
 from oed.robots.limits import LIMITS, Rectangle, WheelAcceleration, WheelSpeed
+from oed.robots.space import DesignSpace, StartPose
 
 BOUNDED = {"wheel_speed": "rad/s", "wheel_acceleration": "rad/s^2"}
 two_sided = pytest.mark.parametrize("key", BOUNDED)
@@ -146,7 +147,7 @@ def test_workspace_is_looked_at_between_the_samples():
     speed = 2 * np.pi * 0.18 / (0.049 * 0.25)
     problem = make_problem(limits=(WheelSpeed(bounds=100), Rectangle(x=(-1, 1), y=(-0.05, 0.05))))
     evaluation = evaluate(problem, constant_drive(speed, 0.0))
-    np.testing.assert_allclose(evaluation.poses[:, :2], 0, atol=1e-9)
+    np.testing.assert_allclose(evaluation.states[:, :2], 0, atol=1e-9)
     margin = margin_of(problem, constant_drive(speed, 0.0), "workspace")
     assert margin.margin == pytest.approx(0.05 - 0.18, abs=1e-6)
     assert margin.certain

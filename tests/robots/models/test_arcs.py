@@ -6,9 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from oed.kernel.dynamics.system import stepper
 from oed.robots.models import DifferentialDrive, Mecanum, Model
 from oed.robots.models.arcs import between, mean_speeds, moves
-from oed.robots.models.model import Integration, step
+from oed.robots.models.model import Integration
 
 SHARES = np.array([0.0, 0.25, 0.5, 1.0])
 ROBOTS = (
@@ -21,7 +22,7 @@ ROBOTS = (
 def driven(robot: Model, inputs: tuple[float, ...], period: float, rule: Integration = "arc") -> np.ndarray:
     """Where a robot is after a period [s]."""
     start = ca.DM([0.3, -0.2, 1.1])
-    return np.array(step(robot, rule)(start, ca.DM(inputs), ca.DM(robot.nominal), period)).ravel()
+    return np.array(stepper(robot.system(rule))(start, ca.DM(inputs), ca.DM(robot.nominal), period)).ravel()
 
 
 @pytest.mark.parametrize(("robot", "inputs"), ROBOTS)

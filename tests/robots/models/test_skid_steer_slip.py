@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
+from oed.kernel.dynamics.system import stepper
 from oed.robots.models import (
     DifferentialDrive,
     Model,
@@ -18,7 +19,6 @@ from oed.robots.models import (
     SkidSteerIcr,
     SkidSteerSlip,
     follows_state,
-    step,
 )
 from oed.robots.models.model import CoefficientRobot
 
@@ -43,7 +43,7 @@ def twist_of(model: Model, inputs) -> np.ndarray:
 
 def after(model: Model, state, inputs, period: float, parameters=None) -> np.ndarray:
     values = model.nominal if parameters is None else parameters
-    return np.array(step(model, "arc")(state, inputs, values, period)).ravel()
+    return np.array(stepper(model)(state, inputs, values, period)).ravel()
 
 
 class TestEffects:
@@ -200,7 +200,7 @@ class TestLag:
         # At no time at all, on both sides of where series stand in, where nothing is left of the beginning.
         state, inputs = np.array([0.1, 0.2, 0.3, 1.5]), np.array([6.0, 2.0])
         symbol = ca.SX.sym("p", len(LAG.nominal))
-        following = step(LAG, "arc")(state, inputs, symbol, period)
+        following = stepper(LAG)(state, inputs, symbol, period)
         jacobian = ca.jacobian(following, symbol)
         both = ca.Function("both", [symbol], [jacobian, ca.jacobian(ca.vec(jacobian), symbol)])
         first, second = (np.array(one) for one in both(LAG.nominal))
@@ -216,7 +216,7 @@ class TestLag:
         asked = twist_of(LAG, [6.0, 2.0])[2]
         for period in (0.0, 0.1):
             state, symbol = np.array([0.0, 0.0, 0.0, 2.0]), ca.SX.sym("p", 4)
-            following = step(LAG, "arc")(state, [6.0, 2.0], symbol, period)
+            following = stepper(LAG)(state, [6.0, 2.0], symbol, period)
             slopes = ca.Function("s", [symbol], [following, ca.jacobian(following, symbol)])
             found, by = (np.array(one) for one in slopes(values))
             assert np.isfinite(by).all()
@@ -240,7 +240,9 @@ class TestSeam:
         assert not follows_state(SkidSteerSlip(**SIZES, track_per_yaw_rate=0.02))
 
     def test_a_robot_of_ones_own_lags_as_well(self):
-        own = PythonRobot(object="oed.robots.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS)
+        own = PythonRobot(object="oed.robots.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS).made(
+            Model
+        )
         assert follows_state(own)
         state, inputs = [0.1, 0.2, 0.3, 1.5], [6.0, 2.0]
         assert np.array_equal(after(own, state, inputs, 0.1), after(FULL, state, inputs, 0.1))

@@ -11,8 +11,9 @@ import pytest
 from sensors import SAMPLES, SENSOR_EXAMPLES, Example
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.sensor import Moment, PlacedSensor, Sensor
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors import SENSORS, Displacements, Poses, Ranges, Several, TrailerAngle, YawRate
+from oed.robots.sensors.placed import PlacedSensor
 
 
 class Compass(Sensor):

@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
-from oed.kernel.dynamics.trajectory import DesignSpace, Spline, Trajectory
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 SAMPLES, DURATION = 23, 5.0
 PERIOD, START = DURATION / SAMPLES, (0.2, -0.1, 0.4)
@@ -81,7 +83,7 @@ def test_regressors_are_the_oracles(example: Example, rule: str, segments):
 def test_rows_times_coefficients_are_the_displacements(example: Example, rule: str):
     problem, inputs = problem_for(example.model, rule, 5), draw_inputs(np.random.default_rng(4), SAMPLES)
     evaluation = evaluate(problem, Trajectory.from_samples(inputs, DURATION, START, rest_to_rest=False))
-    ends = evaluation.poses[problem.measurement.segment_edges(SAMPLES)]
+    ends = evaluation.states[problem.measurement.segment_edges(SAMPLES)]
     moved = np.diff(ends, axis=0)
     turn_row, move_row = np.array(example.model.coefficients(example.model.nominal))
     found = evaluation.design_matrices

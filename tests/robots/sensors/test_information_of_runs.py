@@ -14,11 +14,12 @@ from sensors import PERIOD, Example, Experiment, named
 
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.records.problem_tables import nuisance_table
 from oed.robots.sensors import Displacements, Poses, Several
+from oed.robots.space import DesignSpace
 
 SAMPLES, RUNS = 11, 3
 STARTS = np.array([[0.2, -0.1, 0.4], [-0.5, 0.3, 2.0], [1.0, 0.7, -1.2]])

@@ -14,10 +14,11 @@ from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 from scipy.linalg import block_diag
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 SAMPLES, DURATION, START = 23, 5.0, (0.2, -0.1, 0.4)
 NOISE = {"position": 2e-3, "heading": 0.01}

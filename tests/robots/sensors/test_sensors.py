@@ -41,11 +41,12 @@ from sensors import (
 
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import SENSORS, AbsoluteNoise, LeverArm, Poses, Ranges, Several, YawRate
+from oed.robots.space import DesignSpace
 
 START = (0.2, -0.1, 0.4)
 C = ("c11", "c12", "c21", "c22")
@@ -374,7 +375,7 @@ class TestSeveral:
         with pytest.raises(ProblemError) as caught:
             problem_of(several)
         assert [(flaw.key, flaw.message) for flaw in caught.value.flaws] == [
-            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weigh the readings"),
+            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weight the readings"),
             (("measurement", 2, "quantities"), "a quantity is listed twice"),
         ]
 
@@ -579,7 +580,7 @@ class TestBounds:
     def test_radii_and_track(self, seed: int, amplitude: float, model: DifferentialDrive, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
         found = self.score(inputs, heading, model)
-        places = found.poses[:, :2]
+        places = found.states[:, :2]
         spread = ((places - places.mean(axis=0)) ** 2).sum()
         assert found.lambda_min <= spread / (3 * SIGMA**2) * (1 + 1e-9)
 

@@ -23,9 +23,10 @@ from sample_robots import EXAMPLES, Example
 from scipy.linalg import hadamard
 
 import oed
-from oed.kernel.dynamics.trajectory import DesignSpace, Trajectory
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.robots.sensors import Displacements
+from oed.robots.space import DesignSpace
 
 SAMPLES, PERIOD, TOP = 24, 0.1, 10.0
 NOISE = {"position": 2e-3, "heading": 0.01}
@@ -133,7 +134,7 @@ def test_the_wheels_that_do_not_move_it_tell_nothing_of_its_motion(example: Exam
     assert len(idle) == len(example.model.inputs) - 3
     for direction in idle:
         same, other = driven(problem_of(example), speeds), driven(problem_of(example), speeds + 3 * direction)
-        np.testing.assert_allclose(same.poses, other.poses, atol=1e-12)
+        np.testing.assert_allclose(same.states, other.states, atol=1e-12)
         assert not np.allclose(same.information["heading"], other.information["heading"])
 
 

@@ -1,0 +1,156 @@
+"""The space of drives that a study allows."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from oed.foundation.component import Component
+from oed.foundation.quantities import Duration
+from oed.kernel.dynamics import spline
+from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.trajectory import Trajectory, held_jerks, held_rates, middles
+
+Array = npt.NDArray[np.float64]
+
+
+class Spline(Component):
+    """The inputs' splines: degree, and coefficients per input (those that rest fixes included)."""
+
+    degree: Annotated[int, Field(ge=0, le=7)] = 3
+    coefficients: Annotated[int, Field(ge=1, le=100_000)] = 16
+
+
+class Space(Component, ABC):
+    """All drives that a study allows: duration [s], samples N, splines, rest and starts.
+
+    `rest_to_rest` fixes the first and last coefficient of every input at 0. With several `runs` the drive is
+    a series of them, each with this duration, samples and spline and a start of its own.
+    """
+
+    duration: Annotated[Duration, Field(gt=0)]
+    samples: Annotated[int, Field(ge=1, le=1_000_000)] = 200
+    spline: Spline = Spline()
+    rest_to_rest: bool = True
+    runs: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @property
+    @abstractmethod
+    def fixed_starts(self) -> Array | None:
+        """The states (runs, k) that the runs start in, the first k of the system's; None where the design
+        chooses them.
+        """
+
+    def driving(self, system: System) -> System:
+        """The system as drives of this space drive it; itself, unless the space chooses how it steps."""
+        return system
+
+    @property
+    def period(self) -> float:
+        """Sample period T [s]."""
+        return self.duration / self.samples
+
+    @property
+    def all_samples(self) -> int:
+        """Samples of all runs together."""
+        return self.runs * self.samples
+
+    @property
+    def whole_duration(self) -> float:
+        """Duration of all runs together [s]."""
+        return self.runs * self.duration
+
+    @property
+    def all_coefficients(self) -> int:
+        """Spline coefficients of an input in all runs together."""
+        return self.runs * self.spline.coefficients
+
+    @property
+    def knots(self) -> Array:
+        """Knots of the splines [s], of all runs on one clock."""
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        return spline.repeated_knots(own, self.spline.degree, self.runs)
+
+    @property
+    def sampling_matrix(self) -> Array:
+        """(N, n): takes coefficients to the inputs held in each period."""
+        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        held = spline.basis(own, self.spline.degree, middles(self.duration, self.samples))
+        return np.asarray(np.kron(np.eye(self.runs), held.toarray()))
+
+    @property
+    def rate_matrix(self) -> Array:
+        """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
+        of the rate at all times; for degree 0, the rates from period to period.
+        """
+        if self.spline.degree == 0:
+            return self._of_every_run(held_rates)
+        return spline.derivative(self.knots, self.spline.degree)[0].toarray()
+
+    @property
+    def jerk_matrix(self) -> Array:
+        """The same of the inputs' second derivatives; for degrees 0 and 1, those of `held_jerks`."""
+        degree = self.spline.degree
+        if degree < 2:
+            return self._of_every_run(held_jerks)
+        first, knots = spline.derivative(self.knots, degree)
+        second, _ = spline.derivative(knots, degree - 1)
+        return second @ first.toarray()
+
+    def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
+        # The matrix of what is held of a run's splines, for all runs.
+        count, degree = self.spline.coefficients, self.spline.degree
+        own = spline.clamped_knots(self.duration, count, degree)
+        return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
+
+    @property
+    def free_rows(self) -> npt.NDArray[np.int64]:
+        """Indices of the coefficients that are free; the others are 0."""
+        own = np.arange(self.spline.coefficients)
+        own = own[1:-1] if self.rest_to_rest else own
+        return np.concatenate([run * self.spline.coefficients + own for run in range(self.runs)])
+
+    @property
+    def start_is_free(self) -> bool:
+        """Whether start states are part of the design."""
+        return self.fixed_starts is None
+
+    def trajectory(self, coefficients: npt.ArrayLike, start: npt.ArrayLike) -> Trajectory:
+        """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
+        return Trajectory(
+            self.knots,
+            self.spline.degree,
+            np.asarray(coefficients),
+            np.asarray(start),
+            self.all_samples,
+            self.runs,
+        )
+
+
+class SignalSpace(Space):
+    """The drives of any system: `start` is one state for all runs, one for each, or "free".
+
+    Of a start with fewer values than the system has states, the other states begin at 0.
+    """
+
+    start: tuple[float, ...] | tuple[tuple[float, ...], ...] | Literal["free"] = ()
+
+    @model_validator(mode="after")
+    def _start_for_every_run(self) -> SignalSpace:
+        starts = self.fixed_starts
+        if starts is not None and len(starts) != self.runs:
+            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
+        return self
+
+    @property
+    def fixed_starts(self) -> Array | None:
+        """The states (runs, k) that the runs start in; None where the design chooses them."""
+        if isinstance(self.start, str):
+            return None
+        table = np.array(self.start, dtype=float)
+        return np.tile(table, (self.runs, 1)) if table.ndim == 1 else table

@@ -1,0 +1,239 @@
+"""What responds: named inputs, states and parameters, and one step x+ = f(x, u, p, T).
+
+A domain says how its systems step; trajectories, sensitivities, readings and limits follow from that for all
+alike. Expressions are CasADi's, of one period; the callers map them over time.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import ClassVar
+
+import casadi as ca
+import numpy.typing as npt
+
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.expression import Expression
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input of a system.
+
+    Attributes:
+        name: in files.
+        quantity: what it is ("voltage", ...); limits apply by quantity.
+        unit: SI unit.
+        below: magnitude that the system's equations need it to stay below.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    below: float = inf
+
+    @property
+    def drives(self) -> bool:
+        """Whether it moves the system in proportion, as a speed does; an angle only shapes the motion."""
+        return self.unit in ("rad/s", "m/s")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One constant of a system.
+
+    Attributes:
+        name: in files.
+        nominal: value in SI.
+        unit: SI unit ("" for a ratio).
+        size: what a relative precision refers to where the nominal value is 0, SI; 0 for nothing.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    size: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0."""
+        return abs(self.nominal) or self.size
+
+
+class System(ABC):
+    """What responds to inputs; hashable, for its compiled functions are kept.
+
+    Attributes:
+        inputs: held over each period.
+        states: names; () of a system whose signals follow from its inputs at once.
+        state_units: their SI units.
+        noun: what it is, in messages.
+        start_name: what its start states are called, as nuisances.
+        motion_signal: name of the signal that limits on the motion look at; "" for none.
+        renamed: what a domain calls parts of a drive or a moment, by which they can be asked for too: names
+            of their attributes by these.
+    """
+
+    inputs: ClassVar[tuple[Input, ...]]
+    states: ClassVar[tuple[str, ...]] = ()
+    state_units: ClassVar[tuple[str, ...]] = ()
+    noun: ClassVar[str] = "system"
+    start_name: ClassVar[str] = "start"
+    motion_signal: ClassVar[str] = ""
+    renamed: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its constants with their nominal values, in the order that expressions take them."""
+
+    @abstractmethod
+    def step(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The state (states,) after a period of `period` [s]; a period of no time changes nothing.
+
+        Args:
+            state: at its begin, (states,), SI.
+            inputs: held in it, (inputs,), SI.
+            parameters: values, (p,), SI.
+            period: its duration [s].
+        """
+
+    def signals(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Mapping[str, Expression]:
+        """Further columns of expressions, by name, that measurements and limits may ask for: means over a
+        period that begins so, or of an instant where `period` is 0.
+
+        "velocity" [m/s] is how fast the system moves through space, where it does.
+        """
+        return {}
+
+    def flaws(self) -> list[Flaw]:
+        """Why this is no system at all; [] where it is one."""
+        return []
+
+    def estimating(self, names: Collection[str]) -> System:
+        """The system that has the parameters `names`: this one, unless a domain knows it by others too."""
+        return self
+
+    @property
+    def estimable(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of parameters that can be estimated together, by what they are called in messages."""
+        return {"parameters": tuple(parameter.name for parameter in self.parameters)}
+
+    def remedy(self, unbounded: Input, limits: Sequence[str]) -> str:
+        """What to do about an input that nothing bounds, given the names of the limits there are."""
+        return f"add a limit on {unbounded.quantity}"
+
+    def speed_of(self, inputs: npt.ArrayLike) -> float:
+        """How fast it moves through space [m/s], at rest before, at the nominal parameters."""
+        found = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
+        return float(ca.norm_2(found["velocity"])) if "velocity" in found else 0.0
+
+    def allows(self, values: Mapping[str, float]) -> bool:
+        """Whether it can have these values of parameters, SI."""
+        return True
+
+    def long_names(self, name: str) -> tuple[str, ...]:
+        """The parameters that a key stands for: its own, unless a domain has keys for several at once."""
+        return (name,)
+
+    @property
+    def predictions(self) -> Mapping[str, tuple[str, ...]]:
+        """States that a user may want predicted, by what they are together: each by itself."""
+        return {name: (name,) for name in self.states}
+
+    @property
+    def exact(self) -> System:
+        """The system as it steps with no error of integration, however long the period."""
+        return self
+
+    @property
+    def chosen_states(self) -> int:
+        """How many of the states, from the first on, a start may choose; the others begin at 0."""
+        return len(self.states)
+
+    @property
+    def as_far_as_velocity(self) -> bool:
+        """Whether within a period it goes no farther than its mean velocity tells, wherever it turns."""
+        return False
+
+    @property
+    def nominal(self) -> list[float]:
+        """Nominal parameter values, SI."""
+        return [parameter.nominal for parameter in self.parameters]
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """The inputs' names."""
+        return tuple(entry.name for entry in self.inputs)
+
+
+def label_of(system: System) -> str:
+    """What a system is called in messages: its kind, where it has one."""
+    return str(getattr(system, "kind", type(system).__name__))
+
+
+@lru_cache(maxsize=32)
+def stepper(system: System) -> ca.Function:
+    """The function (state, inputs, parameters, period [s]) -> next state."""
+    given = _symbols(system)
+    names = ["state", "inputs", "parameters", "period"]
+    return ca.Function("step", given, [system.step(*given)], names, ["next"])
+
+
+@lru_cache(maxsize=32)
+def carrier(system: System) -> ca.Function:
+    """The function (S, state, inputs, parameters, period) -> S at the next sample, for the derivatives
+    S (states, p + states) of the state by the parameters and the start state.
+    """
+    given = _symbols(system)
+    state, _, parameters, _ = given
+    states, size = len(system.states), len(system.parameters)
+    before = ca.SX.sym("S", states, size + states)
+    following = stepper(system)(*given)
+    direct = ca.horzcat(ca.jacobian(following, parameters), ca.SX(states, states))
+    after = ca.jacobian(following, state) @ before + direct
+    return ca.Function("carry", [before, *given], [ca.densify(after)])
+
+
+@lru_cache(maxsize=32)
+def signaller(system: System) -> ca.Function:
+    """The function (state, inputs, parameters, period [s]) -> every signal, by name."""
+    given = _symbols(system)
+    signals = system.signals(*given)
+    names = ["state", "inputs", "parameters", "period"]
+    return ca.Function("signals", given, list(signals.values()), names, list(signals))
+
+
+@lru_cache(maxsize=32)
+def mover(system: System) -> ca.Function:
+    """The function (state, inputs, parameters) -> the motion at an instant (m,)."""
+    *given, _ = _symbols(system)
+    return ca.Function("motion", given, [_motion(system, *given, ca.SX(0))])
+
+
+@lru_cache(maxsize=32)
+def follows_state(system: System) -> bool:
+    """Whether the motion depends on the state, not on the inputs alone."""
+    given = _symbols(system)
+    return bool(ca.depends_on(_motion(system, *given), given[0]))
+
+
+def _motion(system: System, *given: Expression) -> Expression:
+    return system.signals(*given).get(system.motion_signal, ca.SX(0, 1))
+
+
+def _symbols(system: System) -> list[ca.SX]:
+    return [
+        ca.SX.sym("state", len(system.states)),
+        ca.SX.sym("inputs", len(system.inputs)),
+        ca.SX.sym("p", len(system.parameters)),
+        ca.SX.sym("period"),
+    ]
