@@ -42,7 +42,7 @@ def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") 
     expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
     data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected)
     if data.get("format") != FORMAT or needed not in data:
-        raise _flaw(path, expected)
+        raise RecordError.about(path, expected)
     return data
 
 
