@@ -61,26 +61,22 @@ def _range(one: Uncertain) -> str:
 
 
 def _table(record: Record, found: StoredRobustness) -> Table:
+    objective = f"objective, {study_aim(record).number}"
     columns = (
-        Column("result"),
-        Column(f"objective, {study_aim(record).number}", form=significant(4)),
-        Column("robots that leave", "%", fixed(2)),
-        Column("95 % interval", "%"),
-        Column("farthest beyond", "% of the limit", fixed(1)),
-        Column("draws", form=whole),
+        Column("result", cell=lambda one: one.name),
+        Column(objective, "", significant(4), lambda one: one.objective),
+        Column("robots that leave", "%", fixed(2), lambda one: 100 * one.probability),
+        Column(
+            "95 % interval", "%", cell=lambda one: " to ".join(f"{100 * end:.2f}" for end in one.interval)
+        ),
+        Column("farthest beyond", "% of the limit", fixed(1), _farthest),
+        Column("draws", "", whole, lambda one: one.draws),
     )
-    rows = tuple(
-        (
-            one.name,
-            one.objective,
-            100 * one.probability,
-            " to ".join(f"{100 * end:.2f}" for end in one.interval),
-            None if one.farthest is None else 100 * one.farthest,
-            one.draws,
-        )
-        for one in found.results
-    )
-    return Table(columns, rows, "Robots that leave the limits")
+    return Table.of(found.results, columns, "Robots that leave the limits")
+
+
+def _farthest(one: Tried) -> float | None:
+    return None if one.farthest is None else 100 * one.farthest
 
 
 def _bundles(record: Record, found: StoredRobustness) -> tuple[Picture, ...]:
