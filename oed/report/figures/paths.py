@@ -73,8 +73,8 @@ class Bundle:
     """A drive's paths with the robots that may be, each (n, 2) [m].
 
     Attributes:
-        title: the result's name, and how many robots leave the limits.
-        inside, outside: of robots that keep the limits, and of those that leave them.
+        title: the result's name, and how many robots violate the limits.
+        inside, outside: of robots that satisfy the limits, and of those that violate them.
         nominal: of the nominal robot, run by run.
     """
 
@@ -116,7 +116,7 @@ def bundles(cases: Sequence[Bundle], room: Room) -> spec.Plot:
     columns = min(2, len(cases))
     x, y, width, height = _scales(box, columns, len(cases))
     panels = [spec.Panel([*surroundings(room), *_bundle(one)], x, y, one.title, "box") for one in cases]
-    looks = {"nominal robot": NOMINAL, "keeps the limits": INSIDE, "leaves them": OUTSIDE}
+    looks = {"nominal robot": NOMINAL, "satisfies the limits": INSIDE, "violates them": OUTSIDE}
     keys = [spec.Key(label, {**look, "linewidth": 1.6}) for label, look in looks.items()]
     keys += [spec.Key("start", START), spec.Key("end", END)]
     legend = spec.Legend(keys, 6, "lower", HANDLE)

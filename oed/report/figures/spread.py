@@ -78,7 +78,7 @@ def clouds(drawn: Sequence[Cloud]) -> spec.Plot:
     keys = [
         spec.Key("estimate", {**ESTIMATES, "markersize": 6}),
         spec.Key("true", TRUTH),
-        spec.Key("95 %, promised", ELLIPSES[0]),
+        spec.Key("95 %, predicted", ELLIPSES[0]),
         spec.Key("95 %, simulated", ELLIPSES[1]),
     ]
     height = 3.1 * -(-len(drawn) // columns)

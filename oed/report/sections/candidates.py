@@ -58,7 +58,7 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("path length", "m", fixed(2), lambda one: one.path_length)
     yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
-    yield Column("keeps every limit", cell=lambda one: one.feasible)
+    yield Column("satisfies every limit", cell=lambda one: one.feasible)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def criteria(record: Record) -> Section | None:
             "searched for", cell=lambda one: aim_of(record, one).label if one.origin == "search" else None
         ),
         *(one.column for one in judges),
-        Column("keeps every limit", cell=lambda one: one.feasible),
+        Column("satisfies every limit", cell=lambda one: one.feasible),
     )
     said_all = tuple(filter(None, said))
     return Section("Criteria", paragraphs=said_all, tables=(Table.of(results, columns),))

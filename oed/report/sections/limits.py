@@ -72,7 +72,7 @@ class _Room:
         """The same of the table of one drive."""
         if not self.margin.kept or self.met:
             return "met" if self.margin.kept else "exceeded"
-        state = "active" if self.margin.active else "kept with room"
+        state = "active" if self.margin.active else "satisfied with room"
         return f"{state} (checked at points only)" if self.margin.certain is False else state
 
     @property
@@ -128,4 +128,4 @@ def _touched() -> Iterator[Column]:
 
     yield Column("exceeded", cell=exceeded)
     yield Column("active or met", cell=met)
-    yield Column("kept with room", cell=spare)
+    yield Column("satisfied with room", cell=spare)

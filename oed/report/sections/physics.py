@@ -85,7 +85,7 @@ def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
         *(Column(words(one.name), "%", fixed(3)) for one in own.parameters),
         Column("all", "%", fixed(3)),
         Column("interval", "%"),
-        Column("promised by noise alone", "%", fixed(3)),
+        Column("predicted from noise alone", "%", fixed(3)),
     )
     rows = tuple(
         (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, promised[one.drive]))

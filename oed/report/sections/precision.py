@@ -1,4 +1,4 @@
-"""How well one drive tells the parameters, as predicted from what is measured and its noise."""
+"""How precise estimates from one drive are, as predicted from what is measured and its noise."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Resu
         Column("parameter", cell=lambda one: words(one.name)),
         Column("unit", cell=lambda one: unit_text(readable(1.0, one.unit)[1]) or "1"),
         Column("nominal", "", FOUR, lambda one: readable(one.nominal, one.unit)[0]),
-        Column("known beforehand to", cell=lambda one: known.get(one.name)) if known else None,
+        Column("prior: ±", cell=lambda one: known.get(one.name)) if known else None,
         Column("deviations in", cell=lambda one: units[one.name][0] or "1") if finer else None,
         Column("standard deviation", "", THREE, size),
         Column("share of nominal", "%", THREE, share),
@@ -84,7 +84,7 @@ def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Resu
 
 
 def _deviation(parameter: StoredParameter, result: Result) -> float:
-    # A parameter that the drive cannot tell has an infinite deviation, which JSON holds as null.
+    # A parameter that is not identifiable has an infinite deviation, which JSON holds as null.
     deviation = result.standard_deviations.get(parameter.name)
     return math.inf if deviation is None else deviation
 
@@ -97,7 +97,7 @@ def _matrix(result: Result, one: Covariance) -> Table:
 
 
 def _correlations(covariance: Sequence[Sequence[float | None]], index: int) -> list[Cell]:
-    # – where a parameter is not told at all.
+    # – where a parameter is not identifiable.
     cells: list[Cell] = []
     for other, shared in enumerate(covariance[index]):
         own, its = covariance[index][index], covariance[other][other]

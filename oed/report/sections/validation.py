@@ -1,4 +1,4 @@
-"""The promised precision against simulated experiments: tests, and estimates with their ellipses."""
+"""The predicted precision against simulated experiments: tests, and estimates with their ellipses."""
 
 from __future__ import annotations
 
@@ -127,15 +127,15 @@ def _side_by_side(record: Record, every: Sequence[Simulated], chosen: Simulated,
         Column("true", "", FOUR, lambda one: one.value(one.drive.true)),
         Column("mean estimate", "", FOUR, lambda one: one.value(one.drive.mean)),
         Column("deviations in", cell=lambda one: one.shown[0] or "1") if finer else None,
-        Column("promised deviation", "", THREE, lambda one: one.shown[1] * one.promised),
+        Column("predicted deviation", "", THREE, lambda one: one.shown[1] * one.promised),
         Column("simulated deviation", "", THREE, lambda one: one.shown[1] * one.sampled),
         Column(
-            "variance, simulated/promised", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
+            "variance, simulated/predicted", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
         ),
         Column("± (paired)", "", _error, lambda one: one.drive.paired_standard_error[one.at]),
         Column("all tests passed", cell=lambda one: one.drive.passed),
     )
-    return Table.of(items, columns, "All drives that tell the parameters apart")
+    return Table.of(items, columns, "All drives from which the parameters are identifiable")
 
 
 def _error(size: float) -> str:
