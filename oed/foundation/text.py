@@ -139,6 +139,11 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
+def in_signs(text: str) -> str:
+    """A message with the signs of formulas that a page can show: F^-1 -> F⁻¹."""
+    return text.replace("F^-1", "F⁻¹").replace("+-", "±")
+
+
 def words(identifier: str) -> str:
     """wheel_speed -> wheel speed."""
     return identifier.replace("_", " ")

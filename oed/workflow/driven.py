@@ -206,8 +206,7 @@ def _record_of(study: Study, designs: str | Path | None) -> Record | None:
     if designs is None or not (in_order(designs) / FILE).is_file():
         return None
     record, own = load_record(designs), study.echo()
-    theirs = record.data["study"]
-    return record if all(theirs.get(key) == own.get(key) for key in SAME) else None
+    return record if all(record.echo.get(key) == own.get(key) for key in SAME) else None
 
 
 def _worth(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,6 +13,7 @@ from oed.records.outcomes import validation_of
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredValidation
+from oed.records.stored.trial import StoredTrial
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import Study, ValidationOptions
@@ -95,7 +94,7 @@ def validated(
     ]
     chosen = saved.seed if seed is None else seed
     outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return replace(saved, data={**saved.data, "validation": outcome.plain()})
+    return saved.with_validation(outcome)
 
 
 def _simulated(
@@ -129,12 +128,12 @@ def _simulated(
                 # Without the prior, or what the criterion ignores, a drive may make too little identifiable.
                 continue
             entries.append(validation_of(solution.name, result))
-    return StoredValidation.model_construct(**options.model_dump(mode="json"), seed=seed, results=entries)
+    return StoredValidation.of(options, seed=seed, results=entries)
 
 
 def driven_in_physics(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> dict[str, Any] | None:
+) -> StoredTrial | None:
     """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none.
 
     Args:
@@ -148,4 +147,5 @@ def driven_in_physics(
     if trial is None:
         return None
     known = solutions[0] if study.solvers else None
-    return run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    found = run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    return StoredTrial.model_validate(found)

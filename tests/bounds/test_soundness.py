@@ -152,13 +152,6 @@ def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
     assert check(random_joint(rng), rng, 30, 20) > 20
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("make", [random_regression, random_joint])
-def test_no_drive_beats_the_bounds_of_many_problems(make: Any) -> None:
-    rng = np.random.default_rng(5)
-    assert sum(check(make(rng), rng, 40, 40) for _ in range(9)) > 300
-
-
 BODY = {"body_radius": 0.15, "wheel_radius": RADIUS}
 OTHERS = {
     "offset": OffsetDrive(**BODY, track=TRACK, sensor_offset=0.06),

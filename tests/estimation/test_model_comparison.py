@@ -429,15 +429,15 @@ class TestStudy:
     @pytest.mark.slow
     def test_an_estimate_has_them_everywhere(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
         record = estimate(study(MODELS), [LOG], out=tmp_path)
-        assert [one["name"] for one in record.models] == [
+        assert [one.name for one in record.models] == [
             "differential_drive",
             "skid_steer_slip",
             "half known",
         ]
         assert load_estimate(tmp_path).models == record.models
         assert record.data["comparison"]["best"]["bic"] == "differential_drive"
-        write_estimate(record.data, tmp_path)
-        print_estimate(record.data)
+        write_estimate(record, tmp_path)
+        print_estimate(record)
         for text in ((tmp_path / "estimate.md").read_text(encoding="utf-8"), capsys.readouterr().out):
             assert "differential drive is the best by" in " ".join(text.split())
 

@@ -33,7 +33,7 @@ from oed.uncertainty.uncertainty import spread_of
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "5 %", "track": "5 %"}
 SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})
-COUNT = 20
+COUNT = 14
 FEW = 12
 """Robots of the tests that are not slow."""
 

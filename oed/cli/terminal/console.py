@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -20,12 +20,14 @@ from oed.foundation.work.progress import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
+    from oed.records.calibration_record import EstimateRecord
     from oed.records.stored.certificate import StoredCertificate
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.sweep import StoredSweep
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
+    from oed.workflow.next_drive import NextDrive
 
 
 class _Bars:
@@ -134,20 +136,19 @@ def print_worth(found: DrivenPaths) -> None:
             tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
 
 
-def print_next(found: Mapping[str, Any]) -> None:
+def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
     from oed.foundation.text import words
-    from oed.report.estimate.numbers import error_text, own_unit, to_error
+    from oed.report.parts.rounding import error_text, own_unit, to_error
 
     headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
     table = _table(headings, ("parameter", "unit"))
-    for entry in found["precision"]:
-        unit, factor = own_unit(entry["unit"])
-        errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
-        estimate = to_error(entry["value"], entry["now"], factor)
-        table.add_row(_cell(words(entry["name"])), _cell(unit), estimate, *errors)
+    for one in found.precision:
+        unit, factor = own_unit(one.unit)
+        errors = (error_text(error, factor) for error in (one.now, one.wanted, one.next))
+        table.add_row(_cell(words(one.name)), _cell(unit), to_error(one.value, one.now, factor), *errors)
     _console().print(table)
-    tell(found["reason"])
+    tell(found.reason)
 
 
 def print_certificate(certificate: StoredCertificate) -> None:
@@ -231,17 +232,17 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
             return text
 
 
-def print_estimate(data: Mapping[str, Any]) -> None:
+def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
-    from oed.report.estimate.console import estimate_lines, estimate_rows
+    from oed.report.estimate.terminal import estimate_lines, estimate_rows
 
     headings = ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]")
     table = _table(headings, ("parameter", "unit"), no_wrap=True)
-    for row in estimate_rows(data):
+    for row in estimate_rows(record):
         table.add_row(*map(_cell, row))
     console = _console()
     console.print(table)
-    for line in estimate_lines(data):
+    for line in estimate_lines(record):
         _print_line(console, line)
 
 

@@ -1,11 +1,11 @@
-"""The one way in for saved JSON: a file's text, its syntax and its keys, every flaw named by file and key."""
+"""The one way in for saved JSON, every flaw named by file and key; and the way out, its text."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -15,12 +15,35 @@ from oed.foundation.files import text_of
 from oed.records.stored.parts import Stored
 from oed.study.study_errors import sentence
 
+FORMAT: Final = 1
+"""Of all files."""
 DIGITS = 100
 """Of a whole number."""
 SHOWN = 12
-"""Flaws of a file that are told; what is damaged throughout is not told line by line."""
+"""Issues of a file that are listed; what is damaged throughout is not listed line by line."""
 
 Kind = TypeVar("Kind", bound=Stored)
+
+
+def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") -> dict[str, Any]:
+    """The JSON object in one of the files that the package writes.
+
+    Args:
+        path: the file.
+        what: it holds, "a record".
+        command: makes such files.
+        needed: a key that every one of them has.
+        hint: what else to say where there is no such file.
+
+    Raises:
+        RecordError: as `read_object` does.
+    """
+    name = what.split()[-1]
+    expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
+    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected)
+    if data.get("format") != FORMAT or needed not in data:
+        raise RecordError.about(path, expected)
+    return data
 
 
 def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
@@ -85,3 +108,23 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
 def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
     """Flaws of a file from keys and messages."""
     return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
+
+
+def json_text(data: Any) -> str:
+    """The text of a file, every list of numbers on a line of its own.
+
+    Raises:
+        ValueError: numbers that JSON has not.
+    """
+    return _laid_out(data, "") + "\n"
+
+
+def _laid_out(value: Any, indent: str) -> str:
+    # As json.dumps(indent=1) would, but for lists of plain values.
+    inner = indent + " "
+    if isinstance(value, Mapping) and value:
+        lines = [f"{inner}{json.dumps(key)}: {_laid_out(entry, inner)}" for key, entry in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
+        return "[\n" + ",\n".join(f"{inner}{_laid_out(entry, inner)}" for entry in value) + f"\n{indent}]"
+    return json.dumps(value, allow_nan=False)

@@ -1,4 +1,4 @@
-"""Numbers of an estimate as they are read: in mm, deg and ms, and to their error's second digit."""
+"""Estimates as they are read: in mm, deg and ms, and to their error's second digit."""
 
 from __future__ import annotations
 
@@ -27,17 +27,10 @@ OWN_UNITS: dict[str, Unit] = {
 MOST_DECIMALS = 9
 
 
-def known(value: object) -> float | None:
-    """A number, infinite or not; None where there is none."""
-    if not isinstance(value, int | float) or math.isnan(value):
-        return None
-    return float(value)
-
-
 def unit_for(sizes: Iterable[float | None], unit: str) -> Unit:
     """The unit, and its factor from SI, in which most of these sizes [SI] are easily read."""
-    told = sorted(abs(size) for size in sizes if size is not None and math.isfinite(size))
-    size = told[len(told) // 2] if told else 0.0
+    known = sorted(abs(size) for size in sizes if size is not None)
+    size = known[len(known) // 2] if known else 0.0
     ladder = LADDERS.get(unit, ((unit, 1.0, 0.0),))
     for shown, factor, least in ladder:
         if size >= least and size > 0:
@@ -46,9 +39,9 @@ def unit_for(sizes: Iterable[float | None], unit: str) -> Unit:
     return ladder[min(1, len(ladder) - 1)][:2]
 
 
-def own_unit(unit: str) -> Unit:
+def own_unit(unit: str | None) -> Unit:
     """The unit, and its factor from SI, in which a parameter is shown."""
-    return OWN_UNITS.get(unit, (unit, 1.0))
+    return OWN_UNITS.get(unit or "", (unit or "", 1.0))
 
 
 def decimals_of(error: float | None) -> int | None:
@@ -77,11 +70,9 @@ def error_text(error: float | None, factor: float = 1.0) -> str:
     return significant(2)(error * factor) if error * factor >= 1e6 else to_error(error, error, factor)
 
 
-def plain(value: float | None, factor: float = 1.0) -> str:
-    """A number that somebody chose, without idle digits."""
-    if value is None:
-        return MISSING
-    return f"{value * factor:.6g}" if math.isfinite(value) else significant(2)(value)
+def shown_unit(unit: str | None) -> str:
+    """The unit in which a parameter is shown, "1" for none."""
+    return unit_text(own_unit(unit)[0]) or "1"
 
 
 def span_text(low: float | None, high: float | None, error: float | None, factor: float) -> str:
@@ -101,12 +92,12 @@ def sized(title: str, sizes: Iterable[float | None], unit: str) -> tuple[Column,
     """A column for sizes [SI], in one unit and with as many decimals as give most of them three digits.
 
     Returns:
-        column: of the table.
+        column: it.
         factor: from SI, for its cells.
     """
-    told = [size for size in sizes if size is not None and math.isfinite(size)]
-    shown, factor = unit_for(told, unit)
-    middle = sorted(abs(size) for size in told)[len(told) // 2] * factor if told else 1.0
+    known = [size for size in sizes if size is not None]
+    shown, factor = unit_for(known, unit)
+    middle = sorted(abs(size) for size in known)[len(known) // 2] * factor if known else 1.0
     decimals = 2 - math.floor(math.log10(middle)) if middle > 0 else 2
     return Column(title, unit_text(shown), fixed(min(max(decimals, 0), 3))), factor
 
@@ -116,8 +107,10 @@ def scaled(value: float | None, factor: float) -> Cell:
     return None if value is None else value * factor
 
 
-def probability(p_value: float) -> str:
+def probability(p_value: float | None) -> str:
     """A p-value; below what matters, just that."""
+    if p_value is None:
+        return MISSING
     return "< 0.0001" if p_value < 1e-4 else significant(2)(p_value)
 
 

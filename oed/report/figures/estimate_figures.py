@@ -14,16 +14,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
-from oed.report.estimate.reading import Reckoned
-from oed.report.estimate.residuals import (
-    MOST_DOTS,
-    Array,
-    Readings,
-    Residuals,
-    one_after_the_other,
-    thinned,
-)
+from oed.records.stored.estimate import ReckonedPath
 from oed.report.figures.draw import as_drawn, new_grid
+from oed.report.figures.residuals import Array, Readings, Residuals
 from oed.report.figures.spec import FAINT, INK, WIDTH
 
 SHADES = ("#123f6d", "#8fa9c2")
@@ -32,10 +25,23 @@ DOTS = "#8fa9c2"
 LINE = {"color": INK, "linewidth": 1.2, "marker": "o", "markersize": 3}
 DASHED: dict[str, Any] = {"color": "#b35c00", "linestyle": (0, (4, 2)), "linewidth": 1.2}
 SPREAD = 7.0
-"""Typical sizes of residuals beyond which they are told by triangles."""
-REFERENCE = {"color": INK, "linestyle": "-", "linewidth": 1.0}
-BEFORE = {"color": "#e07b00", "linestyle": (0, (4, 1.8)), "linewidth": 1.2}
-AFTER = {"color": "#2f7fc4", "linestyle": (0, (1.2, 1.1)), "linewidth": 1.7}
+"""Typical sizes of residuals beyond which they are drawn as triangles."""
+MOST_DOTS = 1000
+"""Dots of a panel."""
+GAP = 0.01
+"""Between logs on the axis of time, as a share of all."""
+LETTERS = 26
+"""Of a panel's title."""
+REFERENCE: dict[str, Any] = {"color": INK, "linestyle": "-", "linewidth": 1.0}
+BEFORE: dict[str, Any] = {"color": "#e07b00", "linestyle": (0, (4, 1.8)), "linewidth": 1.2}
+AFTER: dict[str, Any] = {"color": "#2f7fc4", "linestyle": (0, (1.2, 1.1)), "linewidth": 1.7}
+START: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 5,
+    "markerfacecolor": "white",
+    "markeredgecolor": INK,
+    "linestyle": "none",
+}
 
 
 def residuals(one: Residuals) -> Figure:
@@ -83,8 +89,24 @@ def _within(ax: Axes, x: Array, y: Array, limit: float, colour: str) -> None:
         ax.plot(x[beyond], edge, marker=marker, markersize=3, color=INK, linestyle="none", zorder=3)
 
 
+def thinned(x: Array, y: Array, most: int = MOST_DOTS) -> tuple[Array, Array]:
+    """So many of the points, at random but always the same: regular ones would meet the logs' own rhythm."""
+    if len(x) <= most:
+        return x, y
+    kept = np.sort(np.random.default_rng(0).choice(len(x), most, replace=False))
+    return x[kept], y[kept]
+
+
+def _one_after_the_other(logs: Sequence[Readings]) -> list[tuple[float, Readings]]:
+    # Where on a common axis of time each log begins, its times counted from its own beginning.
+    ends = np.array([log.end for log in logs])
+    gap = GAP * ends.sum() / max(len(logs) - 1, 1)
+    begins = np.concatenate([[0.0], np.cumsum(ends[:-1] + gap)])
+    return list(zip(map(float, begins), logs, strict=True))
+
+
 def _plot_time(ax: Axes, logs: Sequence[Readings], limit: float, numbered: bool) -> None:
-    placed = one_after_the_other(logs)
+    placed = _one_after_the_other(logs)
     for first, shade in enumerate(SHADES[: len(logs)]):
         every = placed[first :: len(SHADES)]
         times = np.concatenate([begin + log.times for begin, log in every])
@@ -93,7 +115,7 @@ def _plot_time(ax: Axes, logs: Sequence[Readings], limit: float, numbered: bool)
     if numbered and len(logs) > 1:
         _number(ax, placed)
     begin, last = placed[-1]
-    ax.set_xlim(0.0, (begin + float(last.times.max(initial=0.0))) or 1.0)
+    ax.set_xlim(0.0, (begin + last.end) or 1.0)
     ax.set_ylim(-limit, limit)
     ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
 
@@ -101,7 +123,7 @@ def _plot_time(ax: Axes, logs: Sequence[Readings], limit: float, numbered: bool)
 def _number(ax: Axes, placed: Sequence[tuple[float, Readings]]) -> None:
     style = {"ha": "center", "va": "bottom", "fontsize": "small", "color": FAINT}
     for number, (begin, log) in enumerate(placed, 1):
-        middle = begin + float(log.times.max(initial=0.0)) / 2
+        middle = begin + log.end / 2
         ax.text(middle, 1.03, str(number), transform=ax.get_xaxis_transform(), **style)
 
 
@@ -151,49 +173,45 @@ def _plot_later(ax: Axes, one: Residuals) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
 
 
-def paths(drawn: Sequence[Reckoned]) -> Figure:
-    """One panel per log: its reference path, and dead reckoning before and after."""
+def paths(drawn: Sequence[ReckonedPath]) -> Figure:
+    """One panel per log: its measured path, and dead reckoning before and after."""
     columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
     grid = new_grid(len(drawn), columns, WIDTH, 3.0, share_y=False)
     panel = WIDTH / columns * (0.6 if columns == 1 else 1.0)
-    shape = float(np.clip(np.median([_span(one, 1) / _span(one, 0) for one in drawn]), 0.4, 1.2))
+    shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
     rows = math.ceil(len(drawn) / columns)
     grid.figure.set_size_inches(WIDTH, rows * (max(panel * shape, 1.3) + 0.45) + 0.5)
     for ax, one in zip(grid.axes, drawn, strict=True):
-        _plot_reckoned(ax, one)
-        ax.set_title(as_drawn(one.title), fontsize=(10, 9.5, 8.5)[columns - 1])
+        _plot_path(ax, one)
+        ax.set_title(as_drawn(shortened(one.log)), fontsize=(10, 9.5, 8.5)[columns - 1])
     grid.label("x [m]", "y [m]")
     for ax in grid.axes:
         ax.tick_params(labelbottom=True, labelleft=True)
-    handles = [
-        Line2D([], [], **REFERENCE, label="reference"),
-        Line2D([], [], **BEFORE, label="dead reckoning, nominal"),
-        Line2D([], [], **AFTER, label="dead reckoning, estimated"),
-        Line2D([], [], **START, label="start"),
-    ]
+    labels = {"reference": REFERENCE, "dead reckoning, nominal": BEFORE, "dead reckoning, estimated": AFTER}
+    handles = [Line2D([], [], **style, label=label) for label, style in {**labels, "start": START}.items()]
     grid.figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.0)
     return grid.figure
 
 
-START: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 5,
-    "markerfacecolor": "white",
-    "markeredgecolor": INK,
-    "linestyle": "none",
-}
+def shortened(name: str, letters: int = LETTERS) -> str:
+    """A name with its middle left out where it is too long."""
+    half = (letters - 1) // 2
+    return name if len(name) <= letters else f"{name[:half]}…{name[-half:]}"
 
 
-def _plot_reckoned(ax: Axes, one: Reckoned) -> None:
-    for path, line, order in ((one.reference, REFERENCE, 2), (one.before, BEFORE, 3), (one.after, AFTER, 4)):
+def _plot_path(ax: Axes, one: ReckonedPath) -> None:
+    for order, (path, line) in enumerate(zip(one.paths, (REFERENCE, BEFORE, AFTER), strict=True), start=2):
         ax.plot(*path.T, **line, zorder=order)
-    ax.plot(*one.start, **START, zorder=5)
+    measured = one.paths[0]
+    ax.plot(*measured[np.isfinite(measured).all(axis=1)][0], **START, zorder=5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.06)
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
 
 
-def _span(one: Reckoned, axis: int) -> float:
-    every = np.concatenate([one.reference, one.before, one.after])[:, axis]
-    return max(float(np.nanmax(every) - np.nanmin(every)), 1e-3)
+def _shape(one: ReckonedPath) -> float:
+    # Height over width.
+    every = np.concatenate(one.paths)
+    width, height = np.maximum(np.nanmax(every, axis=0) - np.nanmin(every, axis=0), 1e-3)
+    return float(height / width)
