@@ -17,9 +17,11 @@ ROUNDS = 12
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
+"""What to do where no back-off suffices."""
 FINAL = 0
 """Stream of the verification samples, which are reported: limits were not tightened by them."""
 UNTRIED = "It was not tried with other robots."
+"""Said of a design whose verification was interrupted."""
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:

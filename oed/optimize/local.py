@@ -324,7 +324,9 @@ def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
 
 
 _CACHE: OrderedDict[str, LocalSearch] = OrderedDict()
+"""Searches of this process by their tokens, the newest last."""
 _CACHED = 4
+"""Searches that a process holds at once, each with its programs."""
 
 
 def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:

@@ -19,6 +19,7 @@ from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
 PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
+"""Of the search that is compared with."""
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100

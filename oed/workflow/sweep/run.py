@@ -27,6 +27,7 @@ from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
 FILE = "sweep.json"
+"""Name of the file that holds the table of points."""
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
 INCOMPARABLE = ("criterion", "estimate", "measurement")
