@@ -12,7 +12,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
 from oed.bounds import LATTICE
 from oed.estimation import CalibrationOptions, alternative_flaws
-from oed.estimation.methods import EstimatorName, Heading, Loss, estimator_flaws
+from oed.estimation.methods import EstimatorName, Heading, estimator_flaws
+from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw

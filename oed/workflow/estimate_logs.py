@@ -64,7 +64,7 @@ def estimate(
     told("reading logs")
     kept, other = _read(study, logs), _read(study, apart) if apart else ()
     try:
-        found = calibrate(study.problem, kept, study.calibration, apart=other, seed=chosen, told=told)
+        found = calibrate(study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=told)
     except ProblemError as error:
         raise study.error(error.flaws) from None
     told.done()

@@ -26,7 +26,7 @@ def plain(value) -> bool:
 def calibration() -> Calibration:
     logs = several(3, seconds=8.0, noise=NOISE, place=(0.1, 0.0, 0.0))
     apart = [log_of(course(seed=9, seconds=8.0), noise=NOISE, place=(0.1, 0.0, 0.0), name="apart")]
-    return calibrate(logged_problem(), logs, options(segment=2.0, replicates=100, block=2.0), apart=apart)
+    return calibrate(logged_problem(), logs, options(segment=2.0, replicates=100, block=2.0), test_logs=apart)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ class TestData:
         ]
 
     def test_means(self, calibration: Calibration, data: dict):
-        one = calibration.left_out[0]
+        one = calibration.cross_validation[0]
         assert mean_errors(one.after).rmse_position == one.after[0].rmse_position
         assert data["left_out"][0]["mean"]["after"]["length"] == one.after[0].length
 

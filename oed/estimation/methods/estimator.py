@@ -1,4 +1,4 @@
-"""The Estimator seam: from one drive's readings to parameters, with the covariance its formula promises."""
+"""The Estimator seam: from one drive's readings to parameters, with the covariance by its formula."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ class Estimator(Renamed, ABC):
         true: nominal values, which simulations take for the truth, (p,), SI.
     """
 
-    renamed: ClassVar[Mapping[str, str]] = {"replicate": "simulate"}
+    renamed: ClassVar[Mapping[str, str]] = {"replicate": "simulate", "promised": "covariance"}
     name: EstimatorName
     parameters: tuple[str, ...]
     true: Array
 
     @property
     @abstractmethod
-    def promised(self) -> Array:
+    def covariance(self) -> Array:
         """Covariance (p, p) of the estimates by the estimator's own formula, SI."""
 
     @property
     def linear_covariance(self) -> Array:
         """Covariance (p, p) of the linear estimates that `simulate` pairs with its estimates."""
-        return self.promised
+        return self.covariance
 
     @abstractmethod
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:

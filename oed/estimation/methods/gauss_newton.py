@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.methods.losses import robust_loss
 from oed.estimation.setup.options import Loss
 from oed.kernel.measurement.square_root import SquareRoot
@@ -117,7 +117,7 @@ def projected(rows: Array, own: Array) -> tuple[Array, Array]:
     """Rows (S, m, q) less what columns (S, m, c) of the same segment explain, and the share of each row that
     they do, (S, m).
     """
-    across = own @ inverse_of_told(own.transpose(0, 2, 1) @ own)
+    across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own)
     explained = across @ (own.transpose(0, 2, 1) @ rows)
     return rows - explained, np.einsum("sia,sia->si", across, own)
 
@@ -190,8 +190,8 @@ class LeastSquares:
     def root(self) -> Array:
         """Rows (k, q) whose square is what is known."""
         values, vectors = np.linalg.eigh(self.known.information * np.outer(self.scale, self.scale))
-        told = values > 0
-        return np.asarray(np.sqrt(values[told])[:, None] * vectors[:, told].T / self.scale)
+        identified = values > 0
+        return np.asarray(np.sqrt(values[identified])[:, None] * vectors[:, identified].T / self.scale)
 
 
 def downhill(here: Place, after: Callable[[float], Place], tries: Sequence[float]) -> tuple[Place, int]:
@@ -271,5 +271,5 @@ class _Point:
         step[free], errors[free] = factor @ (factor.T @ right), np.linalg.norm(factor, axis=1)
         across = own.transpose(0, 2, 1)
         rest = across @ (residuals - slopes @ step[free])[..., None]
-        starts = (inverse_of_told(across @ own) @ rest)[..., 0]
+        starts = (inverse_of_identifiable(across @ own) @ rest)[..., 0]
         return _Step(step, starts, errors, float(np.linalg.norm(factor.T @ right)))

@@ -59,7 +59,7 @@ class JointSearch:
         loss: of a residual in units of the noise.
         grows: whether noise may grow with speed and yaw rate.
         known: of the unknowns from before.
-        stated: noise that is not to be estimated.
+        specified: noise that is not to be estimated.
         drive: what sensors read of a designed drive, whose noise is specified; None of logs.
     """
 
@@ -69,7 +69,7 @@ class JointSearch:
     loss: Loss = "linear"
     grows: bool = True
     known: Knowledge | None = None
-    stated: Mapping[str, Noise] | None = None
+    specified: Mapping[str, Noise] | None = None
     drive: DriveReadings | None = None
 
     def fit(self, values: Array | None = None) -> Fit:
@@ -84,8 +84,8 @@ class JointSearch:
         unknowns, exact = self.unknowns, self.drive is not None
         close = EXACT if exact else CLOSE
         search = LeastSquares(unknowns.scale, self._known, self.loss, unknowns.clocks, close)
-        # Noise and weights follow the residuals, so they settle along with the unknowns.
-        renewed = None if exact or self.stated is not None else _Weighted.renewed
+        # Noise and weights follow the residuals, so they converge along with the unknowns.
+        renewed = None if exact or self.specified is not None else _Weighted.renewed
         return search.solved(self.at_first, begin, self._first_starts(begin), renewed)
 
     @cached_property
@@ -93,7 +93,7 @@ class JointSearch:
         """Readings in units of the noise that is specified, or that the search begins with."""
         # Only their ratio matters at first: 1 cm to 0.01 rad.
         rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
-        return _Weighted(self, dict(rough if self.stated is None else self.stated))
+        return _Weighted(self, dict(rough if self.specified is None else self.specified))
 
     @cached_property
     def _known(self) -> Knowledge:
@@ -215,7 +215,7 @@ class _Weighted:
             own = places_of(group, quantities)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),
-                state.freedom[valid][:, own].ravel(),
+                state.redundancy[valid][:, own].ravel(),
                 np.repeat(state.speeds[valid], len(own)),
                 np.repeat(state.yaw_rates[valid], len(own)),
                 robust=self.search.loss != "linear",
@@ -253,7 +253,7 @@ class _Weighted:
             residuals=found.residuals,
             white=white,
             weights=weights,
-            freedom=np.where(present, 1 - leverage.reshape(shape), 0.0),
+            redundancy=np.where(present, 1 - leverage.reshape(shape), 0.0),
             noises=self.noises,
             speeds=found.rates[0],
             yaw_rates=found.rates[1],

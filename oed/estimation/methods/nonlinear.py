@@ -42,7 +42,7 @@ class Nonlinear(Estimator):
         loss: of a residual; other than "linear" it bounds the influence of outliers.
 
     Raises:
-        ProblemError: a measurement without sensors, or a drive that does not tell the parameters apart.
+        ProblemError: a measurement without sensors, or parameters that are not identifiable from the drive.
     """
 
     name: EstimatorName = "nonlinear"
@@ -78,7 +78,7 @@ class Nonlinear(Estimator):
             layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
         )
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
-            text = f"the drive does not tell {', '.join(self.parameters)} apart; nothing to estimate"
+            text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
             raise ProblemError([Flaw(("validation",), text)])
 
     @property
@@ -87,7 +87,7 @@ class Nonlinear(Estimator):
         return self._unknowns.names[len(self.parameters) :]
 
     @cached_property
-    def promised(self) -> Array:
+    def covariance(self) -> Array:
         """F^-1; with a robust loss, its covariance under the Gaussian noise that the problem specifies."""
         return self._covariance(self.loss, self._initial)
 

@@ -70,7 +70,7 @@ class Alternative(Component):
 
     @property
     def fitted_robot(self) -> Model:
-        """The robot with these parameters: itself, or the same seen through its coefficients."""
+        """The robot with these parameters: itself, or the same in terms of its coefficients."""
         return self.robot.estimating(self.parameters)
 
     def flaws(self, inputs: Sequence[str]) -> list[str]:

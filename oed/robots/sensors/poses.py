@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -77,6 +78,18 @@ class AbsoluteNoise(Component):
     def of(self, quantity: Quantity) -> Noise | None:
         """The noise of one quantity; None where it is not given."""
         return None if self.deviation(quantity) is None else self.at_least(quantity)
+
+    def drawn(
+        self, quantities: Sequence[Quantity], speeds: Array, yaw_rates: Array, rng: np.random.Generator
+    ) -> Array:
+        """Errors (n, q) of poses at `speeds` [m/s] and `yaw_rates` [rad/s], both (n,); none where a
+        quantity has no noise.
+        """
+        standard = rng.normal(size=(len(speeds), len(quantities)))
+        if self.covariance is not None:
+            return np.asarray(standard @ np.linalg.cholesky(np.array(self.covariance)).T)
+        own = [self.at_least(name).deviation(speeds, yaw_rates) for name in quantities]
+        return np.asarray(standard * np.column_stack(own))
 
     def at_least(self, quantity: Quantity) -> Noise:
         """Standard deviations of all quantities at rest, SI; 0 where one is not given."""
