@@ -29,12 +29,12 @@ BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, j
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
 EXACTLY = (
-    f"limits kept exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
+    f"limits satisfied exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
 )
 """Assumptions of bounds on drives that satisfy the limits exactly."""
 TOLERATED = (
-    f"limits, duration, start and rest kept within the {100 * TOLERANCE:g} % that scoring tolerates",
+    f"limits, duration, start and rest satisfied within the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
 )
 """Assumptions of bounds on drives within what scoring tolerates."""

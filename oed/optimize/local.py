@@ -270,8 +270,8 @@ class LocalSearch:
         # Whether the grid saw a design much otherwise than all samples do.
         if not self.grid.coarse:
             return False
-        seen = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
-        return abs(seen - evaluation.objective) > MISLED * abs(evaluation.objective)
+        judged = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
+        return abs(judged - evaluation.objective) > MISLED * abs(evaluation.objective)
 
     def initial(self, unknowns: Array, corrections: Array) -> Array:
         """The epigraph's auxiliary unknowns for a design."""

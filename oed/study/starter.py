@@ -203,7 +203,7 @@ def _doubt_lines(choice: Choice, model: Model) -> list[str]:
     amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
     kind = "scenarios" if _skids(choice) else "chance"
     return [
-        "# How far the robot may be from these numbers: the drive keeps to the room for 99 % of such robots.",
+        "# How far the robot may be from these numbers: the drive satisfies its limits for 99 % of such robots.",
         "uncertainty:",
         *(f"  {name}: {amount}" for name, amount in amounts.items()),
         f"robust: {{kind: {kind}, confidence: 0.99}}",
