@@ -203,7 +203,7 @@ def _doubt_lines(choice: Choice, model: Model) -> list[str]:
     amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
     kind = "scenarios" if _skids(choice) else "chance"
     return [
-        "# How far the robot may be from these numbers: the drive satisfies its limits for 99 % of such robots.",
+        "# How far the robot may be from these numbers: 99 % of such robots satisfy the limits.",
         "uncertainty:",
         *(f"  {name}: {amount}" for name, amount in amounts.items()),
         f"robust: {{kind: {kind}, confidence: 0.99}}",

@@ -34,25 +34,9 @@ INCOMPARABLE = ("criterion", "estimate", "measurement")
 """Parts of a study with which the meaning of its objective changes."""
 
 
-def sweep(
-    file: str | Path,
-    axes: Sequence[Axis],
-    out: str | Path,
-    *,
-    seed: int | None = None,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Any]:
-    """Run a study at every combination of values; returns what sweep.json holds.
-
-    As `swept`, which says where it is saved.
-    """
-    return swept(file, axes, out, seed=seed, workers=workers, progress=progress).data
-
-
 @dataclass(frozen=True)
 class Swept:
-    """A sweep: what it found, and the folder where it is saved; None where it is nowhere."""
+    """A sweep that was run: what it found, and the folder where it is saved; None where it is nowhere."""
 
     found: StoredSweep
     folder: Path | None = None
@@ -63,7 +47,7 @@ class Swept:
         return self.found.plain()
 
 
-def swept(
+def sweep(
     file: str | Path,
     axes: Sequence[Axis],
     out: str | Path,
@@ -93,7 +77,7 @@ def swept(
     """
     points, listener = grid(str(file), axes), progress or Silent()
     with drafted(out) as draft:
-        done = _Sweep(points, draft, seed, lambda sweep: sweep.table(Path(file), axes))
+        done = _Sweep(points, draft, seed, lambda work: work.table(Path(file), axes))
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
 
