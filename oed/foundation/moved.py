@@ -41,7 +41,7 @@ RENAMED = {
 """Folders of the top level by where they are now, under another name."""
 
 
-NAMES = {"leaving": "violation_probability"}
+NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
 """Public names by those that they had."""
 
 
@@ -78,6 +78,7 @@ def watch() -> None:
 ATTRIBUTES = {
     "Certificate": {"caps": "bounds"},
     "Evaluation": {"poses": "states"},
+    "Solution": {"leaving": "violation"},
 }
 """New names of classes' attributes by old ones."""
 

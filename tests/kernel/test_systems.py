@@ -206,7 +206,7 @@ class TestLag:
         )
         found = oed.solve(problem, oed.Ipopt(starts=2), seed=0)
         assert found.evaluation.feasible
-        assert found.leaving.probability <= 0.05
+        assert found.violation.probability <= 0.05
 
     def test_no_bound_is_claimed_of_what_the_bounds_do_not_know(self):
         certificate = oed.bound(problem_of(criterion=oed.E()))

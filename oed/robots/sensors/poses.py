@@ -26,6 +26,7 @@ Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
 UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
+"""SI units of what poses have."""
 AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
 
 
