@@ -129,7 +129,6 @@ def test_the_laser_trackers_own_settings() -> None:
     certificate = bound(problem)
     loosest = 201 * 2 / (3 * SIGMA**2)
     assert 0.66 * loosest < certificate.upper_bound < 0.80 * loosest
-    assert certificate.wall_seconds < 5
 
 
 @pytest.mark.slow

@@ -193,12 +193,12 @@ def test_gaps_are_never_negative(hundred):
         found = scored_drive(problem, (1 + excess) * certificate.drive.inputs)
         data = certificate_of(certificate, found, LATTICE, None)
         assert found.feasible
-        assert 0 <= data["gap"] < 0.005
-        assert (data["gap_to"] == data["upper_bound"]) == (excess == 0.0)
-        assert data["gap"] == pytest.approx(data["gap_to"] / found.objective - 1)
-        assert data["widened"]["tolerance"] == TOLERANCE
-        assert "exactly" in data["assumptions"][-2]
-        assert "tolerates" in data["widened"]["assumptions"][-2]
+        assert 0 <= data.gap < 0.005
+        assert (data.gap_to == data.upper_bound) == (excess == 0.0)
+        assert data.gap == pytest.approx(data.gap_to / found.objective - 1)
+        assert data.widened.tolerance == TOLERANCE
+        assert "exactly" in data.assumptions[-2]
+        assert "tolerates" in data.widened.assumptions[-2]
 
 
 def test_positions_and_starts_within_the_tolerance():
@@ -224,5 +224,5 @@ def test_drives_of_several_runs_are_held_against_their_bound():
     drive = random_drive(problem, 1, 0.5)
     assert evaluate(problem, drive).feasible
     found = certified(SimpleNamespace(problem=problem), bound(problem), [scored(problem, drive, "mine")])
-    assert found["best"] == evaluate(problem, drive).objective
-    assert found["gap"] > 0
+    assert found.best == evaluate(problem, drive).objective
+    assert found.gap > 0

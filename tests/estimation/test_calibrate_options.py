@@ -72,7 +72,7 @@ class TestOptions:
     def test_noise_that_is_not_stated(self):
         heading = Poses(quantities=("heading",), noise=AbsoluteNoise(heading=0.01))
         problem = logged_problem(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
-        with pytest.raises(ProblemError, match=r"calibration\.noise: .*states no noise of x, y; use noise"):
+        with pytest.raises(ProblemError, match=r"calibration\.noise: .*no noise of x, y; use noise"):
             found_by(problem=problem, noise="stated")
 
     def test_every_sensor_states_the_noise_of_what_it_reads(self):
@@ -88,8 +88,8 @@ class TestOptions:
     @pytest.mark.slow
     def test_block(self):
         short, long = (found_by(MANY, segment=0.5, block=size, replicates=100) for size in (0.5, 3.0))
-        assert short.covariances[0].freedom == 59
-        assert long.covariances[0].freedom == 9
+        assert short.covariances[0].degrees == 59
+        assert long.covariances[0].degrees == 9
 
     @pytest.mark.slow
     @pytest.mark.parametrize("seconds", [1e-3, 0.15, 1.7, 1e3])
@@ -128,7 +128,7 @@ class TestOptions:
     @pytest.mark.slow
     def test_coefficients_hide_the_sensors_side(self):
         found = found_by(problem=logged_problem(estimate=("c11", "c12", "c21", "c22")))
-        assert found.notes == ("sensor_y cannot be told from the parameters: taken as the study has it",)
+        assert found.notes == ("sensor_y cannot be separated from the parameters: taken as the study has it",)
         assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
         right, left, track = TRUE
         yaw = np.array([right, -left]) / track
@@ -177,14 +177,14 @@ class TestOddLogs:
         log = log_of(course(inputs=np.zeros((60, 2)), seconds=6), noise=noise)
         found = calibrate(logged_problem(), [log])
         assert found.values == pytest.approx(ROBOT.nominal, rel=1e-6)
-        assert all(name in " ".join(found.untold) for name in TRUTH)
+        assert all(name in " ".join(found.weak_directions) for name in TRUTH)
         assert np.sqrt(np.diag(found.covariance)) == pytest.approx(ROBOT.nominal, rel=0.05)
 
     def test_headings_that_never_change(self):
         log = log_of(course(ROBOT, truth_of(ROBOT), start=(0, 0, 0), inputs=np.full((60, 2), 3.0), seconds=6))
         found = found_by([log])
         assert np.isfinite(found.values).all()
-        assert any("track" in text for text in found.untold)
+        assert any("track" in text for text in found.weak_directions)
 
     def test_two_poses(self):
         for rows in ([0, 50], [40, 41]):
@@ -218,10 +218,10 @@ class TestOddLogs:
         log = log_of(course(seconds=6.0), noise=NOISE, quantities=("heading",))
         found = found_by([log])
         assert found.fit.unknowns.place == ()
-        assert "apart" in " ".join(found.untold)
-        assert found.left_out == ()
+        assert "apart" in " ".join(found.weak_directions)
+        assert found.cross_validation == ()
 
     def test_dead_reckoning_apart_needs_positions(self):
         heading = log_of(course(seed=1), quantities=("heading",), name="apart")
         with pytest.raises(LogError, match=r"apart\.csv: dead reckoning needs positions"):
-            calibrate(logged_problem(), [LOG], options(segment="log"), apart=[heading])
+            calibrate(logged_problem(), [LOG], options(segment="log"), test_logs=[heading])

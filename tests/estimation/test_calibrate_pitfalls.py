@@ -9,8 +9,8 @@ import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, logged_problem, options, several, truth_of
 
 from oed.estimation import calibrate
-from oed.estimation.preprocessing.motion import Moves
-from oed.estimation.preprocessing.suspicion import frozen
+from oed.estimation.preprocessing.moves import Moves
+from oed.estimation.preprocessing.wiring_checks import frozen
 from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError
 from oed.robots.sensors import Poses
@@ -39,7 +39,7 @@ def test_wheels_of_other_sizes_on_a_gentle_turn_are_not_exchanged_wheels():
 def test_too_few_poses_for_the_unknowns():
     log = log_of(course(seconds=10.0))
     few = replace(log, pose_times=log.pose_times[[0, 100]], poses=log.poses[[0, 100]])
-    with pytest.raises(LogError, match="6 readings cannot tell 10 unknowns; log more poses"):
+    with pytest.raises(LogError, match="6 readings cannot identify 10 unknowns; log more poses"):
         calibrate(logged_problem(), [few], options(segment="log"))
 
 
@@ -47,7 +47,7 @@ def test_logs_apart_have_to_be_alike():
     log = log_of(course(seconds=6.0), noise=NOISE)
     places = replace(log, file="places.csv", poses=log.poses[:, :2], quantities=("x", "y"))
     with pytest.raises(LogError, match=r"places\.csv: holds x, y, .* x, y, heading"):
-        calibrate(logged_problem(), [log], options(segment="log"), apart=[log, places])
+        calibrate(logged_problem(), [log], options(segment="log"), test_logs=[log, places])
 
 
 @pytest.mark.slow
@@ -68,7 +68,7 @@ def test_logs_are_blocks_by_themselves_where_there_are_enough():
         logs = several(10, seconds=10.0, noise=NOISE, seed=100 * seed, drift=0.003)
         found = calibrate(logged_problem(), logs, options(segment=2.0, replicates=300, clock_offset=False))
         bootstrap = next(one for one in found.covariances if one.name == "bootstrap")
-        assert bootstrap.freedom == 9
+        assert bootstrap.degrees == 9
         scores.append((found.values - TRUE) / bootstrap.deviations[:3])
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 2.2
 

@@ -89,7 +89,7 @@ class TestNonlinear:
     def test_the_promise_is_evaluates(self, measurement: Measurement):
         problem = runs_problem(measurement=measurement)
         expected = evaluate(problem, drive_of()).covariances["joint"]
-        np.testing.assert_allclose(Nonlinear(problem, drive_of()).promised, expected, rtol=1e-6)
+        np.testing.assert_allclose(Nonlinear(problem, drive_of()).covariance, expected, rtol=1e-6)
 
     def test_another_truth_is_found_with_its_starts_and_nuisances(self):
         """Poses at the end of an arm and yaw rates, written by hand: sensor by sensor, run by run."""
@@ -144,13 +144,13 @@ class TestNonlinear:
         np.testing.assert_allclose(predicted[1, :, 2], 0, atol=1e-12)
         wrapped = predicted.copy()
         wrapped[..., 2] = np.angle(np.exp(1j * wrapped[..., 2]))
-        found = Nonlinear(problem, drive).readings.unwrapped(wrapped.ravel())
+        found = Nonlinear(problem, drive)._readings.unwrapped(wrapped.ravel())
         np.testing.assert_allclose(found, predicted.ravel(), rtol=0, atol=1e-9)
 
     def test_pickled_it_estimates_the_same(self):
         estimator = Nonlinear(runs_problem(measurement=SENSORS["several"]), drive_of())
         again = pickle.loads(pickle.dumps(estimator))
-        first, second = (one.replicate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
+        first, second = (one.simulate(np.random.default_rng(1), 3)[0] for one in (estimator, again))
         np.testing.assert_array_equal(first, second)
 
     def test_another_number_of_readings_is_refused(self):
@@ -161,7 +161,7 @@ class TestNonlinear:
 
     @pytest.mark.slow
     @sensors
-    def test_estimates_scatter_as_promised(self, measurement: Measurement):
+    def test_estimates_scatter_as_predicted(self, measurement: Measurement):
         result = validate(runs_problem(measurement=measurement), drive_of(), replicates=200, seed=0)
         assert_kept(result)
         assert result.paired_error.max() < 0.005
@@ -255,10 +255,10 @@ class TestRegression:
             gain = inverse @ designs[block].T @ weight
             own = slice(2 * index, 2 * index + 2)
             expected[own, own] = sigma[block] ** 2 * gain @ spread @ gain.T
-        np.testing.assert_allclose(regression.promised, expected, rtol=1e-8, atol=1e-18)
+        np.testing.assert_allclose(regression.covariance, expected, rtol=1e-8, atol=1e-18)
 
     @ways
-    def test_estimates_scatter_as_promised(self, name, heading, noise_model):
+    def test_estimates_scatter_as_predicted(self, name, heading, noise_model):
         result = validate(
             runs_problem(measurement=displacements(noise_model)),
             drive_of(),

@@ -104,7 +104,7 @@ def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.Monke
     assert found.fit.layout.valid.sum() == 400
     assert "averaged 10 at a time, 400 kept in pieces" in found.notes[0]
     assert {one.name for one in found.logs[0].findings} >= {"averaged_poses", "sampled_poses"}
-    stated = next(one for one in found.diagnostics if one.name == "stated_noise")
-    assert stated.passed
+    specified = next(one for one in found.diagnostics if one.name == "stated_noise")
+    assert specified.passed
     assert max(map(abs, errors_of(found).values())) < 4
     assert found.robot == ROBOT

@@ -85,7 +85,7 @@ def test_every_replicate_is_numpys_least_squares(
     regression = Regression(problem, drive, name, "measured")
     moves, errors = drawn(regression, 15, runs, absolute=noise_model == "absolute")
     expected = np.array([estimated_alone(regression, *one) for one in zip(moves, errors, strict=True)])
-    found, _ = regression.replicate(np.random.default_rng(5), 15)
+    found, _ = regression.simulate(np.random.default_rng(5), 15)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=0)
     assert np.abs(found / regression.true - 1).max() > 0.01
 

@@ -30,9 +30,9 @@ from simulated import (
 from windowed import gls
 
 from oed.cli.terminal.console import print_estimate
-from oed.estimation import Alternative, Comparison, HeldOut, Reckoning, calibrate
-from oed.estimation.assessment.comparison import SLIGHT, Compared, scored
+from oed.estimation import Alternative, Comparison, DeadReckoning, HeldOut, calibrate
 from oed.estimation.assessment.likelihood import Likelihood, Readings, inflation
+from oed.estimation.assessment.model_scores import SLIGHT, Compared, scored
 from oed.foundation.errors import ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of
@@ -136,11 +136,11 @@ class TestLikelihood:
         assert found.starts == pytest.approx(0, abs=1e-3)
 
     def test_of_stated_noise_is_as_stated(self):
-        stated = fit_of(self.LOGS).noises
-        fit = fit_of(self.LOGS, stated=stated)
+        specified = fit_of(self.LOGS).noises
+        fit = fit_of(self.LOGS, specified=specified)
         readings = Readings.of([fit])
         found = readings.likelihood(fit, options(noise="stated"))
-        sizes = np.array([stated["position"].at_rest] * 2 + [stated["heading"].at_rest])
+        sizes = np.array([specified["position"].at_rest] * 2 + [specified["heading"].at_rest])
         rest = fit.residuals[fit.layout.valid] / sizes
         shares = readings.shares[fit.layout.valid]
         wanted = -(shares * np.log(sizes * np.sqrt(2 * np.pi))).sum() - (rest**2).sum() / 2
@@ -202,12 +202,12 @@ class TestInflation:
 def entry(name: str, each: list[float], errors: list[float] = (), parameters: int = 2, **keys) -> Compared:
     """A model whose logs have those likelihoods and position errors."""
     fit = fit_of(FEW)
-    blank = dict.fromkeys(Reckoning.__dataclass_fields__)
-    runs = tuple(Reckoning(**{**blank, "rmse_position": size}) for size in errors)
+    blank = dict.fromkeys(DeadReckoning.__dataclass_fields__)
+    runs = tuple(DeadReckoning(**{**blank, "rmse_position": size}) for size in errors)
     left = (HeldOut(("x",), np.zeros(1), runs, runs),) if errors else ()
     names = tuple(f"p{index}" for index in range(parameters))
     likelihood = Likelihood(np.array(each), float(parameters))
-    return Compared(name, ROBOT, names, fit=fit, likelihood=likelihood, left_out=left, **keys)
+    return Compared(name, ROBOT, names, fit=fit, likelihood=likelihood, cross_validation=left, **keys)
 
 
 FEW = several(4, seconds=1.0, noise=NOISE)
@@ -262,7 +262,7 @@ class TestScores:
         assert scored(close, 50.0, 1.0, "blocks").models[1].scores["held_out"].equal
 
     def test_what_cannot_be_compared_has_none(self):
-        models = [entry("a", [1.0] * 4), entry("b", [9.0] * 4, reason="the logs do not tell p0")]
+        models = [entry("a", [1.0] * 4), entry("b", [9.0] * 4, reason="the logs do not identify p0")]
         found = scored(models, 50.0, 1.0, "blocks")
         assert found.best == {"aicc": "a", "bic": "a"}
         assert found.models[1].scores == {}
@@ -307,7 +307,7 @@ class TestErrors:
         ]
         found = calibrate(logged_problem(), FEW, options(segment="log", models=alternatives)).comparison
         _, open_, fixed = found.models
-        assert "the logs do not tell wheel_radius_right, wheel_radius_left, slip_outer" in open_.reason
+        assert "the logs do not identify wheel_radius_right, wheel_radius_left, slip_outer" in open_.reason
         assert open_.reason.endswith("leave parameters out of its `estimate`")
         assert open_.scores == {}
         assert (fixed.reason, fixed.parameters) == ("", ("track",))
@@ -380,7 +380,7 @@ def test_a_record_holds_it():
     assert set(own["scores"]) == {"aicc", "bic", "held_out"}
     assert set(own["scores"]["bic"]) == {"value", "difference", "interval", "equal"}
     assert (open_["comparable"], open_["scores"]) == (False, {})
-    assert "the logs do not tell" in open_["reason"]
+    assert "the logs do not identify" in open_["reason"]
     assert data["best"]["bic"] in ("differential_drive", "skid_steer_icr")
     assert (data["inflation"] >= 1, data["agree"]) == (True, found.comparison.agree)
 
@@ -429,15 +429,15 @@ class TestStudy:
     @pytest.mark.slow
     def test_an_estimate_has_them_everywhere(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
         record = estimate(study(MODELS), [LOG], out=tmp_path)
-        assert [one["name"] for one in record.models] == [
+        assert [one.name for one in record.models] == [
             "differential_drive",
             "skid_steer_slip",
             "half known",
         ]
         assert load_estimate(tmp_path).models == record.models
         assert record.data["comparison"]["best"]["bic"] == "differential_drive"
-        write_estimate(record.data, tmp_path)
-        print_estimate(record.data)
+        write_estimate(record, tmp_path)
+        print_estimate(record)
         for text in ((tmp_path / "estimate.md").read_text(encoding="utf-8"), capsys.readouterr().out):
             assert "differential drive is the best by" in " ".join(text.split())
 

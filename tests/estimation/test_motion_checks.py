@@ -23,8 +23,8 @@ from simulated import (
 
 from oed.estimation import calibrate
 from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.motion import Moves, unexplained
-from oed.estimation.preprocessing.suspicion import poorly_explained, suspicion
+from oed.estimation.preprocessing.moves import Moves, unexplained
+from oed.estimation.preprocessing.wiring_checks import poorly_explained, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.log import Log
 from oed.robots.models import SkidSteer
@@ -40,7 +40,7 @@ def moves_of(*logs: Log, model=ROBOT) -> Moves:
 
 
 def suspected(log: Log, model=ROBOT) -> str | None:
-    return suspicion(moves_of(log, model=model), np.zeros(1))
+    return wiring_fault(moves_of(log, model=model), np.zeros(1))
 
 
 def doubted(log: Log, model=ROBOT) -> float | None:

@@ -24,7 +24,7 @@ from studies import saved_study
 from oed.estimation import calibrate
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.starts import further_starts
-from oed.estimation.preprocessing.motion import Moves, unexplained
+from oed.estimation.preprocessing.moves import Moves, unexplained
 from oed.foundation.errors import ProblemError
 from oed.robots.models import DifferentialDrive, SkidSteerSlip
 from oed.workflow.estimate_logs import estimate
@@ -75,7 +75,7 @@ class TestRecovery:
         assert any("sensor_x" in note for note in found.notes)
         assert found.own is None
         # What the others say of a log: its yaw rate at the first pose is that of the inputs before it.
-        assert max(one.after[0].rmse_position for one in found.left_out) < 1e-3
+        assert max(one.after[0].rmse_position for one in found.cross_validation) < 1e-3
 
     @pytest.mark.slow
     def test_with_lags_far_from_the_truth(self):

@@ -96,7 +96,7 @@ def test_coefficients_are_estimated_where_they_are_asked_for(method, logs):
     found = calibrate(logged_problem(estimate=names), logs, quick(method=method))
     assert found.parameters == names
     assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
-    assert any("sensor_y cannot be told" in note for note in found.notes)
+    assert any("sensor_y cannot be separated" in note for note in found.notes)
     radius, _, track = TRUE
     assert found.values[0] == pytest.approx(radius / track, rel=0.01)
 

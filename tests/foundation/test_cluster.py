@@ -133,7 +133,7 @@ class TestRealCluster:
         assert here == there
         for row in here["points"]:
             one, other = (load_record(tmp_path / side / row["folder"]).best for side in ("here", "there"))
-            assert one["drive"] == other["drive"]
+            assert one.drive == other.drive
 
     def test_from_the_command_line(
         self, workers: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]

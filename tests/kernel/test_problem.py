@@ -208,7 +208,7 @@ class TestEstimate:
         chosen = [GEOMETRY.index(name) for name in names]
         np.testing.assert_allclose(some, whole[np.ix_(chosen, chosen)], rtol=1e-12)
 
-    def test_knowing_the_others_never_tells_less(self):
+    def test_knowing_the_others_is_never_less_informative(self):
         whole = joint(sensed())
         some = joint(sensed(estimate=("wheel_radius_right", "track")))
         left = np.linalg.inv(np.linalg.inv(whole)[np.ix_([0, 2], [0, 2])])

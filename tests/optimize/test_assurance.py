@@ -21,7 +21,7 @@ from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
-from oed.uncertainty.departures import leaving, violated
+from oed.uncertainty.departures import violated, violation_probability
 from oed.uncertainty.robust import ADDED, TIGHTER, Robust
 
 RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
@@ -110,14 +110,14 @@ class TestRaised:
         before = Larger().search(asked[index][0], Context(seed=3))
         # By the draws of its own, or by those that decide.
         found = [
-            leaving(asked[0][0], before.trajectory, draws=DRAWS, seed=3, stream=stream)
+            violation_probability(asked[0][0], before.trajectory, draws=DRAWS, seed=3, stream=stream)
             for stream in (1 + index, FINAL)
         ]
         assert max(one.interval[1] for one in found) > 1 - CONFIDENCE
 
     def test_what_is_told_is_of_the_drive(self, raised):
         problem, solution, asked = raised
-        again = leaving(problem, solution.trajectory, draws=DRAWS, seed=solution.leaving.seed)
+        again = violation_probability(problem, solution.trajectory, draws=DRAWS, seed=solution.leaving.seed)
         assert again.probability == solution.leaving.probability
         assert solution.evaluation.margins == evaluate(problem, solution.trajectory).margins
         assert solution.evaluation.feasible
@@ -125,10 +125,12 @@ class TestRaised:
 
     def test_what_decides_are_draws_that_no_search_was_tightened_by(self, raised):
         problem, solution, _ = raised
-        told = leaving(problem, solution.trajectory, draws=DRAWS, seed=3, stream=FINAL)
+        told = violation_probability(problem, solution.trajectory, draws=DRAWS, seed=3, stream=FINAL)
         assert (solution.leaving.seed, solution.leaving.farthest) == (3, told.farthest)
         fast = Larger(stubborn=True).search(problem, Context(seed=3)).trajectory
-        first, second = (leaving(problem, fast, draws=DRAWS, seed=3, stream=stream) for stream in (FINAL, 1))
+        first, second = (
+            violation_probability(problem, fast, draws=DRAWS, seed=3, stream=stream) for stream in (FINAL, 1)
+        )
         assert first.farthest != second.farthest
 
     def test_the_design_before_is_known_to_the_next_search(self, raised):
@@ -176,7 +178,7 @@ class TestGivenUp:
         assert len(Larger.asked) == ROUNDS
         assert solution.status is Status.FAILED
         assert (solution.trajectory, solution.evaluation) == (None, None)
-        assert "On the last drive 100.00% of 300 robots left the limits" in solution.message
+        assert "On the last drive 100.00% of 300 robots violated the limits" in solution.message
         assert "where 3.00% may" in solution.message
         assert NARROWER in solution.message
 
@@ -248,7 +250,7 @@ class TestSearches:
     def test_designs_are_kept_by_enough_robots(self, kind: str):
         problem, solution = designed(kind=kind)
         assert enough(problem, solution)
-        fresh = leaving(problem, solution.trajectory, draws=3000, seed=77)
+        fresh = violation_probability(problem, solution.trajectory, draws=3000, seed=77)
         assert fresh.probability <= 1 - CONFIDENCE
         assert solution.evaluation.feasible
 
@@ -262,7 +264,7 @@ class TestSearches:
     def test_the_nominal_design_is_not(self):
         problem, solution = designed()
         plain = solve(replace(problem, robust=None), QUICK, seed=1, workers=1)
-        assert leaving(problem, plain.trajectory, draws=500).probability > 0.3
+        assert violation_probability(problem, plain.trajectory, draws=500).probability > 0.3
         assert plain.evaluation.objective > solution.evaluation.objective
 
     @pytest.mark.parametrize("objective", ["mean", "worst"])

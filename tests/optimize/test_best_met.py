@@ -213,7 +213,10 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
     search, poor, good, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
     monkeypatch.setattr(local, "evaluate", refusing([outside], search))
-    for search_from, stage in ((search.maximise, "program"), (lambda one: search.settle(one, 0.9), "second")):
+    for search_from, stage in (
+        (search.maximise, "program"),
+        (lambda one: search.second_stage(one, 0.9), "second"),
+    ):
         monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
         found = search_from(poor)
         np.testing.assert_array_equal(found.unknowns, good, err_msg=stage)
@@ -230,7 +233,7 @@ def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: p
 
 
 def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: pytest.MonkeyPatch):
-    problem, settle = small(), LocalSearch.settle
+    problem, settle = small(), LocalSearch.second_stage
     plain = solve(problem, QUICK, seed=0, workers=1)
 
     def broken(self: LocalSearch, unknowns: Any, share: float) -> Any:
@@ -238,7 +241,7 @@ def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: 
             patch.setattr(local, "evaluate", not_finite)
             return settle(self, unknowns, share)
 
-    monkeypatch.setattr(LocalSearch, "settle", broken)
+    monkeypatch.setattr(LocalSearch, "second_stage", broken)
     solution = solve(problem, QUICK.model_copy(update={"second_stage": "logdet"}), seed=0, workers=1)
     assert solution.status is plain.status
     assert solution.evaluation.objective == plain.evaluation.objective

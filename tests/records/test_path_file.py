@@ -334,7 +334,7 @@ class TestMistakes:
             read_trajectory(tmp_path / "nowhere.csv", PROBLEM)
 
     def test_a_folder(self, tmp_path: Path):
-        with pytest.raises(PathFileError, match="cannot be read"):
+        with pytest.raises(PathFileError, match="expected a file, got a folder"):
             read_trajectory(tmp_path, PROBLEM)
 
     def test_no_text(self, tmp_path: Path):

@@ -66,7 +66,7 @@ def simulated(
 ):
     """The regression, and its estimates and linear estimates (R, p)."""
     regression = Regression(problem, drive, name, heading)
-    return regression, *regression.replicate(np.random.default_rng(seed), replicates)
+    return regression, *regression.simulate(np.random.default_rng(seed), replicates)
 
 
 class TestKnownHeading:
@@ -77,7 +77,7 @@ class TestKnownHeading:
         result = validated("known", regressor)
         assert result.passed
         assert len(result.checks) == 6
-        assert "as promised" in result.verdict
+        assert "as predicted" in result.verdict
 
     def test_estimates_are_linear(self):
         _, estimates, linear = simulated(make(), "known", 200)
@@ -89,7 +89,7 @@ class TestKnownHeading:
 
     def test_the_sample_covariance_is_within_its_interval(self):
         result = validated("known")
-        share = np.diag(result.sampled) / np.diag(result.promised)
+        share = np.diag(result.sampled) / np.diag(result.predicted)
         low, high = stats.chi2.ppf([0.0005, 0.9995], REPLICATES - 1) / (REPLICATES - 1)
         assert np.all((low < share) & (share < high))
 
@@ -98,7 +98,7 @@ class TestKnownHeading:
         expected = np.zeros((4, 4))
         expected[:2, :2] = math.radians(2) ** 2 * np.linalg.inv(designs["heading"].T @ designs["heading"])
         expected[2:, 2:] = 0.01**2 * np.linalg.inv(designs["position"].T @ designs["position"])
-        np.testing.assert_allclose(validated("known").promised, expected, rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(validated("known").predicted, expected, rtol=1e-9, atol=1e-18)
         deviations = evaluate(make(), DRIVE).standard_deviations
         np.testing.assert_allclose(np.sqrt(np.diag(expected)), list(deviations.values()), rtol=1e-9)
 
@@ -112,7 +112,7 @@ class TestKnownHeading:
         assert (result.replicates, result.seed, result.alpha) == (REPLICATES, 0, 0.01)
         assert (result.estimator, result.heading) == ("ols", "known")
         assert result.estimates.shape == (SHOWN, 4)
-        standard_errors = np.sqrt(np.diag(result.promised) / REPLICATES)
+        standard_errors = np.sqrt(np.diag(result.predicted) / REPLICATES)
         assert np.all(np.abs(result.mean - result.true) < 4 * standard_errors)
 
     def test_a_robot_with_slip(self):
@@ -128,8 +128,8 @@ class TestNegativeControls:
     def passes(seed: int, replicates: int, factor: float) -> bool:
         """Whether `factor` times the right covariance passes."""
         regression, estimates, _ = simulated(make(), "known", replicates, seed=seed)
-        assert regression.promised.shape == (4, 4)
-        checks = check_all(estimates - regression.true, factor * regression.promised, 0.01)
+        assert regression.covariance.shape == (4, 4)
+        checks = check_all(estimates - regression.true, factor * regression.covariance, 0.01)
         return all(check.passed for check in checks)
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
@@ -161,14 +161,14 @@ class TestNegativeControls:
     def test_a_broken_promise_is_put_into_words(self):
         result = validated("measured", "position", ("1 mm", "10 deg"))
         assert not result.passed
-        assert "the promise did not hold" in result.verdict
+        assert "the prediction did not hold" in result.verdict
         failed = [check.name for check in result.checks if not check.passed]
         assert ", ".join(failed) in result.verdict
-        assert "times as much as promised" in result.verdict
+        assert "times as much as predicted" in result.verdict
 
 
 class TestPredictedHeading:
-    """The first stage's errors enter the second: its positions scatter more than promised."""
+    """The first stage's errors enter the second: its positions scatter more than predicted."""
 
     def test_little_noise_of_the_turns_does_little(self):
         result = validated("predicted", "position", ("1 cm", "0.001 deg"))
@@ -365,7 +365,7 @@ class TestMistakes:
     )
     def test_a_singular_design(self, speeds, regressor: str, names: str):
         drive = Trajectory.from_samples(np.tile(speeds, (40, 1)), 10.0, (0, 0, 0))
-        with pytest.raises(ProblemError, match=f"does not tell {names} apart"):
+        with pytest.raises(ProblemError, match=f"does not identify {names}"):
             validate(make(regressor), drive, replicates=100)
 
     def test_another_measurement(self):

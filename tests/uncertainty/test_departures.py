@@ -27,7 +27,7 @@ from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Model
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace
-from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.uncertainty import spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
@@ -129,7 +129,7 @@ CASES = {
 def counted(name: str) -> tuple[Problem, Trajectory, Leaving, np.ndarray]:
     problem, drive = CASES[name]()
     count = FEW if name == "box" else COUNT
-    found = leaving(problem, drive, draws=count, seed=0)
+    found = violation_probability(problem, drive, draws=count, seed=0)
     return (
         problem,
         drive,
@@ -180,7 +180,7 @@ class TestCounts:
         fast = replace(drive, coefficients=5 * drive.coefficients)
         room = replace(problem, limits=(SPEED, Rectangle(x=(-100, 100), y=(-100, 100))))
         assert not evaluate(replace(room, uncertainty=None), fast).feasible
-        assert leaving(room, fast, draws=20).probability == 0.0
+        assert violation_probability(room, fast, draws=20).probability == 0.0
 
     def test_a_robot_may_leave_between_the_samples_alone(self):
         problem, drive = bulging()
@@ -195,44 +195,44 @@ class TestCounts:
     def test_nobody_leaves_a_room_that_is_large_enough(self):
         problem, drive = boxed(3.0)
         problem = replace(problem, limits=problem.limits[:3])
-        found = leaving(problem, drive, draws=COUNT)
+        found = violation_probability(problem, drive, draws=COUNT)
         assert (found.probability, found.farthest, found.by_limit) == (0.0, 0.0, {"workspace": 0.0})
         assert len(found.worst) == 0
 
     def test_everybody_leaves_a_room_that_is_too_small(self):
         problem, drive = boxed(0.5)
-        found = leaving(problem, drive, draws=COUNT)
+        found = violation_probability(problem, drive, draws=COUNT)
         assert (found.probability, found.interval[1]) == (1.0, 1.0)
         assert found.farthest > 0.8
 
     def test_without_limits_on_the_path_nobody_leaves(self):
         problem = uncertain_problem(also=(PathLength(bounds=1000),))
         drive = random_drive(problem, 0)
-        found = leaving(problem, drive, draws=200)
+        found = violation_probability(problem, drive, draws=200)
         assert (found.probability, found.by_limit, found.farthest) == (0.0, {}, 0.0)
         assert not violated(problem, drive, draws_of(problem, 5, 0)).any()
 
     def test_it_needs_something_uncertain(self):
         problem, drive = boxed()
         with pytest.raises(ValueError, match="neither an uncertainty nor a prior"):
-            leaving(replace(problem, uncertainty=None), drive)
+            violation_probability(replace(problem, uncertainty=None), drive)
 
 
 class TestDraws:
     def test_the_same_seed_tells_the_same(self):
         problem, drive, found, _ = counted("box")
-        again = leaving(problem, drive, draws=FEW, seed=0)
+        again = violation_probability(problem, drive, draws=FEW, seed=0)
         assert replace(again, worst=None) == replace(found, worst=None)
         np.testing.assert_array_equal(again.worst, found.worst)
 
     def test_another_seed_draws_others(self):
         problem, drive, found, _ = counted("box")
-        assert not np.array_equal(leaving(problem, drive, draws=FEW, seed=1).worst, found.worst)
+        assert not np.array_equal(violation_probability(problem, drive, draws=FEW, seed=1).worst, found.worst)
 
     def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         problem, drive, found, _ = counted("box")
         monkeypatch.setattr("oed.uncertainty.departures.BATCH", 7)
-        again = leaving(problem, drive, draws=FEW, seed=0)
+        again = violation_probability(problem, drive, draws=FEW, seed=0)
         assert (again.probability, again.farthest) == (found.probability, pytest.approx(found.farthest))
 
 
@@ -240,7 +240,7 @@ class TestInterval:
     @given(draws=st.integers(1, 80), seed=st.integers(0, 99))
     def test_it_is_clopper_and_pearsons(self, draws: int, seed: int):
         problem, drive, _, _ = counted("box")
-        found = leaving(problem, drive, draws=draws, seed=seed)
+        found = violation_probability(problem, drive, draws=draws, seed=seed)
         expected = binomtest(round(found.probability * draws), draws).proportion_ci(0.95, "exact")
         np.testing.assert_allclose(found.interval, (expected.low, expected.high), atol=1e-9)
 
@@ -260,7 +260,7 @@ def test_a_post_between_the_samples_counts():
     space = DesignSpace(duration=6, samples=6, rest_to_rest=False)
     problem = uncertain_problem(also=(post,), design=space, within={RIGHT: "0.01 %", LEFT: "0.01 %"})
     drive = Trajectory.from_samples(np.full((6, 2), 0.5 / RADIUS), 6.0, (0, 0, 0), rest_to_rest=False)
-    found = leaving(problem, drive, draws=200, seed=3)
+    found = violation_probability(problem, drive, draws=200, seed=3)
     assert found.probability == 1
     assert found.by_limit == {"obstacles": 1.0}
     assert violated(problem, drive, np.array([[RADIUS, RADIUS]])).all()
@@ -309,7 +309,7 @@ def test_a_drive_that_is_not_a_number_anywhere_leaves():
     broken = draws_of(problem, 200, 0)[:, 0] < 0.85**2
     assert 10 < broken.sum() < 190
     np.testing.assert_array_equal(violated(problem, drive, draws_of(problem, 200, 0)), broken)
-    found = leaving(problem, drive, draws=200, seed=0)
+    found = violation_probability(problem, drive, draws=200, seed=0)
     assert found.probability == found.by_limit["workspace"] == broken.mean()
     assert found.farthest == np.inf
     assert np.all(found.worst[:, 0] < 0.85**2)
@@ -325,7 +325,7 @@ def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved])
     # All robots are above between two samples, none at any.
     problem = uncertain_problem(also=(kind(top=(y[::10].max() + y.max()) / 2),), **parts)
     assert not evaluate(replace(problem, uncertainty=None), drive).feasible
-    found = leaving(problem, drive, draws=50)
+    found = violation_probability(problem, drive, draws=50)
     assert found.probability == 1
     assert found.checked_at_points == ("curved",)
     assert "points only: curved" in found.sentence
@@ -335,8 +335,8 @@ def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved])
 
 def test_what_patience_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch):
     problem, drive = bulging()
-    found = leaving(problem, drive, draws=5)
+    found = violation_probability(problem, drive, draws=5)
     assert found.checked_at_points == ()
     assert "points only" not in found.sentence
     monkeypatch.setattr("oed.kernel.between.search.PATIENCE", -(10**6))
-    assert leaving(problem, drive, draws=5).checked_at_points == ("workspace",)
+    assert violation_probability(problem, drive, draws=5).checked_at_points == ("workspace",)

@@ -192,7 +192,7 @@ class TestSuited:
         ]
         for flaw in flaws:
             name = NAMES[flaw.key[1]]
-            reason = "move sideways" if name in SIDEWAYS else "turn on the spot"
+            reason = "move sideways" if name in SIDEWAYS else "turn in place"
             able = ", ".join(driven(example.model))
             expected = f"{example.model.kind} cannot drive a {name} (it cannot {reason}); it can drive {able}"
             assert flaw.message == expected

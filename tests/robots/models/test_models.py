@@ -64,7 +64,8 @@ def split_step(model, rule, point) -> np.ndarray:
 def test_every_listed_robot_has_an_example():
     assert {model.model_fields["kind"].default for model in MODELS} == set(EXAMPLES)
     for kind, examples in EXAMPLES.items():
-        assert {example.model.kind for example in examples} == {kind}
+        # What `python` names is a robot of another kind.
+        assert kind == "python" or {example.model.kind for example in examples} == {kind}
 
 
 @robots

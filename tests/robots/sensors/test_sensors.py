@@ -392,7 +392,7 @@ class TestSeveral:
         with pytest.raises(ProblemError) as caught:
             sensor_problem(measurement=several)
         assert [(flaw.key, flaw.message) for flaw in caught.value.flaws] == [
-            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weigh the readings"),
+            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weight the readings"),
             (("measurement", 2, "quantities"), "a quantity is listed twice"),
         ]
 
