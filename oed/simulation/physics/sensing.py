@@ -89,4 +89,4 @@ class Sensing(Component):
 def _rates(motion: Motion) -> tuple[Array, Array]:
     # Speeds of the robot's origin [m/s] and yaw rates [rad/s], (n,) each.
     x, y, yaw_rates = np.gradient(motion.poses, motion.times, axis=0).T
-    return np.hypot(x, y), yaw_rates
+    return np.asarray(np.hypot(x, y)), np.asarray(yaw_rates)
