@@ -38,14 +38,9 @@ CASADI_ROOMS = ("kernel", "uncertainty", "optimize", "robots", "bounds", "logs",
 FIGURE_MODULES = {
     f"oed.report.{name}"
     for name in (
-        "figures.plots",
-        "figures.panels",
-        "figures.path_figures",
-        "figures.path_panels",
-        "figures.stage",
-        "figures.sweep_figures",
-        "figures.trial_panels",
-        "estimate.figures",
+        "figures.draw",
+        "film.stage",
+        "figures.estimate_figures",
     )
 }
 

@@ -14,7 +14,7 @@ from own_parts import OWN_PARTS
 from places import PROBLEMS, REPORTS, ROOT
 
 from oed.cli import main
-from oed.report.estimate.console import estimate_rows
+from oed.report.estimate.terminal import estimate_rows
 from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
 from oed.robots.presets import preset_names
@@ -131,7 +131,7 @@ def test_the_estimate_shown_is_that_of_the_shipped_log():
     (text,) = [block for block in blocks("text") if block.startswith("parameter")]
     study = load_study(PROBLEMS / "room_robot.yaml")
     found = estimate(study, [PROBLEMS / "logs" / "room_robot.csv"])
-    for row in estimate_rows(found.data):
+    for row in estimate_rows(found):
         assert any(line.split() == " ".join(row).split() for line in text.splitlines())
 
 

@@ -129,6 +129,14 @@ def along(
     """The bound from one direction: `change` of the judged parameters, SI, has at most information `value`.
 
     In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
+
+    Args:
+        problem: to be bounded.
+        one: the estimation.
+        change: of the judged parameters, SI, (p,).
+        value: information on that change at most.
+        method: how the bound was found, in words.
+        assumptions: what it rests on, in words.
     """
     scaled = change / one.scales
     unit = scaled / np.linalg.norm(scaled)

@@ -62,7 +62,14 @@ class SpeedLimits:
 
 
 def lattice(low: float, high: float, step: float, ends: float) -> Array:
-    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step."""
+    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step.
+
+    Args:
+        low: bound of the speed.
+        high: bound of the speed.
+        step: largest change in one period.
+        ends: largest magnitude at begin and end; infinite where that is free.
+    """
     seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
     seeds = [seed for seed in seeds if low <= seed <= high]
     if not np.isfinite(step):

@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
     from oed.records.record import load_record
     from oed.report import animate, write_report
     from oed.report.film.animation import NAME, folder_of
-    from oed.report.film.physics_film import film_physics
+    from oed.report.film.physics import film_physics
 
     folder = folder_of(options.folder)
     ending = "" if options.to is None else f".{options.to}"

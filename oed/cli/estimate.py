@@ -39,11 +39,11 @@ def _run(options: argparse.Namespace) -> int:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
     page, unwritten = None, None
     if trouble is None:
-        page, unwritten = reported(lambda: write_estimate(record.data, out), out)
+        page, unwritten = reported(lambda: write_estimate(record, out), out)
     if options.json:
         print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
     else:
-        print_estimate(record.data)
+        print_estimate(record)
         if page is not None:
             tell(f"report: {page}")
     noted((), trouble or unwritten)

@@ -66,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**found.data, **place(found.folder, trouble or unwritten)})
     else:
-        print_next(found.data)
+        print_next(found)
         if page is not None:
             tell(f"report: {page}")
     noted((), trouble or unwritten)
@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
 def _pages(found: NextDrive, out: Path) -> Path:
     from oed.report import write_estimate, write_report
 
-    estimated = write_estimate(found.estimate.data, out)
+    estimated = write_estimate(found.estimate, out)
     return estimated if found.record is None else write_report(found.record, out)
 
 

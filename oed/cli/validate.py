@@ -53,10 +53,12 @@ def _run(options: argparse.Namespace) -> int:
     page, unwritten = None, None
     if record.folder is not None:
         page, unwritten = reported(lambda: write_report(record, draft.target), draft.target)
+    found = record.validation
+    assert found is not None
     if options.json:
-        print_json(record.data["validation"])
+        print_json(found.plain())
     else:
-        for one in () if record.validation is None else record.validation.results:
+        for one in found.results:
             tell(shown(f"{one.name}, {one.estimator}: {one.verdict}"))
         if page is not None:
             tell(f"report: {page}")

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.errors import Failure, FileError, UserMistake
 from oed.foundation.names import TAKEN, name_flaw
 
 ENDINGS = 55
@@ -54,11 +54,48 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
 def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> str:
     """The text that a file holds; every line ends in a line feed.
 
+    Args:
+        file: to be read.
+        encoding: of its text.
+        most: bytes that it may have.
+
     Raises:
         OSError: as `read_bytes` does.
         UnicodeDecodeError: it is not such text.
     """
     return read_bytes(file, most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def text_of(
+    file: str | Path,
+    refusal: type[FileError],
+    encoding: str = "utf-8",
+    most: int = MOST,
+    absent: str = "no such file",
+) -> str:
+    """The text that a file holds, or an error in words.
+
+    Args:
+        file: to be read.
+        refusal: the error to raise.
+        encoding: of its text.
+        most: bytes that it may have.
+        absent: what to say where there is none.
+
+    Raises:
+        FileError: of that class: no such file, a folder, too large, no text.
+    """
+    try:
+        return read_text(file, encoding, most)
+    except FileNotFoundError:
+        reason = absent
+    except IsADirectoryError:
+        reason = "expected a file, got a folder"
+    except UnicodeDecodeError:
+        reason = "cannot be read: not UTF-8 text"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    raise refusal.about(file, reason)
 
 
 def special(path: Path) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.foundation.extras import extra
 from oed.foundation.files import special
 from oed.logs.form import is_bag
@@ -48,10 +48,15 @@ class Bag:
 
     def flaw(self, key: str, message: str) -> LogError:
         """An error about the bag as a whole."""
-        return LogError([FileFlaw(self.file, 0, 0, key, message)])
+        return LogError.about(self.file, message, key)
 
     def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
         """The topic given, or the only one of one of the types.
+
+        Args:
+            given: the topic's name, or None.
+            types: message types that fit.
+            key: of the study, for errors.
 
         Raises:
             LogError: there is none, or there are several.
@@ -91,14 +96,13 @@ def open_bag(file: Path) -> Iterator[Bag]:
         UserMistake: the library that reads bags is not installed.
     """
     if not file.exists():
-        raise LogError([FileFlaw(str(file), 0, 0, "", "no such file")])
+        raise LogError.about(file, "no such file")
     if not is_bag(file):
         text = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
-        raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+        raise LogError.about(file, text)
     for part in (file, *(file.iterdir() if file.is_dir() else ())):
         if special(part):
-            text = f"cannot be read as a ROS bag: expected a file, got {special(part)}"
-            raise LogError([FileFlaw(str(part), 0, 0, "", text)])
+            raise LogError.about(part, f"cannot be read as a ROS bag: expected a file, got {special(part)}")
     highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
     typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
     # Bags before ROS 2 Iron do not say what their messages look like.
@@ -112,7 +116,7 @@ def open_bag(file: Path) -> Iterator[Bag]:
     except Exception as error:
         # Broken files come to light as errors of the database, the compression or the library.
         reason = f"cannot be read as a ROS bag: {error}"
-        raise LogError([FileFlaw(str(file), 0, 0, "", reason)]) from None
+        raise LogError.about(file, reason) from None
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,11 @@ class Joints:
 
 def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     """Every joint of a topic on the clock of the messages that have it.
+
+    Args:
+        bag: open.
+        topic: of joint states.
+        clock: that of the messages' headers, or of their recording.
 
     Raises:
         LogError: no messages, or stamps that are all zero.

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import Drive, to_logs
@@ -133,7 +133,7 @@ class BagForm(LogForm):
         times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
         if not len(times):
             text = "the joints of the inputs were logged one after the other, not at the same time"
-            raise LogError([FileFlaw(str(file), 0, 0, "inputs", text)])
+            raise LogError.about(file, text, "inputs")
         first = inputs[0][0]
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
         wraps = sum(turned.wraps for _, turned in inputs)

@@ -82,5 +82,11 @@ class Log:
         return np.column_stack([np.interp(moments, clock[rows], column) for column in self.integrals[rows].T])
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
-        """The log with one finding more."""
+        """The log with one finding more.
+
+        Args:
+            name: of the finding, short and fixed.
+            message: a sentence.
+            doubtful: whether it casts doubt on the estimates.
+        """
         return replace(self, findings=(*self.findings, Finding(name, message, doubtful)))

@@ -64,7 +64,13 @@ class Series:
         return f"t = {self.times[row]:.10g} s ({self.counted} {self.lines[row]})"
 
     def flaw(self, row: int, key: str, message: str) -> FileFlaw:
-        """A flaw in a row."""
+        """A flaw in a row.
+
+        Args:
+            row: from 0.
+            key: the column or what else is wrong there.
+            message: why.
+        """
         line = int(self.lines[row])
         if self.counted == "line":
             return FileFlaw(self.file, line, 0, key, message)

@@ -23,7 +23,13 @@ UNTRIED = "It was not tried with other robots."
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
-    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks."""
+    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks.
+
+    Args:
+        options: of the search.
+        problem: to be solved.
+        context: seed, workers, progress, earlier solutions.
+    """
     robust = problem.robust
     if not isinstance(robust, Robust):
         return options.search(problem, context)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
-from oed.foundation.errors import Failure, Flaw, ProblemError
+from oed.foundation.errors import Failure, ProblemError
 from oed.foundation.quantities import Duration
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.criteria import D
@@ -247,7 +247,7 @@ class _Search:
         if solution is None:
             known = ", ".join(self.context.earlier) or "none"
             text = f"expected the name of an earlier search ({known}), got {name!r}"
-            raise ProblemError([Flaw(("solvers", "start_from"), text)])
+            raise ProblemError.about(("solvers", "start_from"), text)
         if solution.trajectory is None:
             raise Failure(f"{name} found no design to start from: {solution.message}")
         return self.design.unknowns_of(solution.trajectory)

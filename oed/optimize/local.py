@@ -328,7 +328,13 @@ _CACHED = 4
 
 
 def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:
-    """The search of this token, built once in each process."""
+    """The search of this token, built once in each process.
+
+    Args:
+        token: of the whole search, by which workers know it.
+        problem: to be solved.
+        settings: of Ipopt and the stages.
+    """
     if token not in _CACHE:
         _CACHE[token] = LocalSearch(problem, settings)
         if len(_CACHE) > _CACHED:

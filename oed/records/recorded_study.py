@@ -34,7 +34,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     if not trusted:
         _refuse_code(record.study, place)
     try:
-        source = plain_source(str(place), str(record.data.get("study_text", "")), record.data["study"])
+        source = plain_source(str(place), record.study_text, record.echo)
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
         raise in_record(error.flaws) from None

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from oed.foundation.text import count, fixed, significant, words
+from oed.foundation.text import fixed, significant, words
+from oed.kernel.criteria import Criterion
 from oed.records.record import Record
-from oed.report.figures.driven import Path as DrivenPath
-from oed.report.figures.driven import path_of
+from oed.report.figures import paths
+from oed.report.figures.driven import path_of, room_of
 from oed.report.page import render
-from oed.report.parts.reading import is_regression, value, whole_duration
-from oed.report.parts.rooms import room_of
+from oed.report.parts.prose import Prose
+from oed.report.parts.reading import or_infinite, regression_of, whole_duration
 from oed.report.parts.section import Picture, Section
 from oed.report.parts.tables import Cell, Column, Table
 
+SAY = Prose("comparison")
 Named = tuple[str, Record]
 
-TOLD = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
+TOLD = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
@@ -48,45 +49,31 @@ def _summary(records: Sequence[Named]) -> Section:
         Column("duration", "s", significant(3)),
         Column("path length", "m", fixed(2)),
     )
-    text = (
-        f"The best drives of {count(len(records), 'record')}, side by side. Objectives compare only where "
-        "criterion, scaling and measurement are the same; standard deviations, further down, always do."
-    )
     missing = tuple(f"{name}: no feasible drive." for name, record in records if record.best is None)
     table = Table(columns, tuple(_summary_row(name, record) for name, record in records))
-    return Section("Best drives", paragraphs=(text,), tables=(table,), notices=missing)
+    return Section("Best drives", paragraphs=(SAY("best", len(records)),), tables=(table,), notices=missing)
 
 
 def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
-    study, best = record.data["study"], record.best
-    numbers: tuple[Cell, ...] = (None, None, None)
-    if best is not None:
-        # Sensors have no regressor W.
-        keys = ("smallest_singular_value", "condition_number") if is_regression(record) else ()
-        own = [value(best, key) for key in keys] or [None, None]
-        numbers = (value(best, "objective"), *own)
-    return (
-        name,
-        study["name"],
-        study["robot"]["kind"],
-        _criterion(study["criterion"]),
-        None if best is None else str(best["name"]),
-        *numbers,
-        whole_duration(record),
-        None if best is None else value(best, "path_length"),
-    )
+    study, best = record.study, record.best
+    asked = (name, study.name, study.robot.kind, _criterion(study.criterion))
+    if best is None:
+        return (*asked, None, None, None, None, whole_duration(record), None)
+    # Sensors have no regressor W.
+    known = regression_of(record) is not None
+    own = (best.smallest_singular_value, or_infinite(best, best.condition_number)) if known else (None, None)
+    return (*asked, best.name, best.objective, *own, whole_duration(record), best.path_length)
 
 
-def _criterion(criterion: Mapping[str, Any]) -> str:
-    scaling = criterion["scaling"]
-    named = scaling if isinstance(scaling, str) else "given"
-    return f"{words(criterion['kind'])}, scaling {named}"
+def _criterion(criterion: Criterion) -> str:
+    scaling = criterion.scaling if isinstance(criterion.scaling, str) else "given"
+    return f"{words(criterion.kind)}, scaling {scaling}"
 
 
 def _differences(records: Sequence[Named]) -> Section:
     # Only the keys in which the studies differ: what else they say is the same for all.
-    studies = [record.data["study"] for _, record in records]
-    flat = [_flattened({key: study[key] for key in TOLD if study.get(key) is not None}) for study in studies]
+    asked = [record.study.model_dump(mode="json", exclude_none=True, include=TOLD) for _, record in records]
+    flat = [_flattened(study) for study in asked]
     keys = sorted({key for study in flat for key in study})
     differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
     columns = (Column("key"), *(Column(name) for name, _ in records))
@@ -122,49 +109,33 @@ def _text(value_: Any) -> str:
 
 def _paths(records: Sequence[Named]) -> Section | None:
     drawn = [(name, record, record.best) for name, record in records if record.best is not None]
-    if not drawn:
-        return None
     pictures = tuple(
-        _picture(index, name, record, path_of(record, best))
-        for index, (name, record, best) in enumerate(drawn)
-        if best is not None
+        Picture(
+            f"path_{number}",
+            f"Path of the best drive of {name}",
+            name,
+            paths.paths([path_of(record, best)], room_of(record)),
+        )
+        for number, (name, record, best) in enumerate(drawn, 1)
     )
-    return Section("Best paths, each in its own workspace", figures=pictures)
-
-
-def _picture(index: int, name: str, record: Record, path: DrivenPath) -> Picture:
-    draw = partial(_draw, [path], room_of(record))
-    return Picture(f"path_{index + 1}", f"Path of the best drive of {name}", name, draw)
-
-
-def _draw(paths: Any, room: Any) -> Any:
-    from oed.report.figures import path_panels
-
-    return path_panels.paths(paths, room)
+    return Section("Best paths, each in its own workspace", figures=pictures) if pictures else None
 
 
 def _precision(records: Sequence[Named]) -> Section | None:
-    names = list(
-        dict.fromkeys(parameter["name"] for _, record in records for parameter in record.data["parameters"])
-    )
-    rows = tuple(row for row in (_precision_row(name, record, names) for name, record in records) if row)
+    names = list(dict.fromkeys(one.name for _, record in records for one in record.parameters))
+    known = [(name, relative_deviations(record)) for name, record in records]
+    rows = tuple((name, *(sizes.get(one) for one in names)) for name, sizes in known if sizes)
     if not rows:
         return None
     columns = (Column("record"), *(Column(words(name), "%", significant(3)) for name in names))
-    text = "Predicted standard deviations of one best drive, as shares of the nominal values."
-    return Section("Predicted precision", paragraphs=(text,), tables=(Table(columns, rows),))
-
-
-def _precision_row(name: str, record: Record, names: Sequence[str]) -> tuple[Cell, ...] | None:
-    known = relative_deviations(record)
-    return (name, *(known.get(one) for one in names)) if known else None
+    return Section("Predicted precision", paragraphs=(SAY("precision"),), tables=(Table(columns, rows),))
 
 
 def relative_deviations(record: Record) -> dict[str, float | None]:
     """Predicted standard deviations of the best drive, shares of the nominal values [%]; {} without any."""
     best = record.best
-    known = {} if best is None else best["standard_deviations"]
-    nominal = {parameter["name"]: parameter["nominal"] for parameter in record.data["parameters"]}
+    known = {} if best is None else best.standard_deviations
+    nominal = {one.name: one.nominal for one in record.parameters}
     return {name: _share(deviation, nominal[name]) for name, deviation in known.items()}
 
 

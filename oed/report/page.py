@@ -7,16 +7,14 @@ import json
 import re
 from html import escape
 from pathlib import Path
-from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
 from oed.foundation.shown import page_text
-from oed.foundation.text import slug
 from oed.foundation.work.folders import updated
 from oed.records.record import REPORT, Record, pages
 from oed.report.film.animation import with_film
+from oed.report.parts.prose import environment
 from oed.report.parts.section import Animation, Section
 from oed.report.sections import SECTIONS
 
@@ -40,7 +38,7 @@ def write_report(record: Record, folder: str | Path) -> Path:
     """
     target = Path(folder)
     sections = [with_film(section, record, target) for section in sections_of(record)]
-    return render(str(record.data["study"]["name"]), sections, target)
+    return render(record.study.name, sections, target)
 
 
 def render(title: str, sections: list[Section], target: Path, name: str = NAME) -> Path:
@@ -57,7 +55,8 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
     """
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
-    templates = _environment()
+    templates = environment().overlay()
+    templates.filters = {**templates.filters, **FILTERS}
     # Whatever a text comes from: pages steer neither a terminal that shows them nor the direction of writing.
     html, markdown = (
         page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
@@ -80,32 +79,9 @@ def _drawings(sections: list[Section]) -> dict[str, str]:
     pictures = [picture for section in sections for picture in section.figures]
     if not pictures:
         return {}
-    from oed.report.figures.panels import svg_text
+    from oed.report.figures.draw import svg_text
 
     return {picture.name: svg_text(picture.draw) for picture in pictures}
-
-
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("oed.report"),
-        autoescape=jinja2.select_autoescape(("html", "html.jinja")),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    filters: dict[str, Any] = {
-        "html": html_text,
-        "markdown": markdown_text,
-        "cell": table_text,
-        "data": script_data,
-        "embedded": embedded,
-        "fence": fence,
-        "inline": inline_svg,
-        "slug": slug,
-    }
-    environment.filters.update(filters)
-    return environment
 
 
 def html_text(text: str) -> Markup:
@@ -152,3 +128,15 @@ def inline_svg(svg: str, name: str, alt: str) -> Markup:
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
     label = f'<svg role="img" aria-label="{escape(alt)}"'
     return Markup(element.replace("<svg", label, 1))  # noqa: S704 - the package's own drawing
+
+
+FILTERS = {
+    "html": html_text,
+    "markdown": markdown_text,
+    "cell": table_text,
+    "data": script_data,
+    "embedded": embedded,
+    "fence": fence,
+    "inline": inline_svg,
+}
+"""Of the templates of pages."""

@@ -16,11 +16,11 @@ from oed.foundation.own.place import place_of
 from oed.foundation.shown import written
 from oed.kernel.criteria import CRITERIA, Criterion, Epigraph
 from oed.kernel.dynamics.rollout import drive_shape
+from oed.kernel.dynamics.system import System, signaller
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
 from oed.kernel.problem import Problem
-from oed.robots.models import Model
 from oed.robots.space import DesignSpace
 
 Key = tuple[str | int, ...]
@@ -43,9 +43,10 @@ def measurement_flaws(file: Any) -> list[Flaw]:
     Args:
         file: the study, its robot and design space sound.
     """
-    robot, space = file.robot, file.trajectory
-    return _flaws(file, Sensor, lambda one: _try_sensor(one, robot)) or _flaws(
-        file, Measurement, lambda one: _try_measurement(one, robot, space)
+    space = file.trajectory
+    system = file.robot.system(space.integration)
+    return _flaws(file, Sensor, lambda one: _try_sensor(one, system)) or _flaws(
+        file, Measurement, lambda one: _try_measurement(one, system, space)
     )
 
 
@@ -85,24 +86,23 @@ def _flaws(file: Any, family: type, trial: Callable[[Any], None]) -> list[Flaw]:
     return found
 
 
-def _try_sensor(sensor: Sensor, robot: Model) -> None:
+def _try_sensor(sensor: Sensor, system: System) -> None:
     own = {one.name: ca.SX.sym(one.name) for one in sensor.nuisances}
-    state, inputs = ca.SX.sym("state", len(robot.states)), ca.SX.sym("inputs", len(robot.inputs))
-    signals = robot.signals(state, inputs, ca.DM(robot.nominal), ca.SX.sym("period"))
-    moment = Moment(robot, state, inputs, signals, own)
+    state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
+    function = signaller(system)
+    signals = {name: ca.SX.sym(name, function.size1_out(name)) for name in function.name_out()}
+    moment = Moment(system, state, inputs, signals, own)
     rows = _shape("reading", sensor.reading(moment), (None, 1))[0]
     _shape("whitening", sensor.whitening(moment), (rows, rows))
     if len(sensor.units) not in (0, rows):
         raise ValueError(f"units: expected {rows}, one of each entry of a reading, got {len(sensor.units)}")
     for text in (sensor.subject, sensor.noise_text, sensor.remark, sensor.brief(1), sensor.sentence(1)):
         _require("what it says of itself", text, str)
-    moment_reading(sensor, robot)
+    moment_reading(sensor, system)
 
 
-def _try_measurement(measurement: Measurement, robot: Model, space: DesignSpace) -> None:
-    drive = drive_shape(
-        robot.system(space.integration), samples=space.samples, runs=space.runs, period=space.period
-    )
+def _try_measurement(measurement: Measurement, system: System, space: DesignSpace) -> None:
+    drive = drive_shape(system, samples=space.samples, runs=space.runs, period=space.period)
     blocks = measurement.blocks(drive)
     _require("blocks", blocks, tuple)
     for block in blocks:
@@ -125,7 +125,7 @@ def _try_criterion(criterion: Criterion, problem: Problem) -> None:
 
 def _try_limit(limit: Limit, problem: Problem) -> None:
     space = problem.design
-    drive = drive_shape(problem.model, samples=space.samples, runs=space.runs, period=space.period)
+    drive = drive_shape(problem.robot, samples=space.samples, runs=space.runs, period=space.period)
     rows = limit.rows(drive)
     _require("rows", rows, Rows)
     count = ca.MX(rows.expression).numel()

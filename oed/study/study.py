@@ -217,7 +217,7 @@ def no_records(wanted: PriorRecord, folder: Path) -> Prior:
         ProblemError: always.
     """
     text = f"expected a prior as numbers here, got one of the record {wanted.record}"
-    raise ProblemError([Flaw(("prior", "record"), text)])
+    raise ProblemError.about(("prior", "record"), text)
 
 
 def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:

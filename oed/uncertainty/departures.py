@@ -84,7 +84,13 @@ def violation_probability(
 
 
 def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
-    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,)."""
+    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,).
+
+    Args:
+        problem: with path limits.
+        trajectory: the drive, as commanded.
+        values: of the uncertain quantities, (K, q).
+    """
     if not path_limits(problem):
         return np.zeros(len(values), dtype=bool)
     excess, _ = _excess(problem, trajectory, values)
@@ -92,7 +98,13 @@ def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDA
 
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
-    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q)."""
+    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q).
+
+    Args:
+        problem: whose robots drive.
+        trajectory: the drive, as commanded.
+        values: of the uncertain quantities, (K, q).
+    """
     spread = given_spread(problem.uncertain_system)
     function = _poses(problem, trajectory.samples, trajectory.runs)
     starts = trajectory.starts + spread.shifts(values)

@@ -11,7 +11,7 @@ from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
-from oed.records.calibration_record import FORMAT, EstimateRecord
+from oed.records.calibration_record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.runner import package_version, provenance
 from oed.workflow.saving import save_estimate
@@ -68,9 +68,8 @@ def estimate(
     except ProblemError as error:
         raise study.error(error.flaws) from None
     told.done()
-    made = estimate_of(
+    record = estimate_of(
         found,
-        format=FORMAT,
         oed_version=package_version("oed"),
         study=study.echo(),
         study_text=study.text,
@@ -78,7 +77,6 @@ def estimate(
         seed=chosen,
         method=study.calibration.method,
     )
-    record = EstimateRecord(made.plain())
     if out is not None:
         save_estimate(record, out)
     return record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,31 @@ STUDY, SUMMARY = "next.yaml", "next.json"
 
 
 @dataclass(frozen=True)
+class Precision:
+    """What is known of a parameter; SI, None where there is no such number.
+
+    Attributes:
+        name, unit, value: of its estimate.
+        now: its standard error.
+        size: what relative errors of it refer to.
+        wanted: the standard error to be reached.
+        next: the one predicted after the next drive.
+    """
+
+    name: str
+    unit: str | None
+    value: float | None
+    now: float | None
+    size: float | None
+    wanted: float | None
+    next: float | None
+
+    def relative(self, error: float | None) -> float:
+        """An error in units of what is wanted, else of the parameter's size."""
+        return float(error or 0.0) / float(self.wanted or self.size or 1.0)
+
+
+@dataclass(frozen=True)
 class NextDrive:
     """What to do after the drives so far.
 
@@ -46,8 +71,7 @@ class NextDrive:
         estimate: from the logs.
         study: the study of the next drive, None where none is needed.
         record: of its design.
-        precision: by parameter: name, unit, value, standard error now, the one wanted, the one predicted
-            after the next drive; SI, None where there is none.
+        precision: of each parameter.
         gain: share by which the worst standard error falls, in units of what is wanted or of the value.
         stop: whether to stop driving.
         reason: why, or why not.
@@ -57,7 +81,7 @@ class NextDrive:
     estimate: EstimateRecord
     study: Study | None
     record: Record | None
-    precision: tuple[Mapping[str, Any], ...]
+    precision: tuple[Precision, ...]
     gain: float | None
     stop: bool
     reason: str
@@ -71,7 +95,7 @@ class NextDrive:
             "stop": self.stop,
             "reason": self.reason,
             "gain": self.gain,
-            "precision": [dict(entry) for entry in self.precision],
+            "precision": [asdict(one) for one in self.precision],
             "design": best,
         }
 
@@ -155,7 +179,9 @@ def _decided(
     if not predicted:
         reason = "no feasible drive was found; the record says which limit is in the way"
         return NextDrive(found, study, record, precision, None, False, reason)
-    now, then = _worst(precision, "now"), _worst(precision, "next")
+    # Of all of them where nothing is wanted.
+    aimed = [one for one in precision if one.wanted is not None] or precision
+    now, then = max(one.relative(one.now) for one in aimed), max(one.relative(one.next) for one in aimed)
     gain = 1 - then / now
     stop = gain < least_gain
     reason = f"another drive takes {gain:.1%} off the worst standard error"
@@ -219,7 +245,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     data, values = study.echo(), found.values
     robot = robot_of(study.problem.model).with_values(values)
     data["robot"] = OneOf(MODELS).as_data(robot)
-    data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
+    data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
     _stretch(data["trajectory"], duration)
@@ -262,7 +288,7 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     best = record.best
     if best is None or not best.covariances:
         return {}
-    names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
+    names, known = list(found.values), np.array(found.covariance, dtype=float)
     gained = np.zeros_like(known)
     for one in best.covariances:
         places = [names.index(name) for name in one.parameters]
@@ -274,32 +300,25 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
 
 def _excess(found: EstimateRecord) -> float:
     # How many times the variances are what F^-1 says.
-    pairs = [(_own_error(one), (one.standard_errors or {}).get("information")) for one in found.parameters]
+    pairs = [(_own_error(one), one.error("information")) for one in found.parameters]
     return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
 
 
 def _precision(
     found: EstimateRecord, wanted: Mapping[str, float], predicted: Mapping[str, float]
-) -> tuple[Mapping[str, Any], ...]:
+) -> tuple[Precision, ...]:
     return tuple(
-        {
-            "name": one.name,
-            "unit": one.unit,
-            "value": one.value,
-            "now": one.standard_error,
-            "size": one.size,
-            "wanted": wanted.get(one.name),
-            "next": predicted.get(one.name),
-        }
+        Precision(
+            name=one.name,
+            unit=one.unit,
+            value=one.value,
+            now=one.standard_error,
+            size=one.size,
+            wanted=wanted.get(one.name),
+            next=predicted.get(one.name),
+        )
         for one in found.parameters
     )
-
-
-def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
-    # In units of what is wanted; of the parameters' sizes where nothing is.
-    aimed = [entry for entry in precision if entry["wanted"] is not None] or precision
-    sizes = [entry["wanted"] or entry["size"] for entry in aimed]
-    return max(float(entry[when]) / float(size) for entry, size in zip(aimed, sizes, strict=True))
 
 
 def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:

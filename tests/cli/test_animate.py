@@ -13,7 +13,7 @@ import pytest
 from places import REPORTS
 
 from oed.cli import main
-from oed.report.film.frame import Frame
+from oed.report.film.writing import Frame
 
 RECORD = REPORTS / "choi_skid_steer" / "record.json"
 QUICK = ("--speed", "20", "--fps", "5", "--quiet")
@@ -110,7 +110,7 @@ def test_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
 
 
 def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    from oed.report.figures.stage import Stage
+    from oed.report.film.stage import Stage
 
     drawn = Stage.frame
 
@@ -143,7 +143,7 @@ def test_physics(folder: Path):
     ("options", "message"),
     [
         (["--result", "ipopt", "circle"], "--physics films one drive"),
-        (["--result", "nobody"], "expected a result with a drive"),
+        (["--result", "nobody"], "no drive of the name .nobody."),
         (["--speed", "-1"], "expected more than 0"),
         (["--speed", "1e-5"], "frames, expected at most 2000; take a higher speed"),
         (["--out", "drive.avi"], r"\.gif or \.mp4"),

@@ -270,7 +270,7 @@ class TestRun:
         assert "genetic: Searched" in out
         assert "report: there" in out
         assert not (folder / "reports").exists()
-        assert load_record(folder / "there").best["name"] == "genetic"
+        assert load_record(folder / "there").best.name == "genetic"
 
     def test_an_interrupt_while_the_report_is_written(self, capsys, folder: Path, monkeypatch):
         def strike(*_: object) -> None:

@@ -17,9 +17,9 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     loosely,
     options,
-    problem_of,
     search_of,
     several,
     truth_of,
@@ -531,7 +531,7 @@ class TestMonteCarlo:
 
 
 def test_by_name_is_what_calibrate_gives():
-    found = calibrate(problem_of(), LOGS[:2], options(segment="log"))
+    found = calibrate(logged_problem(), LOGS[:2], options(segment="log"))
     assert {name: by_name(found.fit)[name] for name in found.parameters} == pytest.approx(
         dict(zip(found.parameters, found.values, strict=True))
     )

@@ -8,13 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import SPEED, make_problem, random_drive
+from builders import SPEED, problem_of, random_drive
 
 from oed.estimation.methods import EstimatorName, Regression
 from oed.estimation.methods.measured_headings import MeasuredHeadings, cosine_and_sine
-from oed.kernel.dynamics.space import Spline
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 from oed.simulation import validate
 
 POSITION, HEADING = 0.1, math.radians(10)
@@ -22,10 +20,10 @@ METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_varia
 
 
 def make(segments: int | str, noise_model: str = "increments", samples: int = 40, runs: int = 1):
-    problem = make_problem(
-        design=DesignSpace(
-            duration=samples / 4 * runs, samples=samples * runs, spline=Spline(coefficients=8), runs=runs
-        ),
+    problem = problem_of(
+        duration=samples / 4 * runs,
+        samples=samples * runs,
+        runs=runs,
         measurement=Displacements(
             segments=segments,
             regressor="position",

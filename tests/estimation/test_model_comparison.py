@@ -21,8 +21,8 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     options,
-    problem_of,
     several,
     truth_of,
     unknowns_of,
@@ -60,7 +60,7 @@ def compared(growth: float, seed: int = 0, logs: int = 4, **keys) -> Comparison:
         for k in range(logs)
     ]
     chosen = options(**{"segment": "log", "noise": "constant", "models": (SLIP,), **keys})
-    found = calibrate(problem_of(), made, chosen).comparison
+    found = calibrate(logged_problem(), made, chosen).comparison
     assert found is not None
     return found
 
@@ -112,7 +112,7 @@ class TestChoice:
 
     def test_what_was_known_before_is_left_out(self):
         logs = several(2, seconds=4.0, noise=NOISE)
-        problem = problem_of(prior=Prior(standard_deviations={"track": "1 um"}))
+        problem = logged_problem(prior=Prior(standard_deviations={"track": "1 um"}))
         found = calibrate(problem, logs, options(segment="log", models=[SLIP])).comparison
         assert found.models[0].fit.values[2] == pytest.approx(TRUTH["track"], rel=0.02)
 
@@ -275,7 +275,7 @@ class TestScores:
 class TestErrors:
     def refused(self, *models: Alternative, match: str, logs=FEW):
         with pytest.raises(ProblemError, match=match):
-            calibrate(problem_of(), logs, options(models=models))
+            calibrate(logged_problem(), logs, options(models=models))
 
     def test_a_robot_of_other_inputs(self):
         other = Alternative(robot=Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.3))
@@ -305,7 +305,7 @@ class TestErrors:
             Alternative(robot=SkidSteer(wheel_radius=0.05, track=0.2)),
             Alternative(robot=SkidSteer(wheel_radius=0.05, track=0.2), name="fixed", estimate=["track"]),
         ]
-        found = calibrate(problem_of(), FEW, options(segment="log", models=alternatives)).comparison
+        found = calibrate(logged_problem(), FEW, options(segment="log", models=alternatives)).comparison
         _, open_, fixed = found.models
         assert "the logs do not identify wheel_radius_right, wheel_radius_left, slip_outer" in open_.reason
         assert open_.reason.endswith("leave parameters out of its `estimate`")
@@ -321,7 +321,9 @@ class TestErrors:
             noise=NOISE,
             quantities=(*XYH, "trailer_angle"),
         )
-        found = calibrate(problem_of(trailer), [log], options(segment="log", models=[SLIP])).comparison
+        found = calibrate(
+            logged_problem(model=trailer), [log], options(segment="log", models=[SLIP])
+        ).comparison
         assert found.models[1].reason == "the logs hold trailer_angle, which it has not"
 
 
@@ -354,7 +356,7 @@ def test_the_same_robot_is_equal_whatever_its_start_and_its_inputs_order(method:
     logs = several(3, seconds=6.0, noise=NOISE)
     same = Alternative(robot=Swapped(wheel_radius=0.055, track=0.22), name="same")
     chosen = options(segment=0.5, method=method, noise="constant", models=[same], clock_offset=False)
-    found = calibrate(problem_of(), logs, chosen).comparison
+    found = calibrate(logged_problem(), logs, chosen).comparison
     own, other = found.models
     assert other.reason == ""
     assert other.fit.values == pytest.approx(own.fit.values, rel=1e-3, abs=1e-5)
@@ -368,7 +370,7 @@ def test_a_record_holds_it():
     logs = several(3, seconds=3.0, noise=NOISE)
     icr = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.1, y_icr_right=-0.1)
     loose = Alternative(robot=SkidSteer(wheel_radius=0.05, track=0.2))
-    found = calibrate(problem_of(), logs, options(segment="log", models=[Alternative(robot=icr), loose]))
+    found = calibrate(logged_problem(), logs, options(segment="log", models=[Alternative(robot=icr), loose]))
     data = estimate_of(found).plain()["comparison"]
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     own, other, open_ = data["models"]
@@ -427,20 +429,20 @@ class TestStudy:
     @pytest.mark.slow
     def test_an_estimate_has_them_everywhere(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
         record = estimate(study(MODELS), [LOG], out=tmp_path)
-        assert [one["name"] for one in record.models] == [
+        assert [one.name for one in record.models] == [
             "differential_drive",
             "skid_steer_slip",
             "half known",
         ]
         assert load_estimate(tmp_path).models == record.models
         assert record.data["comparison"]["best"]["bic"] == "differential_drive"
-        write_estimate(record.data, tmp_path)
-        print_estimate(record.data)
+        write_estimate(record, tmp_path)
+        print_estimate(record)
         for text in ((tmp_path / "estimate.md").read_text(encoding="utf-8"), capsys.readouterr().out):
             assert "differential drive is the best by" in " ".join(text.split())
 
 
 def test_none_are_compared_where_none_are_named():
-    found = calibrate(problem_of(), FEW, options(segment="log"))
+    found = calibrate(logged_problem(), FEW, options(segment="log"))
     assert found.comparison is None
     assert estimate_of(found).plain()["comparison"] is None

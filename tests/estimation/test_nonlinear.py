@@ -6,12 +6,12 @@ import math
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
@@ -21,14 +21,13 @@ from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.models import SkidSteer
-from oed.robots.sensors import Measurement, Poses, Ranges, Several, YawRate
-from oed.robots.space import DesignSpace, StartPose
+from oed.robots.sensors import Poses, Ranges, Several, YawRate
+from oed.robots.space import StartPose
 from oed.simulation import validate
 from oed.simulation.checks import check_all
 
@@ -39,23 +38,19 @@ GEOMETRY = (RADIUS, RADIUS, TRACK)
 UNKNOWN = (math.inf,) * 3
 CORRELATED = 1e-6 * np.kron(0.6 ** np.abs(np.subtract.outer(range(9), range(9))), [[1.0, 0.3], [0.3, 2.0]])
 ROBUST: tuple[Loss, ...] = ("huber", "soft_l1", "cauchy")
-REPLICATES = 300
+REPLICATES = 200
 
 Read = Callable[[np.ndarray, np.ndarray, Sequence[float]], np.ndarray]
 
 
-def problem_of(measurement: Measurement, samples: int = 40, **parts) -> Problem:
-    """Drives of a quarter of a second per sample, from a start of its own."""
-    x, y, heading = START
-    space = DesignSpace(
-        duration=samples / 4,
-        samples=samples,
-        spline=Spline(coefficients=8),
-        start=StartPose(x=x, y=y, heading=heading),
-    )
-    return make_problem(
-        measurement=measurement, design=space, **{"limits": (SPEED,), "criterion": E(), **parts}
-    )
+sensed_problem = partial(
+    problem_of,
+    period=0.25,
+    start=StartPose(x=START[0], y=START[1], heading=START[2]),
+    limits=(SPEED,),
+    criterion=E(),
+)
+"""Drives of a quarter of a second per sample, from a start of its own."""
 
 
 def pose_readings(quantities: str, every: int = 1) -> Read:
@@ -249,19 +244,19 @@ PRIOR_COVARIANCE = np.array([[4e-6, -1e-7], [-1e-7, 1e-8]])
 CASES = (
     Case(
         "poses",
-        problem_of(Poses(noise=XYH)),
+        sensed_problem(measurement=Poses(noise=XYH)),
         (Sensor(pose_readings("xyh"), np.array([2e-3, 2e-3, 0.02])),),
     ),
     Case(
         "coefficients",
-        problem_of(Poses(noise=XYH), estimate=C),
+        sensed_problem(measurement=Poses(noise=XYH), estimate=C),
         (Sensor(pose_readings("xyh"), np.array([2e-3, 2e-3, 0.02])),),
         coefficients=True,
     ),
     Case(
         "much_known_before",
-        problem_of(
-            Poses(
+        sensed_problem(
+            measurement=Poses(
                 noise=XYH,
                 initial_pose={"position": 2e-3, "heading": 0.01},
                 lever_arm={"x": 0.1, "y": 0.02, "known": False},
@@ -274,8 +269,8 @@ CASES = (
     ),
     Case(
         "correlated_prior",
-        problem_of(
-            Poses(noise=XYH, every=4, initial_pose="known"),
+        sensed_problem(
+            measurement=Poses(noise=XYH, every=4, initial_pose="known"),
             prior=Prior(parameters=("track", "wheel_radius_right"), covariance=PRIOR_COVARIANCE.tolist()),
         ),
         (Sensor(pose_readings("xyh", 4), np.array([2e-3, 2e-3, 0.02])),),
@@ -284,18 +279,22 @@ CASES = (
     ),
     Case(
         "correlated_over_time",
-        problem_of(Poses(quantities=("x", "y"), noise={"covariance": CORRELATED.tolist()}, every=5)),
+        sensed_problem(
+            measurement=Poses(quantities=("x", "y"), noise={"covariance": CORRELATED.tolist()}, every=5)
+        ),
         (Sensor(pose_readings("xy", 5), CORRELATED),),
     ),
     Case(
         "ranges",
-        problem_of(Ranges(beacons=BEACONS, noise=3e-3)),
+        sensed_problem(measurement=Ranges(beacons=BEACONS, noise=3e-3)),
         (Sensor(distances, np.array([3e-3] * 3)),),
     ),
     Case(
         "positions_and_a_gyro",
-        problem_of(
-            Several(sensors=[Poses(quantities=("x", "y"), noise={"position": 2e-3}), YawRate(noise=0.02)])
+        sensed_problem(
+            measurement=Several(
+                sensors=[Poses(quantities=("x", "y"), noise={"position": 2e-3}), YawRate(noise=0.02)]
+            )
         ),
         (
             Sensor(pose_readings("xy"), np.array([2e-3])),
@@ -304,8 +303,8 @@ CASES = (
     ),
     Case(
         "three_sensors",
-        problem_of(
-            Several(
+        sensed_problem(
+            measurement=Several(
                 sensors=[
                     YawRate(noise=0.02, bias=0.01),
                     Ranges(beacons=BEACONS, noise=5e-3),
@@ -372,14 +371,14 @@ class TestPromise:
     @pytest.mark.slow
     def test_noise_that_grows_with_speed(self):
         noise = {"position": 1e-3, "heading": 0.01, "position_per_speed": 0.02, "heading_per_speed": 0.1}
-        problem = problem_of(Poses(noise=noise, every=2))
+        problem = sensed_problem(measurement=Poses(noise=noise, every=2))
         drive = random_drive(problem, 3, 5.0)
         promised = Nonlinear(problem, drive).covariance
         np.testing.assert_allclose(promised, evaluate(problem, drive).covariances["joint"], rtol=1e-8)
         assert validate(problem, drive, replicates=REPLICATES).passed
 
     def test_parameters_that_the_criterion_does_not_judge_are_estimated_too(self):
-        problem = problem_of(Poses(noise=XYH), criterion=E(subset=("track",)))
+        problem = sensed_problem(measurement=Poses(noise=XYH), criterion=E(subset=("track",)))
         found, told = Nonlinear(problem, PLAIN.drive), evaluate(problem, PLAIN.drive)
         assert found.parameters == ("track", "wheel_radius_right", "wheel_radius_left")
         np.testing.assert_allclose(found.covariance, told.covariances["joint"], rtol=1e-8)
@@ -389,7 +388,7 @@ class TestPromise:
         )
 
     def test_parameters_that_are_not_estimated_are_known(self):
-        problem = problem_of(Poses(noise=XYH), estimate=("track",))
+        problem = sensed_problem(measurement=Poses(noise=XYH), estimate=("track",))
         found = Nonlinear(problem, PLAIN.drive)
         assert found.parameters == ("track",)
         assert found.covariance.shape == (1, 1)
@@ -484,7 +483,7 @@ class TestFit:
 
     def test_a_covariance_of_another_number_of_readings(self):
         (case,) = [case for case in CASES if case.name == "correlated_over_time"]
-        longer = random_drive(problem_of(Poses(noise=XYH), samples=60), 3, 5.0)
+        longer = random_drive(sensed_problem(measurement=Poses(noise=XYH), samples=60), 3, 5.0)
         with pytest.raises(UserMistake, match="is for 18 of them; this drive gives 26"):
             Nonlinear(case.problem, longer)
 
@@ -530,7 +529,7 @@ class TestMonteCarlo:
         rests = []
         for share in (1.0, 0.5):
             noise = {name: share * size for name, size in XYH.items()}
-            estimator = Nonlinear(problem_of(Poses(noise=noise)), PLAIN.drive)
+            estimator = Nonlinear(sensed_problem(measurement=Poses(noise=noise)), PLAIN.drive)
             estimates, linear = estimator.simulate(np.random.default_rng(5), 50)
             rests.append(np.abs(estimates - linear).sum())
         assert rests[1] == pytest.approx(rests[0] / 4, rel=0.05)
@@ -538,8 +537,8 @@ class TestMonteCarlo:
     @pytest.mark.slow
     def test_a_robot_with_slip(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = problem_of(
-            Poses(noise=PRECISE), model=robot, estimate=("track", "slip_outer", "slip_inner")
+        problem = sensed_problem(
+            measurement=Poses(noise=PRECISE), model=robot, estimate=("track", "slip_outer", "slip_inner")
         )
         drive = random_drive(problem, 3, 5.0)
         result = validate(problem, drive, replicates=REPLICATES)
@@ -630,10 +629,9 @@ class TestRobust:
         assert np.abs(np.mean(differences, axis=0)).max() < 0.04
         assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.02
 
-    @simulated_losses
     @pytest.mark.slow
-    def test_it_passes_the_checks(self, loss: Loss):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
+    def test_it_passes_the_checks(self):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="huber", seed=2)
         assert result.passed
 
     @losses
@@ -698,7 +696,7 @@ def far_off(estimate: Estimate) -> float:
 
 LONG = Case(
     "long",
-    problem_of(Poses(noise=PRECISE), samples=200),
+    sensed_problem(measurement=Poses(noise=PRECISE), samples=200),
     (Sensor(pose_readings("xyh"), np.array([5e-4, 5e-4, 5e-3])),),
 )
 
@@ -713,7 +711,9 @@ class TestMistakes:
         assert raised.value.flaws[0].key == ("validation",)
 
     def test_unless_the_rest_is_known_from_before(self):
-        problem = problem_of(Poses(noise=XYH), prior=Prior(standard_deviations={"track": "1 %"}))
+        problem = sensed_problem(
+            measurement=Poses(noise=XYH), prior=Prior(standard_deviations={"track": "1 %"})
+        )
         drive = Trajectory.from_samples(np.full((40, 2), 2.0), 10.0, START)
         deviations = np.sqrt(np.diag(Nonlinear(problem, drive).covariance))
         assert deviations[2] == pytest.approx(0.01 * TRACK, rel=1e-6)
@@ -721,7 +721,7 @@ class TestMistakes:
 
     def test_parameters_that_no_drive_tells_apart(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = problem_of(Poses(noise=XYH), model=robot)
+        problem = sensed_problem(measurement=Poses(noise=XYH), model=robot)
         with pytest.raises(ProblemError, match="slip_outer, slip_inner; nothing"):
             Nonlinear(problem, PLAIN.drive)
 

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.estimation.methods import (
@@ -26,7 +26,6 @@ from oed.estimation.methods import (
 )
 from oed.estimation.methods.errors_in_variables import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -67,10 +66,10 @@ def make(
     estimator: str = "gls",
 ) -> Problem:
     """Drives of a quarter of a second per sample."""
-    return make_problem(
-        design=DesignSpace(
-            duration=samples / 4, samples=samples, spline=Spline(coefficients=8), integration=rule
-        ),
+    return problem_of(
+        duration=samples / 4,
+        samples=samples,
+        integration=rule,
         measurement=Displacements(
             segments=segments,
             regressor=regressor,
@@ -349,9 +348,9 @@ class TestOwnFormula:
     @pytest.mark.parametrize("example", cases(COEFFICIENT_ROBOTS))
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     def test_every_robot_and_rule(self, example, rule: str):
-        problem = make_problem(
+        problem = problem_of(
             model=example.model,
-            design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), integration=rule),
+            integration=rule,
             measurement=Displacements(
                 regressor="both",
                 noise={"position": "5 mm", "heading": "0.5 deg"},
@@ -481,7 +480,7 @@ class TestErrorsInVariables:
     @staticmethod
     def at_full_size(noise_model: str, position: str, turn: str, segments: int | str) -> Validation:
         """20 s of 200 samples."""
-        problem = make_problem(
+        problem = problem_of(
             design=DesignSpace(duration=20),
             measurement=Displacements(
                 segments=segments, noise={"position": position, "heading": turn}, noise_model=noise_model
@@ -722,14 +721,10 @@ BOTH = Several(sensors=[POSES, YawRate(noise=0.01)])
 
 
 @cache
-def problem_of(measurement: Measurement) -> Problem:
-    return make_problem(measurement=measurement)
-
-
 def flaws_of(measurement: Measurement, name=None, heading: Heading = "known") -> list[Flaw]:
     """The flaws, which `make_estimator` raises."""
     flaws = estimator_flaws(measurement, name, heading)
-    problem = problem_of(measurement)
+    problem = problem_of(measurement=measurement)
     if not flaws:
         assert make_estimator(problem, DRIVE, name, heading=heading).name
         return []
@@ -782,7 +777,7 @@ class TestMistakes:
         ],
     )
     def test_missing_noise(self, name, regressor: str, noise: dict[str, str], missing: str):
-        problem = problem_of(self.displacements(noise, regressor=regressor))
+        problem = problem_of(measurement=self.displacements(noise, regressor=regressor))
         flaws = estimator_flaws(problem.measurement, name, "measured")
         assert flaws == [
             Flaw(("measurement", "noise"), f"simulating measured headings needs the noise of {missing}")

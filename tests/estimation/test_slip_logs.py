@@ -13,8 +13,8 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     options,
-    problem_of,
     rich_inputs,
     truth_of,
     unknowns_of,
@@ -69,7 +69,7 @@ class TestRecovery:
     @pytest.mark.slow
     @pytest.mark.parametrize("segment", ["log", "auto", 3.0])
     def test_by_calibrate(self, segment):
-        found = calibrate(problem_of(ROBOT), logs_of(offset=0.03), options(segment=segment))
+        found = calibrate(logged_problem(model=ROBOT), logs_of(offset=0.03), options(segment=segment))
         assert found.values == pytest.approx(TRUE, rel=1e-6)
         # Behind the centre of rotation or ahead of the sensor: that is the same.
         assert any("sensor_x" in note for note in found.notes)
@@ -161,7 +161,7 @@ class TestStarts:
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_windows_do_not_tell_how_they_begin(method: str):
     with pytest.raises(ProblemError, match=r"the yaw_rate that a window of skid_steer_slip begins with"):
-        calibrate(problem_of(ROBOT), logs_of(1), options(method=method))
+        calibrate(logged_problem(model=ROBOT), logs_of(1), options(method=method))
 
 
 def test_segments_share_no_yaw_rate_with_a_log_that_begins_in_motion():

@@ -169,7 +169,7 @@ def test_stated_noise_gives_the_rows_their_size():
     ("drift", "naive"), [((0, 0, 0), 0.85), ((0.01, 0.005, 0.02), 1.2)], ids=["poses", "drift"]
 )
 def test_the_sandwich_is_right_where_the_papers_errors_are_not(drift, naive):
-    drive = course(seconds=60, period=0.25)
+    drive = course(seconds=40, period=0.25)
 
     def fit(seed: int) -> Fit:
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)

@@ -14,7 +14,7 @@ import pytest
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.files import read_bytes, read_text, require_writable, write_text
 from oed.foundation.work.folders import updated
-from oed.report.film import write_frames
+from oed.report.film.writing import write_frames
 
 
 def names(folder: Path) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,10 @@ import oed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.records.record import Record, save_record
 from oed.report import write_report
-from oed.report.figures.driven import poses_of
-from oed.report.figures.scene import PAUSE, cast_of, scene_of
-from oed.report.figures.stage import FACE, TRACE, Stage
-from oed.report.film import MOST_FRAMES
-from oed.report.film.frame import Frame
-from oed.report.parts.motion import motion, motions_of
+from oed.report.figures.driven import motion, motions_of
+from oed.report.film.scene import PAUSE, cast_of, scene_of
+from oed.report.film.stage import FACE, TRACE, Stage
+from oed.report.film.writing import FORMATS, Frame
 from oed.report.parts.section import Section
 
 QUICK = {"speed": 8.0, "fps": 5.0}
@@ -58,7 +57,7 @@ class TestMotion:
     @pytest.mark.parametrize("make", [crab, towing, omni])
     def test_it_passes_every_sample(self, make):
         entry = make().best
-        for run, poses in zip(motions_of(entry), poses_of(entry), strict=True):
+        for run, poses in zip(motions_of(entry), entry.drive.by_run, strict=True):
             times = np.linspace(0.0, 8.0, len(poses))
             found = np.array([run.at(time) for time in times])
             np.testing.assert_allclose(found, poses[:, : found.shape[1]], atol=1e-9)
@@ -84,7 +83,7 @@ class TestStage:
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()
         stage = stage_of(record)
-        x_min, x_max, y_min, y_max = scene_of(record, [record.best]).view
+        width, height = scene_of(record, [record.best]).view.size
         first = cast_of(record.best).runs[0]
         places = {}
         for time in (0.0, 8.0):
@@ -94,8 +93,8 @@ class TestStage:
         expected = first.at(8.0)[:2] - first.at(0.0)[:2]
         # One scale for both directions; the middle of the triangle is not the robot's origin.
         box = stage._panels[0]._ax.get_window_extent()
-        scale = box.width / (x_max - x_min)
-        assert scale == pytest.approx(box.height / (y_max - y_min), rel=1e-6)
+        scale = box.width / width
+        assert scale == pytest.approx(box.height / height, rel=1e-6)
         assert np.hypot(*(moved / scale - expected)) < 0.3 * stage._panels[0]._half
 
     def test_the_trace_grows(self):
@@ -177,18 +176,18 @@ class TestAnimate:
 
     def test_an_infeasible_drive_can_be_asked_for(self, tmp_path: Path):
         record = sample_records.only_infeasible_drive()
-        name = record.results[0]["name"]
+        name = record.results[0].name
         assert oed.animate(record, tmp_path / "film.gif", results=[name], **QUICK).results == (name,)
 
     def test_a_long_film_has_fewer_frames_a_second(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.report.film.FRAMES", 10)
+        monkeypatch.setattr("oed.report.film.writing.FRAMES", 10)
         assert oed.animate(omni(), tmp_path / "film.gif", speed=8.0).fps == 10.0
         assert oed.animate(omni(), tmp_path / "film.gif", speed=16.0).fps == 20.0
 
     def test_a_gif_has_no_more_frames_than_memory_holds(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ):
-        monkeypatch.setitem(MOST_FRAMES, ".gif", 12)
+        monkeypatch.setitem(FORMATS, ".gif", replace(FORMATS[".gif"], most=12))
         made = oed.animate(omni(), tmp_path / "film.gif", speed=2.0)
         assert 1.0 < made.fps < 10.0
         with pytest.raises(UserMistake, match=r"expected at most 12; .* or make an MP4"):

@@ -6,7 +6,6 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +13,15 @@ from places import REPORTS
 from scipy import stats
 
 from oed.records.record import Record, load_record
+from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
-from oed.report.figures.plots import RADIUS_95, ellipse
+from oed.report.figures.spread import RADIUS_95, ellipse
 from oed.report.page import sections_of
+from oed.report.parts.judging import repetitions_of
 from oed.report.parts.section import Section
 from oed.report.sections import SECTIONS
-from oed.report.sections.candidates import candidates, repetitions_of
-from oed.report.sections.convergence import convergence, time_to
+from oed.report.sections.candidates import candidates
+from oed.report.sections.searches import convergence, time_to
 from oed.report.sections.summary import summary
 from oed.report.sections.validation import validation
 
@@ -32,69 +33,72 @@ def flagship() -> Record:
     return load_record(REPORTS / "choi_skid_steer")
 
 
-def entry(record: Record, name: str) -> dict[str, Any]:
-    return next(dict(one) for one in record.results if one["name"] == name)
+def entry(record: Record, name: str) -> Result:
+    found = record.result(name)
+    assert found is not None
+    return found
 
 
-def deviation(one: dict[str, Any], parameter: str) -> float:
+def deviation(one: Result, parameter: str) -> float:
     """From the drive alone: sqrt of the diagonal of sigma^2 (W'W)^-1 by the singular values it reports."""
-    return float(one["standard_deviations"][parameter])
+    return float(one.standard_deviations[parameter])
 
 
 class TestSummary:
     def test_its_numbers_are_the_records(self, flagship: Record):
         text = " ".join(summary(flagship).paragraphs)
-        best, square = dict(flagship.best), entry(flagship, "square")
+        best, square = flagship.best, entry(flagship, "square")
         for one in (best, square):
             share = 100 * deviation(one, "c22") / 0.0245
             assert f"±{share:.1f} %" in text
-        assert f"{best['objective'] / square['objective']:.1f} of them would be needed" in text
-        assert f"objective of {best['objective']:.1f}" in text
+        assert f"{best.objective / square.objective:.1f} of them would be needed" in text
+        assert f"objective of {best.objective:.1f}" in text
 
     def test_the_deviations_bound_each_other_as_they_must(self, flagship: Record):
         # The trace of the covariance is sigma^2 (1 / lambda_min + 1 / lambda_max).
         for name in ("ipopt", "genetic", "square"):
             one = entry(flagship, name)
             trace = sum(deviation(one, parameter) ** 2 for parameter in ("c21", "c22"))
-            assert trace == pytest.approx(0.1**2 * (1 / one["lambda_min"] + 1 / one["lambda_max"]), rel=1e-9)
+            assert trace == pytest.approx(0.1**2 * (1 / one.lambda_min + 1 / one.lambda_max), rel=1e-9)
 
 
 class TestCandidates:
     def test_efficiency_is_the_ratio_of_objectives(self, flagship: Record):
         table = candidates(flagship).tables[0]
-        best = flagship.best["objective"]
+        best = flagship.best.objective
         for row in table.rows:
             one = entry(flagship, row[0])
             if row[3] != math.inf:
-                assert row[2] == pytest.approx(100 * one["objective"] / best)
-                assert row[3] == pytest.approx(best / one["objective"])
+                assert row[2] == pytest.approx(100 * one.objective / best)
+                assert row[3] == pytest.approx(best / one.objective)
 
     def test_singular_drives_never_suffice(self, flagship: Record):
         assert repetitions_of(flagship, entry(flagship, "straight")) == math.inf
 
     def test_no_search_exceeds_the_upper_bound(self, flagship: Record):
-        objectives = [one["objective"] for one in flagship.results if one["feasible"]]
+        objectives = [one.objective for one in flagship.results if one.feasible]
         assert max(objectives) <= UPPER_BOUND * (1 + 1e-9)
-        assert flagship.best["objective"] >= 0.999 * UPPER_BOUND
+        assert flagship.best.objective >= 0.999 * UPPER_BOUND
 
 
 class TestConvergence:
     def test_history_never_falls(self, flagship: Record):
         for name in ("ipopt", "genetic"):
-            history = entry(flagship, name)["history"]
+            history = entry(flagship, name).history
             for key in ("objective", "seconds", "evaluations"):
-                assert np.all(np.diff([point[key] for point in history]) >= 0)
+                assert np.all(np.diff([getattr(point, key) for point in history]) >= 0)
 
     def test_time_to_target_reads_the_first_hit(self):
         history = [
-            {"objective": value, "seconds": seconds, "evaluations": 10 * seconds}
-            for value, seconds in ((1.0, 1), (3.0, 2), (5.0, 4))
+            Progress(objective=value, seconds=seconds, evaluations=int(10 * seconds))
+            for value, seconds in ((1.0, 1.0), (3.0, 2.0), (5.0, 4.0))
         ]
-        assert time_to({"history": history}, 2.0) == (2.0, 20)
-        assert time_to({"history": history}, 6.0) is None
+        found = Result.model_construct(history=history)
+        assert time_to(found, 2.0) == (2.0, 20)
+        assert time_to(found, 6.0) is None
 
     def test_the_race_is_told_from_the_history(self, flagship: Record):
-        target = entry(flagship, "genetic")["history"][-1]["objective"]
+        target = entry(flagship, "genetic").history[-1].objective
         hit = time_to(entry(flagship, "ipopt"), target)
         assert hit is not None
         assert re.search(rf"after {hit[0]:.3g}0* s", convergence(flagship).paragraphs[0])

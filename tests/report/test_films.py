@@ -11,8 +11,7 @@ import pytest
 from PIL import Image
 
 from oed.foundation.errors import Failure, UserMistake
-from oed.report.film import write_frames
-from oed.report.film.frame import Frame
+from oed.report.film.writing import Frame, write_frames
 
 
 def squares(count: int, size: tuple[int, int] = (24, 31)) -> list[Frame]:

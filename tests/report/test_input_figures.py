@@ -10,10 +10,11 @@ import sample_rooms
 from sample_records import full, many
 
 from oed.records.record import Record
-from oed.report.figures import panels
-from oed.report.figures import plots as figures
+from oed.report.figures import time
+from oed.report.figures.draw import drawn
+from oed.report.figures.spec import line_look
 from oed.report.page import sections_of
-from oed.report.parts.inputs import groups_of, inputs_of, limit_bounds, own_bounds
+from oed.report.parts.inputs import groups_of, series_of
 from oed.report.parts.section import Section
 
 
@@ -41,26 +42,26 @@ def test_angles_are_in_degrees_and_wheels_in_radians() -> None:
     record = sample_rooms.steered()
     (wheel, _), (angle, rate) = groups_of(record, 2)
     assert (wheel.unit, angle.unit, rate.unit) == ("rad/s", "deg", "deg/s")
-    assert limit_bounds(record, angle) == pytest.approx((-35, 35))
-    assert limit_bounds(record, rate) == pytest.approx((-200, 200))
-    assert limit_bounds(record, wheel) == (-10, 10)
-    largest = np.max(np.array(record.results[0]["drive"]["coefficients"])[:, 1])
-    drawn = inputs_of(record.results[0], angle).values
-    assert drawn.shape[1] == 1
-    assert 0.9 * np.rad2deg(largest) < np.nanmax(drawn) <= np.rad2deg(largest) + 1e-9
+    assert angle.bounds(record) == pytest.approx((-35, 35))
+    assert rate.bounds(record) == pytest.approx((-200, 200))
+    assert wheel.bounds(record) == (-10, 10)
+    largest = np.max(np.array(record.results[0].drive.coefficients)[:, 1])
+    shown = series_of(record.results[0], angle).values
+    assert shown.shape[1] == 1
+    assert 0.9 * np.rad2deg(largest) < np.nanmax(shown) <= np.rad2deg(largest) + 1e-9
 
 
 def test_four_wheels_have_four_dashes() -> None:
     told = captions(sample_rooms.crab(), "Wheel speeds and accelerations")["wheel_speeds"]
     assert "front left (solid), front right (dashed), rear left (dash-dotted), rear right (dotted)" in told
-    assert len({str(figures.line_style(index)["linestyle"]) for index in range(4)}) == 4
+    assert len({str(line_look(index)["linestyle"]) for index in range(4)}) == 4
 
 
 def test_every_input_is_drawn_with_its_label() -> None:
     record = sample_rooms.crab()
     ((values, _),) = groups_of(record, 4)
     labels = [f"{name} (solid)" for name in ("front left", "front right", "rear left", "rear right")]
-    figure = panels.series([inputs_of(record.results[0], values)], labels, "speed", "rad/s", None)
+    figure = drawn(time.series([series_of(record.results[0], values)], values, labels, None))
     figure.canvas.draw()
     assert len([line for line in figure.axes[0].lines if len(line.get_xdata()) > 9]) == 4
     box = figure.legends[0].get_window_extent()
@@ -70,9 +71,9 @@ def test_every_input_is_drawn_with_its_label() -> None:
 def test_limits_of_single_inputs_are_told() -> None:
     record = sample_rooms.towing()
     ((values, rates),) = groups_of(record, 2)
-    assert limit_bounds(record, values) is None
-    assert own_bounds(record, values) == {"wheel_speed_right": (-10, 10), "wheel_speed_left": (-5, 8)}
-    assert limit_bounds(record, rates) == (-40, 40)
+    assert values.bounds(record) is None
+    assert values.own_bounds(record) == {"wheel_speed_right": (-10, 10), "wheel_speed_left": (-5, 8)}
+    assert rates.bounds(record) == (-40, 40)
     told = captions(record, "Wheel speeds and accelerations")["wheel_speeds"]
     assert "each has its own: right -10 to 10 rad/s, left -5 to 8 rad/s." in told
 
@@ -80,7 +81,7 @@ def test_limits_of_single_inputs_are_told() -> None:
 def test_single_limits_that_are_alike_are_one() -> None:
     alike = {"each": {"wheel_speed_right": [-7, 7], "wheel_speed_left": [-7, 7]}}
     record = with_limit(sample_rooms.towing(), "wheel_speed", alike)
-    assert limit_bounds(record, groups_of(record, 2)[0][0]) == (-7, 7)
+    assert groups_of(record, 2)[0][0].bounds(record) == (-7, 7)
 
 
 def test_records_that_do_not_name_their_inputs() -> None:
@@ -89,7 +90,7 @@ def test_records_that_do_not_name_their_inputs() -> None:
     assert values.names == ("wheel_speed_right", "wheel_speed_left")
     ((other, rates),) = groups_of(Record(data), 3)
     assert other.names == ("input_1", "input_2", "input_3")
-    assert limit_bounds(Record(data), other) is None
+    assert other.bounds(Record(data)) is None
     assert (other.limit, rates.limit) == ("input", "rate_of_input")
 
 
@@ -102,8 +103,8 @@ def test_limits_in_their_units() -> None:
     assert rows["yaw rate"][1:] == ("90", "deg/s")
     assert rows["turning radius"][1:] == ("0.4", "m")
     record = sample_rooms.steered()
-    margin = next(one for one in record.results[0]["margins"] if one["limit"] == "steering_angle")
-    assert float(str(rows["steering angle"][0])) == pytest.approx(np.rad2deg(margin["margin"]), abs=1e-3)
+    margin = next(one for one in record.results[0].margins if one.limit == "steering_angle")
+    assert float(str(rows["steering angle"][0])) == pytest.approx(np.rad2deg(margin.margin), abs=1e-3)
 
 
 def test_many_limits_name_only_those_that_are_touched() -> None:
@@ -117,11 +118,11 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
     ]
     first, fast = table.rows
     assert first[1] is None
-    margin = next(one for one in record.results[1]["margins"] if one["limit"] == "workspace")
-    assert fast[1] == f"workspace by {-margin['margin']:.3f} m"
+    margin = next(one for one in record.results[1].margins if one.limit == "workspace")
+    assert fast[1] == f"workspace by {-margin.margin:.3f} m"
     for entry, row in zip(record.results, table.rows, strict=True):
         named = sum(len(str(cell).split(", ")) for cell in row[1:3] if cell)
-        assert named + int(str(row[3])) == len(entry["margins"])
+        assert named + int(str(row[3])) == len(entry.margins)
 
 
 def test_few_limits_are_told_one_by_one() -> None:

@@ -19,12 +19,11 @@ from sample_rooms import ROOMS
 from oed.records.record import Record
 from oed.report import write_report
 from oed.report.comparison import write_comparison
-from oed.report.figures import path_figures
-from oed.report.figures.driven import path_of, paths_of
-from oed.report.figures.path_panels import paths
+from oed.report.figures import draw, spec
+from oed.report.figures.driven import Room, path_of, paths_of, robot_width, room_of
+from oed.report.figures.paths import paths, surroundings
 from oed.report.page import script_data, sections_of
 from oed.report.parts.reading import with_drive
-from oed.report.parts.rooms import Room, robot_width, room_of
 from oed.report.parts.section import Section
 from oed.robots.limits import Circle as CircularRoom
 from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
@@ -35,7 +34,7 @@ def section(record: Record, title: str) -> Section:
 
 
 def drawn(record: Record) -> Figure:
-    return paths(paths_of(record, with_drive(record)), room_of(record))
+    return draw.drawn(paths(paths_of(record, with_drive(record)), room_of(record)))
 
 
 def legend(figure: Figure) -> list[str]:
@@ -68,7 +67,7 @@ def test_every_kind_of_shape_has_an_outline() -> None:
         kind = one.model_fields["kind"].default
         shape = one(**given[kind])
         assert shape.outline.extent == extents[kind]
-        ax = path_figures.plot_room(Figure().subplots(), Room(shape))
+        (ax,) = draw.drawn(spec.Plot([spec.Panel(surroundings(Room(shape)))])).axes
         assert ax.patches[0].get_extents().transformed(ax.transData.inverted()).extents == pytest.approx(
             np.array(extents[kind])[[0, 2, 1, 3]]
         )
@@ -102,7 +101,7 @@ def test_body_is_drawn_at_both_ends_of_every_run() -> None:
     record = sample_rooms.crab()
     ax = drawn(record).axes[0]
     bodies = [patch for patch in ax.patches if isinstance(patch, Circle) and not patch.get_fill()]
-    poses = np.array(record.results[0]["drive"]["poses"]).reshape(3, 41, 3)
+    poses = np.array(record.results[0].drive.poses).reshape(3, 41, 3)
     ends = poses[:, [0, -1], :2].reshape(-1, 2)
     assert np.allclose([body.center for body in bodies], ends)
     assert {body.radius for body in bodies} == {0.15}
@@ -148,7 +147,7 @@ def test_the_trailers_axle_is_a_thin_line_of_its_own() -> None:
     trailer = path_of(record, record.results[0]).runs[0].trailer
     assert trailer is not None
     assert np.allclose(trailer[0], [-0.5, 0.0])
-    poses = np.array(record.results[0]["drive"]["poses"])
+    poses = np.array(record.results[0].drive.poses)
     hitch = poses[:, :2] - 0.1 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     towed = hitch - trailer
     assert np.allclose(np.hypot(*towed.T), 0.4)
@@ -191,7 +190,7 @@ def test_player_knows_the_trailer() -> None:
     animation = section(record, "The drive, played").animation
     assert animation is not None
     assert animation.trailer == (0.1, 0.4)
-    poses = np.array(record.best["drive"]["poses"]) if record.best else np.zeros((0, 4))
+    poses = np.array(record.best.drive.poses) if record.best else np.zeros((0, 4))
     assert np.allclose(animation.drives[0]["trailer"], poses[:, 3], atol=1e-4)
     assert "trailer" not in section(full(), "The drive, played").animation.drives[0]
 
@@ -203,9 +202,9 @@ def test_unknown_shapes_are_left_out() -> None:
         outline: ClassVar[None] = None
 
     record = full()
-    figure = paths(paths_of(record, with_drive(record)), Room(Blob(radius=1)))
-    assert not figure.axes[0].patches
-    assert paths(paths_of(record, with_drive(record)), Room(CircularRoom(radius=1))).axes[0].patches
+    drives = paths_of(record, with_drive(record))
+    assert not draw.drawn(paths(drives, Room(Blob(radius=1)))).axes[0].patches
+    assert draw.drawn(paths(drives, Room(CircularRoom(radius=1)))).axes[0].patches
 
 
 def test_width_of_robots_with_and_without_a_track() -> None:

@@ -7,13 +7,12 @@ import sample_rooms
 from sample_records import full
 
 from oed.records.record import Record
-from oed.report.figures import panels
-from oed.report.figures.driven import Run, path_of, paths_of
-from oed.report.figures.path_figures import number_places
-from oed.report.figures.path_panels import paths
+from oed.report.figures import time
+from oed.report.figures.draw import drawn
+from oed.report.figures.driven import Run, path_of, paths_of, room_of
+from oed.report.figures.paths import number_places, paths
 from oed.report.page import sections_of
-from oed.report.parts.inputs import groups_of, inputs_of, rates_of
-from oed.report.parts.rooms import room_of
+from oed.report.parts.inputs import groups_of, series_of
 from oed.report.parts.section import Section
 
 
@@ -34,7 +33,7 @@ def test_no_line_joins_two_runs() -> None:
     record = sample_rooms.crab()
     drives = paths_of(record, record.results)
     longest = max(run.steps.max() for drive in drives for run in drive.runs)
-    for ax in paths(drives, room_of(record)).axes[:2]:
+    for ax in drawn(paths(drives, room_of(record))).axes[:2]:
         lines = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) > 1]
         assert len(lines) >= 3
         assert max(np.hypot(*np.diff(points, axis=0).T).max() for points in lines) <= longest + 1e-12
@@ -42,7 +41,7 @@ def test_no_line_joins_two_runs() -> None:
 
 def test_every_run_has_its_marks_and_its_number() -> None:
     record = sample_rooms.crab()
-    ax = paths(paths_of(record, record.results), room_of(record)).axes[0]
+    ax = drawn(paths(paths_of(record, record.results), room_of(record))).axes[0]
     assert [text.get_text() for text in ax.texts] == ["1", "2", "3"]
     assert sum(line.get_marker() == "o" for line in ax.lines) == 3
     assert sum(line.get_marker() == "s" for line in ax.lines) == 3
@@ -50,7 +49,7 @@ def test_every_run_has_its_marks_and_its_number() -> None:
 
 
 def test_a_single_run_has_no_number() -> None:
-    figure = paths(paths_of(full(), full().results), room_of(full()))
+    figure = drawn(paths(paths_of(full(), full().results), room_of(full())))
     assert not figure.axes[0].texts
     assert "runs" not in section(full(), "Paths in the workspace").figures[1].caption
 
@@ -74,9 +73,10 @@ def test_numbers_of_runs_from_one_start_keep_apart() -> None:
 def test_lines_over_time_break_between_runs() -> None:
     record = sample_rooms.crab()
     ((values, rates),) = groups_of(record, 4)
-    for series in (inputs_of(record.results[0], values), rates_of(record.results[0], rates)):
+    for group in (values, rates):
+        series = series_of(record.results[0], group)
         assert series.breaks == (8.0, 16.0)
-        figure = panels.series([series], ["a", "b", "c", "d"], "speed", "rad/s", None)
+        figure = drawn(time.series([series], group, ["a", "b", "c", "d"], None))
         lines, separators = figure.axes[0].lines[:4], figure.axes[0].lines[4:]
         for line in lines:
             gaps = np.isnan(np.asarray(line.get_ydata(), dtype=float))
@@ -89,10 +89,10 @@ def test_a_run_is_drawn_to_its_own_end() -> None:
     # At the time where two runs meet the first is at rest, while its acceleration is not yet the next one's.
     record = sample_rooms.crab()
     ((_, rates),) = groups_of(record, 4)
-    series = rates_of(record.results[0], rates)
+    series = series_of(record.results[0], rates)
     gap = int(np.flatnonzero(np.isnan(series.values[:, 0]))[0])
     before, after = series.values[gap - 1], series.values[gap + 1]
-    coefficients = np.array(record.results[0]["drive"]["coefficients"])
+    coefficients = np.array(record.results[0].drive.coefficients)
     ends = coefficients[[6, 7, 8, 9]]
     assert np.allclose(np.sign(before), np.sign(ends[1] - ends[0]), atol=1e-9)
     assert np.allclose(np.sign(after), np.sign(ends[3] - ends[2]), atol=1e-9)
@@ -101,7 +101,7 @@ def test_a_run_is_drawn_to_its_own_end() -> None:
 def test_piecewise_constant_runs_break_as_well() -> None:
     record = sample_rooms.stepped()
     ((values, rates),) = groups_of(record, 2)
-    inputs, jumps = inputs_of(record.results[0], values), rates_of(record.results[0], rates)
+    inputs, jumps = (series_of(record.results[0], group) for group in (values, rates))
     assert inputs.steps
     assert np.isnan(inputs.values).any(axis=1).sum() == np.isnan(jumps.values).any(axis=1).sum() == 1
     assert len(inputs.times) == 2 * 41 + 1
@@ -113,7 +113,7 @@ def test_player_plays_runs_one_by_one() -> None:
     record = sample_rooms.crab()
     animation = section(record, "The drive, played").animation
     assert animation is not None
-    best = str(record.best["name"]) if record.best else ""
+    best = str(record.best.name) if record.best else ""
     names = [drive["name"] for drive in animation.drives]
     assert names[:3] == [f"{best}, run {number}" for number in (1, 2, 3)]
     assert len(names) == 6

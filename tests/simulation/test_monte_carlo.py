@@ -8,12 +8,11 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from scipy import stats
 
 from oed.estimation.methods import EstimatorName, Heading, Regression, missing_noise
 from oed.foundation.errors import ProblemError
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -21,7 +20,6 @@ from oed.kernel.problem import Problem
 from oed.optimize import Silent
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
 from oed.simulation.checks import check_all
 from oed.simulation.monte_carlo import BATCH, SHOWN
@@ -33,8 +31,8 @@ REPLICATES = 4000
 
 @cache
 def make(regressor: str = "both", segments: int | str = 10, rule: str = "arc", **noise) -> Problem:
-    return make_problem(
-        design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), integration=rule),
+    return problem_of(
+        integration=rule,
         measurement=Displacements(segments=segments, regressor=regressor, noise=noise or NOISE),
         limits=(SPEED,),
     )
@@ -119,7 +117,7 @@ class TestKnownHeading:
 
     def test_a_robot_with_slip(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = make_problem(model=robot, measurement=Displacements(segments=10, noise=NOISE))
+        problem = problem_of(model=robot, measurement=Displacements(segments=10, noise=NOISE))
         assert validate(problem, random_drive(problem, 3, 5.0), replicates=1000).passed
 
 
@@ -217,8 +215,10 @@ def test_linear_estimates_hold_the_first_order_of_all_noise(name: EstimatorName,
 
 def long_drive(segments: int | str) -> tuple[Problem, Trajectory]:
     """100 s of fast winding with hardly any position noise, headings measured to 10 degrees."""
-    problem = make_problem(
-        design=DesignSpace(duration=100, samples=1000, spline=Spline(coefficients=60)),
+    problem = problem_of(
+        duration=100,
+        samples=1000,
+        coefficients=60,
         measurement=Displacements(segments=segments, noise={"position": "1 mm", "heading": "10 deg"}),
         limits=(SPEED,),
     )
@@ -375,7 +375,7 @@ class TestMistakes:
             def blocks(self, drive):
                 return Displacements().blocks(drive)
 
-        problem = make_problem(measurement=Guesses())
+        problem = problem_of(measurement=Guesses())
         with pytest.raises(ProblemError, match="no simulation is known for guesses"):
             validate(problem, DRIVE, replicates=100)
 

@@ -9,7 +9,7 @@ import pytest
 from trials import small_trial, study_of
 
 from oed.records.record import Record
-from oed.report.figures.panels import svg_text
+from oed.report.figures.draw import svg_text
 from oed.report.parts.section import Section
 from oed.report.sections.physics import BEST, physics
 

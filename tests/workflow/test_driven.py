@@ -46,13 +46,13 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     trajectory = drive_of(record.result("square"))
     found = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved)
     # The log is moved to its first motion, so that its last periods differ from the drive's by standing.
-    assert found.first.result["objective"] == pytest.approx(
+    assert found.first.result.objective == pytest.approx(
         evaluate(study.problem, trajectory).objective, rel=0.05
     )
     best = record.best
-    assert found.best == (best["name"], best["objective"])
-    assert found.first.share_of_best == pytest.approx(found.first.result["objective"] / best["objective"])
-    assert found.bound >= best["objective"]
+    assert found.best == (best.name, best.objective)
+    assert found.first.share_of_best == pytest.approx(found.first.result.objective / best.objective)
+    assert found.bound >= best.objective
     assert 0 < found.first.share_of_bound <= found.first.share_of_best
 
 
@@ -75,7 +75,7 @@ def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path)
 
 def test_a_path_file_is_scored_as_it_is(study, record, saved):
     found = score_path(study, saved / "figure_eight.csv", saved)
-    assert found.first.result["objective"] == pytest.approx(record.result("figure_eight")["objective"])
+    assert found.first.result.objective == pytest.approx(record.result("figure_eight").objective)
     assert found.first.share_of_best is not None
 
 

@@ -24,6 +24,7 @@ from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -55,7 +56,7 @@ class Nonlinear(Estimator):
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
-        robot = problem.robot
+        robot = robot_of(problem.system)
         starts = start_nuisances(sensors, robot, trajectory.runs)
         begins = [
             replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Gathered, Mask, Rows, Series
 from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
@@ -99,6 +99,11 @@ class Sheet:
 
 def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     """Find the columns and read them.
+
+    Args:
+        table: the log's.
+        layout: which columns are what.
+        model: the robot that drove.
 
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
@@ -208,11 +213,17 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
         kept &= (values >= low) & (values <= high)
     if not kept.any():
         wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {wanted_rows}")])
+        raise LogError.about(table.file, f"no row has {wanted_rows}", "keep")
     return kept
 
 
 def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:
-    """The rows without those that repeat the one before, cell by cell, time and all."""
+    """The rows without those that repeat the one before, cell by cell, time and all.
+
+    Args:
+        table: the log's.
+        times: of its rows, (n,).
+        rows: to be looked at.
+    """
     same = np.flatnonzero(np.diff(times[rows]) == 0) + 1
     return np.delete(rows, [row for row in same if table.rows[rows[row]] == table.rows[rows[row - 1]]])

@@ -24,7 +24,13 @@ PERTURBATION = 0.15
 
 
 def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
-    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range."""
+    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range.
+
+    Args:
+        design: the problem's expressions.
+        amplitudes: shares of the inputs' ranges, (K,).
+        rng: of the draws.
+    """
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
     per_input = design.coefficient_count // len(bounds)
@@ -51,7 +57,13 @@ def start_bounds(design: DesignExpressions) -> Array:
 
 
 def random_starts(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
-    """Random start states (count, k * runs) within those bounds."""
+    """Random start states (count, k * runs) within those bounds.
+
+    Args:
+        design: the problem's expressions.
+        count: how many.
+        rng: of the draws.
+    """
     # Coordinate by coordinate, as they always were drawn.
     columns = [rng.uniform(low, high, count) for low, high in start_bounds(design)]
     return np.stack(columns, axis=1)
@@ -90,6 +102,12 @@ def starting_points(
     """Unknowns of `count` starts: half screened, half small.
 
     Screening ranks random drives by criterion, discounted by how far they exceed the limits.
+
+    Args:
+        design: the problem's expressions.
+        count: how many.
+        rng: of the draws.
+        screened: the screened random drives.
     """
     found = screen(design, rng) if screened is None else screened
     order = np.argsort(-_merit(found.values, found.violations), kind="stable")
@@ -111,7 +129,13 @@ def _merit(values: Array, violations: Array) -> Array:
 
 
 def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
-    """A neighbour of a design: every coefficient perturbed, within the inputs' bounds."""
+    """A neighbour of a design: every coefficient perturbed, within the inputs' bounds.
+
+    Args:
+        design: the problem's expressions.
+        unknowns: of the design, (size,).
+        rng: of the draws.
+    """
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     per_input = design.coefficient_count // len(bounds)
     moved = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))

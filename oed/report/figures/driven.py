@@ -1,20 +1,120 @@
-"""The paths of a record's drives, run by run, as they are drawn."""
+"""What is drawn of a record: the paths of its drives, run by run, and the room that they are in."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.records.record import Record, drive_of
-from oed.report.parts.reading import NOWHERE, Entry, heading, segments, with_drive
-from oed.robots.models.arcs import mean_speeds, moves
+from oed.records.record import Record
+from oed.records.stored.result import Result
+from oed.report.parts.reading import NOWHERE, heading, segments, with_drive
+from oed.robots.limits import Obstacle, Workspace
+from oed.robots.limits.outline import Outline
+from oed.robots.models.arcs import finer, goes_sideways, signed_speeds
 
 Array = npt.NDArray[np.float64]
 
-LATERAL = 0.01
-"""Share of its way that a drive goes sideways, above which its robot counts as one of those."""
+SLENDER = 1.35
+"""How far a player's triangle reaches from the origin, in half its width."""
+MARGIN = 0.08
+"""Room around the paths and the workspace, as a share of their size."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """What is in sight: from `low` to `high`, (2,) each [m]."""
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, *points: Array) -> Box:
+        """The smallest one with all points, each (n, 2)."""
+        every = np.vstack(points)
+        return cls(every.min(axis=0), every.max(axis=0))
+
+    @classmethod
+    def around(cls, boxes: Iterable[Box]) -> Box:
+        """The smallest one with all of these."""
+        return cls.of(*(np.vstack([one.low, one.high]) for one in boxes))
+
+    @property
+    def size(self) -> Array:
+        """Width and height [m]."""
+        return np.asarray(self.high - self.low)
+
+    def padded(self, by: float) -> Box:
+        """With so much more on every side [m]."""
+        return Box(self.low - by, self.high + by)
+
+    def within(self, other: Box) -> Box | None:
+        """What of it is in the other; None for nothing."""
+        low, high = np.maximum(self.low, other.low), np.minimum(self.high, other.high)
+        return Box(low, high) if np.all(low <= high) else None
+
+
+@dataclass(frozen=True)
+class Room:
+    """What surrounds the paths.
+
+    Attributes:
+        workspace: None without one.
+        obstacles: in it.
+        beacons: (n, 2) [m].
+        body_radius: the distance that the robot's origin keeps from walls and obstacles [m], 0 of a point.
+    """
+
+    workspace: Workspace | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    beacons: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    body_radius: float = 0.0
+
+    @property
+    def floor(self) -> Outline | None:
+        """What is drawn of the workspace; None for nothing."""
+        return None if self.workspace is None else self.workspace.outline
+
+    @property
+    def hatched(self) -> tuple[Outline, ...]:
+        """What is drawn of the obstacles."""
+        return tuple(one.outline for one in self.obstacles if one.outline is not None)
+
+    @property
+    def area(self) -> Box | None:
+        """Where the workspace is; None for nothing."""
+        return None if self.floor is None else _box(self.floor)
+
+    @property
+    def shapes(self) -> list[Box]:
+        """Where the obstacles are."""
+        return [_box(one) for one in self.hatched]
+
+
+def _box(outline: Outline) -> Box:
+    left, right, bottom, top = outline.extent
+    return Box(np.array([left, bottom]), np.array([right, top]))
+
+
+def room_of(record: Record) -> Room:
+    """The room of a record's study."""
+    limits: Any = record.study.limits
+    sensors = record.study.measurement.joint_sensors
+    obstacles = () if limits.obstacles is None else limits.obstacles.shapes
+    places = [place for sensor in sensors for place in getattr(sensor, "beacons", ())]
+    beacons = np.array(places, dtype=float).reshape(-1, 2)
+    return Room(limits.workspace, obstacles, beacons, record.study.robot.body_radius)
+
+
+def robot_width(record: Record) -> float:
+    """Width [m] of the triangle that stands for the robot; 0 where its size is not known."""
+    robot = record.study.robot
+    width = min(robot.body_width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
+    return width if math.isfinite(width) else 0.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +140,11 @@ class Run:
     def steps(self) -> Array:
         """Distance from each sample to the next, (N,) [m]."""
         return np.asarray(np.hypot(np.diff(self.x), np.diff(self.y)))
+
+    @property
+    def ends(self) -> Array:
+        """Where it starts and where it ends, (2, 2) [m]."""
+        return np.column_stack([self.x, self.y])[[0, -1]]
 
     @property
     def points(self) -> Array:
@@ -70,70 +175,83 @@ class Path:
         return any(run.steps.sum() >= NOWHERE for run in self.runs)
 
 
-@dataclass(frozen=True)
-class Bundle:
-    """A drive's paths with the robots that may be, each (n, 2) [m].
-
-    Attributes:
-        title: the result's name, and how many robots leave the limits.
-        inside, outside: of robots that keep the limits, and of those that leave them.
-        nominal: of the nominal robot, run by run.
-    """
-
-    title: str
-    inside: tuple[Array, ...]
-    outside: tuple[Array, ...]
-    nominal: tuple[Array, ...]
-
-
-def paths_of(record: Record, entries: list[Entry]) -> list[Path]:
+def paths_of(record: Record, results: Sequence[Result]) -> list[Path]:
     """The paths of results that have drives, from the poses saved with them."""
     sideways = moves_sideways(record)
-    return [path_of(record, entry, sideways) for entry in entries]
+    return [path_of(record, one, sideways) for one in results]
 
 
-def path_of(record: Record, entry: Entry, sideways: bool | None = None) -> Path:
+def path_of(record: Record, result: Result, sideways: bool | None = None) -> Path:
     """The path of a result that has a drive; `sideways` where that is known of its robot already."""
-    drive = drive_of(entry)
+    drive = result.drive
     assert drive is not None
     across = moves_sideways(record) if sideways is None else sideways
-    runs = tuple(_run(record, poses, drive.period, across) for poses in poses_of(entry))
-    return Path(heading(entry), runs, bool(entry["feasible"]), across)
-
-
-def poses_of(entry: Entry) -> list[Array]:
-    """The poses of every run, each (N + 1, states)."""
-    poses = np.array(entry["drive"]["poses"], dtype=float)
-    return np.split(poses, entry["drive"].get("runs", 1))
+    runs = tuple(_run(record, poses, drive.trajectory.period, across) for poses in drive.by_run)
+    return Path(heading(result), runs, result.feasible, across)
 
 
 def moves_sideways(record: Record) -> bool:
     """Whether the record's robot drives sideways as well as ahead: by its kind, or seen from its drives."""
-    if record.study.robot.sideways:
-        return True
-    return any(_goes_sideways(poses) for entry in with_drive(record) for poses in poses_of(entry))
-
-
-def _goes_sideways(poses: Array) -> bool:
-    _, lateral = moves(poses)
-    sideways = float(np.abs(lateral).sum())
-    length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-    return sideways > max(NOWHERE, LATERAL * length)
+    drives = [one.drive for one in with_drive(record) if one.drive is not None]
+    return record.study.robot.sideways or any(
+        goes_sideways(poses, NOWHERE) for drive in drives for poses in drive.by_run
+    )
 
 
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    speed = mean_speeds(poses, period, record.study.trajectory.integration)
-    if not sideways:
-        speed = np.where(moves(poses)[0] >= 0, speed, -speed)
-    return Run(x, y, angle, speed, _edges(record, len(speed)), _trailer(record, poses))
+    robot, integration = record.study.robot, record.study.trajectory.integration
+    speed = signed_speeds(poses, period, integration, sideways)
+    count = segments(record, len(speed)) or 1
+    edges = np.rint(np.linspace(0, len(speed), count + 1)).astype(np.int64)[1:-1]
+    trailer = robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
+    return Run(x, y, angle, speed, edges, trailer)
 
 
-def _trailer(record: Record, poses: Array) -> Array | None:
-    robot = record.study.robot
-    return robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
+def view_of(record: Record, results: Sequence[Result], room: Room) -> Box:
+    """A view on drives, workspace and obstacles, with a margin."""
+    paths = [run.points for one in results for run in path_of(record, one, sideways=False).runs]
+    shapes = [*room.shapes, *([] if room.area is None else [room.area])]
+    box = Box.around([Box.of(*paths).padded(room.body_radius), *shapes])
+    return box.padded(MARGIN * max(*box.size, 0.1))
 
 
-def _edges(record: Record, samples: int) -> npt.NDArray[np.int64]:
-    count = segments(record, samples) or 1
-    return np.rint(np.linspace(0, samples, count + 1)).astype(np.int64)[1:-1]
+@dataclass(frozen=True)
+class Motion:
+    """A run as it is seen: so close in time that straight lines between its places look like its arcs.
+
+    Attributes:
+        times: from 0 to its duration, (n,) [s].
+        poses: x, y, heading, and of a tractor its trailer's angle, at the times, (n, states) [m, m, rad].
+    """
+
+    times: Array
+    poses: Array
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.times[-1])
+
+    def at(self, time: float) -> Array:
+        """The pose at a time [s], (states,)."""
+        return np.array([np.interp(time, self.times, column) for column in self.poses.T])
+
+    def until(self, time: float) -> Array:
+        """The path from the start to where the robot is at a time [s], (k, 2) [m]."""
+        passed = self.poses[: int(np.searchsorted(self.times, time, side="right")), :2]
+        return np.vstack([passed, self.at(time)[:2]])
+
+
+def motions_of(result: Result) -> list[Motion]:
+    """The runs of a result that has a drive."""
+    drive = result.drive
+    assert drive is not None
+    duration = drive.knots[-1] / drive.runs
+    return [motion(poses, duration) for poses in drive.by_run]
+
+
+def motion(poses: Array, duration: float) -> Motion:
+    """The motion through poses (N + 1, states) at even times, by the arcs between them."""
+    fine = finer(poses[:, : 4 if poses.shape[1] > 3 else 3])
+    return Motion(np.linspace(0.0, duration, len(fine)), fine)

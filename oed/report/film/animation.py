@@ -8,19 +8,27 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.text import listing, words
+from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, Record, load_record
-from oed.report.figures.scene import cast_of, scene_of
-from oed.report.film import FPS, require_format, require_length, usual_rate, write_frames
-from oed.report.film.frame import Frame
-from oed.report.parts.reading import Entry, with_drive
+from oed.records.stored.result import Result
+from oed.report.film.scene import cast_of, scene_of
+from oed.report.film.writing import (
+    FPS,
+    Frame,
+    require_format,
+    require_length,
+    usual_rate,
+    write_frames,
+)
+from oed.report.parts.reading import with_drive
 from oed.report.parts.section import Film, Section
 
 if TYPE_CHECKING:
-    from oed.report.figures.stage import Stage
+    from oed.report.film.stage import Stage
 
 NAME = "drive.gif"
 """Of the film that a report shows."""
@@ -30,16 +38,6 @@ REST = 1.5
 """Rest at the end, before the film begins again [s of the film]."""
 MARK = "oed "
 """What the comment in a film that was made here begins with."""
-
-
-class Listener(Protocol):
-    """Listens to frames being made."""
-
-    def begin(self, description: str, total: int) -> None:
-        """There will be `total` frames."""
-
-    def advance(self, note: str = "") -> None:
-        """One is made."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ def animate(
     results: Sequence[str] = (),
     speed: float = 1.0,
     fps: float | None = None,
-    progress: Listener | None = None,
+    progress: Progress | None = None,
 ) -> MadeFilm:
     """Write a film of a record's drives: the robot in its room, its path and a clock.
 
@@ -96,18 +94,18 @@ def animate(
     record = source if isinstance(source, Record) else load_record(source)
     target = _target(source, file)
     require_format(target, FPS if fps is None else fps)
-    entries = _chosen(record, source, results)
-    casts = [cast_of(entry) for entry in entries]
+    chosen = _chosen(record, source, results)
+    casts = [cast_of(one) for one in chosen]
     length = max(cast.length(speed) for cast in casts)
     rate = usual_rate(length, target) if fps is None else fps
     require_length(length, rate, target)
-    names = tuple(str(entry["name"]) for entry in entries)
+    names = tuple(one.name for one in chosen)
     times = [min(number / rate, length) for number in range(math.ceil(length * rate - 1e-6) + 1)]
     times += [length] * round(REST * rate)
     # Imported late: the drawing library takes longer to load than the rest.
-    from oed.report.figures.stage import Stage
+    from oed.report.film.stage import Stage
 
-    stage = Stage(scene_of(record, entries), casts, speed)
+    stage = Stage(scene_of(record, chosen), casts, speed)
     if progress is not None:
         progress.begin(f"frames of {target.name}", len(times))
     count = write_frames(
@@ -120,7 +118,7 @@ def animate(
     return MadeFilm(target, names, count, round(count / rate, 3), rate, speed)
 
 
-def _frames(stage: Stage, times: Sequence[float], progress: Listener | None) -> Iterator[Frame]:
+def _frames(stage: Stage, times: Sequence[float], progress: Progress | None) -> Iterator[Frame]:
     for time in times:
         yield stage.frame(time)
         if progress is not None:
@@ -141,20 +139,26 @@ def folder_of(place: str | Path) -> Path:
     return path.parent if path.is_file() else path
 
 
-def _chosen(record: Record, source: Record | str | Path, names: Sequence[str]) -> list[Entry]:
+def _chosen(record: Record, source: Record | str | Path, names: Sequence[str]) -> list[Result]:
     asked: list[str | None] = list(dict.fromkeys(names)) or [None]
     if len(asked) > MOST_DRIVES:
         raise UserMistake(f"results: expected at most {MOST_DRIVES}, got {len(asked)}")
-    place = FILE if isinstance(source, Record) else str(folder_of(source) / FILE)
-    there = ", ".join(str(entry["name"]) for entry in with_drive(record)) or "none"
-    entries: list[Entry] = []
-    for name in asked:
-        entry = record.result(name)
-        if entry is None or entry["drive"] is None:
-            missing = "no feasible result" if name is None else f"no drive of the name {name!r}"
-            raise RecordError([FileFlaw(place, 0, 0, "", f"{missing}; the record has {there}")])
-        entries.append(entry)
-    return entries
+    place = Path(FILE) if isinstance(source, Record) else folder_of(source) / FILE
+    return [driven_result(record, name, place) for name in asked]
+
+
+def driven_result(record: Record, name: str | None, place: Path) -> Result:
+    """The result of that name, the best for None, which has a drive.
+
+    Raises:
+        RecordError: there is none; names those that there are, and the file.
+    """
+    result = record.result(name)
+    if result is not None and result.drive is not None:
+        return result
+    there = ", ".join(one.name for one in with_drive(record)) or "none"
+    missing = "no feasible result" if name is None else f"no drive of the name {name!r}"
+    raise RecordError([FileFlaw(str(place), 0, 0, "", f"{missing}; the record has {there}")])
 
 
 def _mark(record: Record, names: Sequence[str]) -> str:
@@ -163,7 +167,7 @@ def _mark(record: Record, names: Sequence[str]) -> str:
 
 
 def _digest(record: Record, names: Sequence[str]) -> str:
-    study = record.data["study"]
+    study = record.study.model_dump(mode="json", exclude_none=True, include={"robot", "limits"})
     results = [record.result(name) for name in names]
     drives = [None if one is None or one.drive is None else one.drive.plain() for one in results]
     shown = [study["robot"], study["limits"], drives]

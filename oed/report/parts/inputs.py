@@ -10,8 +10,9 @@ import numpy.typing as npt
 from oed.foundation.text import in_degrees, words
 from oed.kernel.dynamics.system import Input
 from oed.kernel.limit import InputLimit
-from oed.records.record import Record, drive_of
-from oed.report.parts.reading import Entry, heading
+from oed.records.record import Record
+from oed.records.stored.result import Result
+from oed.report.parts.reading import heading
 from oed.robots.models.model import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
@@ -36,6 +37,7 @@ class Group:
         names: of those inputs, in files.
         unit: in which they are shown.
         factor: from SI to that unit.
+        rates: whether it is of their rates.
     """
 
     limit: str
@@ -43,21 +45,44 @@ class Group:
     names: tuple[str, ...]
     unit: str
     factor: float = 1.0
+    rates: bool = False
+
+    @property
+    def title(self) -> str:
+        """What they are, in words."""
+        return words(self.limit)
+
+    @property
+    def short_names(self) -> list[str]:
+        """What tells the inputs apart: `right` and `left`."""
+        return [words(one).removeprefix("wheel speed ").removeprefix("steering angle ") for one in self.names]
+
+    def own_bounds(self, record: Record) -> dict[str, Bounds]:
+        """Bounds (min, max) of every input that has some, as shown."""
+        limit = getattr(record.study.limits, self.limit, None)
+        if not isinstance(limit, InputLimit):
+            return {}
+        own = [name for name in self.names if not limit.each or name in limit.each]
+        bounds = {name: limit.bounds_of(name) for name in own}
+        return {name: (self.factor * low, self.factor * high) for name, (low, high) in bounds.items()}
+
+    def bounds(self, record: Record) -> Bounds | None:
+        """Bounds (min, max) that all inputs share, as shown; None where they do not, or have none."""
+        own = self.own_bounds(record)
+        shared = len(own) == len(self.names) and len(set(own.values())) == 1
+        return own[self.names[0]] if shared else None
 
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    table = _inputs(record, count)
-    return [
-        _pair([(column, one) for column, one in enumerate(table) if one.quantity == quantity])
-        for quantity in dict.fromkeys(one.quantity for one in table)
-    ]
+    table = list(enumerate(_inputs(record, count)))
+    quantities = dict.fromkeys(one.quantity for _, one in table)
+    return [_pair([(at, one) for at, one in table if one.quantity == quantity]) for quantity in quantities]
 
 
 def _inputs(record: Record, count: int) -> list[Input]:
-    named = record.data.get("inputs")
-    if named:
-        return [Input(str(one["name"]), str(one["quantity"]), str(one["unit"])) for one in named]
+    if record.inputs:
+        return [Input(one.name, one.quantity, one.unit) for one in record.inputs]
     if count == len(TWO_WHEEL_SPEEDS):
         return list(TWO_WHEEL_SPEEDS)
     return [Input(f"input_{index + 1}", "input", "") for index in range(count)]
@@ -69,32 +94,8 @@ def _pair(inputs: list[tuple[int, Input]]) -> tuple[Group, Group]:
     # Angles that someone sets are in degrees, speeds of wheels in rad/s, as data sheets have them.
     shown, factor = in_degrees(first.unit) if first.unit == "rad" else (first.unit, 1.0)
     values = Group(first.quantity, columns, names, shown, factor)
-    return values, replace(values, limit=rate_of(first), unit=_per_second(shown))
-
-
-def _per_second(unit: str) -> str:
-    return f"{unit}^2" if unit.endswith("/s") else f"{unit or '1'}/s"
-
-
-def limit_bounds(record: Record, group: Group) -> Bounds | None:
-    """Bounds (min, max) that all inputs of a group share, as shown; None where they do not, or have none."""
-    own = own_bounds(record, group)
-    return own[group.names[0]] if len(own) == len(group.names) and len(set(own.values())) == 1 else None
-
-
-def own_bounds(record: Record, group: Group) -> dict[str, Bounds]:
-    """Bounds (min, max) of every input of a group that has some, as shown."""
-    limit = getattr(record.study.limits, group.limit, None)
-    if not isinstance(limit, InputLimit):
-        return {}
-    own = [name for name in group.names if not limit.each or name in limit.each]
-    bounds = {name: limit.bounds_of(name) for name in own}
-    return {name: (group.factor * low, group.factor * high) for name, (low, high) in bounds.items()}
-
-
-def short_names(group: Group) -> list[str]:
-    """What tells the inputs of a group apart: `right` and `left`."""
-    return [words(name).removeprefix("wheel speed ").removeprefix("steering angle ") for name in group.names]
+    per_second = f"{shown}^2" if shown.endswith("/s") else f"{shown or '1'}/s"
+    return values, replace(values, limit=rate_of(first), unit=per_second, rates=True)
 
 
 @dataclass(frozen=True)
@@ -116,59 +117,29 @@ class Series:
     breaks: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Clock:
-    # Runs of equal length on one clock [s].
-    duration: float
-    runs: int
+def series_of(result: Result, group: Group) -> Series:
+    """A group's inputs, or their rates, of a result that has a drive.
 
-    def times(self, periods: int) -> list[Array]:
-        # Even times of every run, to just before the next one, where the splines jump.
-        each = self.duration / self.runs
-        ends = [(run + 1) * each * JUST_BEFORE for run in range(self.runs - 1)] + [self.duration]
-        return [np.linspace(run * each, end, periods + 1) for run, end in enumerate(ends)]
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        each = self.duration / self.runs
-        return tuple(run * each for run in range(1, self.runs))
-
-
-def inputs_of(entry: Entry, group: Group) -> Series:
-    """A group's inputs of a result that has a drive."""
-    drive = drive_of(entry)
-    assert drive is not None
-    clock, periods = _Clock(drive.duration, drive.runs), drive.samples // drive.runs
-    if drive.degree == 0:
-        held = [np.vstack([run, run[-1:]]) for run in np.split(drive.inputs, drive.runs)]
-        return _series(entry, group, clock, clock.times(periods), held, steps=True)
-    times = clock.times(_drawn(periods, drive.runs))
-    return _series(entry, group, clock, times, [drive.inputs_at(one) for one in times])
-
-
-def rates_of(entry: Entry, group: Group) -> Series:
-    """A group's rates of a result that has a drive; of a piecewise constant one, jumps over a period."""
-    drive = drive_of(entry)
-    assert drive is not None
-    clock, periods = _Clock(drive.duration, drive.runs), drive.samples // drive.runs
-    if drive.degree == 0:
-        # From rest, from each period to the next, and to rest.
-        times = clock.times(periods)
-        jumps = np.split(drive.rates_at(np.concatenate(times)), drive.runs)
-        return _series(entry, group, clock, times, jumps, steps=True)
-    times = clock.times(_drawn(periods, drive.runs))
-    return _series(entry, group, clock, times, [drive.rates_at(one) for one in times])
-
-
-def _drawn(periods: int, runs: int) -> int:
-    return min(PER_SAMPLE * periods, MOST_POINTS // runs)
-
-
-def _series(
-    entry: Entry, group: Group, clock: _Clock, times: list[Array], values: list[Array], steps: bool = False
-) -> Series:
+    Rates of a piecewise constant drive are its jumps over a period: from rest, from each period to the next,
+    and to rest.
+    """
+    assert result.drive is not None
+    drive, steps = result.drive.trajectory, result.drive.degree == 0
+    periods = drive.samples // drive.runs
+    each = drive.duration / drive.runs
+    drawn = periods if steps else min(PER_SAMPLE * periods, MOST_POINTS // drive.runs)
+    # Even times of every run, to just before the next one, where the splines jump.
+    ends = [(run + 1) * each * JUST_BEFORE for run in range(drive.runs - 1)] + [drive.duration]
+    times = [np.linspace(run * each, end, drawn + 1) for run, end in enumerate(ends)]
+    if group.rates:
+        values = np.split(drive.rates_at(np.concatenate(times)), drive.runs)
+    elif steps:
+        values = [np.vstack([run, run[-1:]]) for run in np.split(drive.inputs, drive.runs)]
+    else:
+        values = [drive.inputs_at(one) for one in times]
+    breaks = tuple(run * each for run in range(1, drive.runs))
     rows = [group.factor * one[:, list(group.columns)] for one in values]
-    for index, end in enumerate(clock.breaks):
+    for index, end in enumerate(breaks):
         times[index] = np.append(times[index], end)
         rows[index] = np.vstack([rows[index], np.full(len(group.columns), np.nan)])
-    return Series(heading(entry), np.concatenate(times), np.vstack(rows), steps, clock.breaks)
+    return Series(heading(result), np.concatenate(times), np.vstack(rows), steps, breaks)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from oed.foundation.text import listing, quantity, words
 from oed.kernel.criteria import CRITERIA, Criterion, E
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
-from oed.report.parts.reading import Entry, is_regression, solver_of
+from oed.records.stored.result import Result
+from oed.records.stored.study_record import StoredParameter
+from oed.report.parts.reading import regression_of, solver_of
 
-SINGULAR = 1e-9
-"""Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
+NOTHING = 1e-6
+"""Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,13 @@ def plain_aim(record: Record, kind: str) -> Aim:
     return Aim(criterion, words(kind), len(judged(record)))
 
 
-def aim_of(record: Record, entry: Entry) -> Aim:
+def aim_of(record: Record, result: Result) -> Aim:
     """What a search searched for: the study's criterion unless it was given its own."""
-    own, kind = study_aim(record), entry.get("criterion")
+    own, kind = study_aim(record), result.criterion
     if kind is None:
         return own
     study = own.criterion
-    given = getattr(solver_of(record, entry), "criterion", None) or plain_aim(record, kind).criterion
+    given = getattr(solver_of(record, result), "criterion", None) or plain_aim(record, kind).criterion
     subset, notes = given.subset, [words(kind)]
     if subset != study.subset:
         notes.append(f"of {listing([words(name) for name in subset]) if subset else 'all parameters'}")
@@ -79,81 +80,69 @@ def aim_of(record: Record, entry: Entry) -> Aim:
         notes.append(f"with the parameters {scaling_text(given.scaling)}")
     if kind == study.kind and getattr(given, "test_drive", None) != getattr(study, "test_drive", None):
         notes.append("of another test drive")
-    return Aim(given, " ".join(notes), len(subset or record.data["parameters"]))
+    return Aim(given, " ".join(notes), len(subset or record.parameters))
 
 
-def by_aim(record: Record, searches: Sequence[Entry]) -> list[tuple[Aim, list[Entry]]]:
+def by_aim(record: Record, searches: Sequence[Result]) -> list[tuple[Aim, list[Result]]]:
     """Searches by what they searched for, in their order: only within a group do objectives compare."""
-    groups: dict[str, tuple[Aim, list[Entry]]] = {}
-    for entry in searches:
-        aim = aim_of(record, entry)
-        groups.setdefault(aim.label, (aim, []))[1].append(entry)
+    groups: dict[str, tuple[Aim, list[Result]]] = {}
+    for one in searches:
+        aim = aim_of(record, one)
+        groups.setdefault(aim.label, (aim, []))[1].append(one)
     return list(groups.values())
 
 
-def judged(record: Record) -> list[Mapping[str, Any]]:
+def judged(record: Record) -> list[StoredParameter]:
     """The parameters that the study's criterion judges."""
-    return [parameter for parameter in record.data["parameters"] if parameter.get("judged", True)]
-
-
-def singular(entry: Entry) -> bool:
-    """Whether a drive leaves some combination of the parameters undetermined, to rounding."""
-    said = entry.get("singular")
-    return rounded(entry) if said is None or entry["lambda_min"] is None else bool(said)
-
-
-def useless(entry: Entry) -> bool:
-    """Whether a drive leaves undetermined what the study's criterion asks about."""
-    said = entry.get("identifiable")
-    return rounded(entry) if said is None or entry["lambda_min"] is None else not said
-
-
-def rounded(entry: Entry) -> bool:
-    """Whether a result's numbers are rounding, by a record of before results said so themselves."""
-    smallest, largest = entry["lambda_min"], entry["lambda_max"]
-    return entry.get("singular") is None and smallest is not None and smallest <= SINGULAR * (largest or 0.0)
-
-
-def objective_of(entry: Entry) -> float | None:
-    """A result's objective; minus infinity where a drive tells too little for JSON to hold its number."""
-    if entry["drive"] is None:
-        return None
-    return -math.inf if entry["objective"] is None else float(entry["objective"])
+    return [one for one in record.parameters if one.judged]
 
 
 def repeatable(record: Record) -> bool:
     """Whether k drives tell k times as much as one: not by every criterion, and never with a prior."""
     aim = study_aim(record)
     shares = (aim.efficiency(value, value) for value in (1.0, -1.0))
-    return any(share is not None for share in shares) and not record.data["study"].get("prior")
+    return record.study.prior is None and any(share is not None for share in shares)
+
+
+def repetitions_of(record: Record, result: Result) -> float | None:
+    """How many drives of a result are worth one best drive, by the study's criterion.
+
+    Information adds up over repetitions, so this is the inverse of an efficiency; None where that is not so.
+    """
+    best, objective = record.best, result.worth
+    if best is None or best.objective is None or objective is None or not repeatable(record):
+        return None
+    # An objective within rounding of 0 is one: no number of repetitions tells what a drive leaves out.
+    if result.useless:
+        return math.inf
+    share = study_aim(record).efficiency(objective, best.objective)
+    return None if share is None else 1.0 / share if share > NOTHING else math.inf
 
 
 def meaning(record: Record) -> str:
     """The study's criterion: its name, and in other than the founding paper's case, what it is."""
     criterion = record.study.criterion
-    if isinstance(criterion, E) and criterion.scaling == "none" and is_regression(record):
+    if isinstance(criterion, E) and criterion.scaling == "none" and regression_of(record) is not None:
         return criterion.kind
     return f"{words(criterion.kind)}, {criterion.meaning}"
 
 
-def precision(record: Record, entry: Entry) -> list[str]:
+def precision(record: Record, result: Result) -> list[str]:
     """What a result's numbers say of its precision, in words: its worst direction, and its criterion's."""
-    if singular(entry) or not entry["lambda_min"]:
-        untold = "some combination of the parameters cannot be told"
-        return [untold] if useless(entry) else [untold, *_by_criterion(record, entry)]
+    if result.leaves_open or not result.lambda_min:
+        open_ = "some combination of the parameters cannot be told"
+        return [open_] if result.useless else [open_, *_by_criterion(record, result)]
     scaling = record.study.criterion.scaling
-    worst = entry["lambda_min"] ** -0.5
+    worst = result.lambda_min**-0.5
     size = f"{quantity(100 * worst, '%')} of nominal" if scaling == "relative" else quantity(worst, "")
-    names = [words(parameter["name"]) for parameter in judged(record)]
+    names = [words(one.name) for one in judged(record)]
     what = names[0] if len(names) == 1 else "the worst-determined combination of the parameters"
-    told = f"{what} has a standard deviation of {size}"
-    if scaling != "relative":
-        told += f", {scaling_text(scaling)}"
-    return [told, *_by_criterion(record, entry)]
+    scaled = "" if scaling == "relative" else f", {scaling_text(scaling)}"
+    return [f"{what} has a standard deviation of {size}{scaled}", *_by_criterion(record, result)]
 
 
-def _by_criterion(record: Record, entry: Entry) -> list[str]:
-    objective = objective_of(entry)
+def _by_criterion(record: Record, result: Result) -> list[str]:
+    objective = result.worth
     if objective is None or not math.isfinite(objective):
         return []
     told = record.study.criterion.deviation(objective, len(judged(record)))

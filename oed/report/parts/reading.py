@@ -1,126 +1,160 @@
-"""What a report reads out of a record: its results, what is measured, how long and in how many runs."""
+"""What a report reads out of a record: results, runs, what is measured, what is known of the parameters."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.component import Component
-from oed.foundation.text import Unit, common_units, words
+from oed.foundation.text import Unit, common_units, deviation_text, given_text, listing, words
+from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
+from oed.records.stored.result import Result
+from oed.records.stored.study_record import StoredNuisance, StoredParameter
+from oed.report.parts.prose import Prose
 from oed.robots.sensors import Displacements
 
 Array = npt.NDArray[np.float64]
-Entry = Mapping[str, Any]
 
+SAY = Prose("reading")
 NOWHERE = 1e-3
 """Path length [m] below which a drive goes nowhere."""
+STATES = ("x", "y", "heading")
 
 
-def with_drive(record: Record) -> list[Entry]:
+def with_drive(record: Record) -> list[Result]:
     """The results that have a drive, feasible or not."""
-    return [entry for entry in record.results if entry["drive"] is not None]
+    return [one for one in record.results if one.drive is not None]
 
 
-def value(entry: Entry, key: str) -> float | None:
+def or_infinite(result: Result, number: float | None) -> float | None:
     """A number of a result; infinite where a drive was scored but JSON could not hold the number."""
-    number = entry[key]
-    if number is not None:
-        return float(number)
-    scored_infinite = entry["drive"] is not None and key in ("condition_number", "lambda_max")
-    return np.inf if scored_infinite else None
+    return math.inf if number is None and result.drive is not None else number
 
 
-def heading(entry: Entry) -> str:
+def heading(result: Result) -> str:
     """A result's name in words, and below it what is special about it: its variant, limits it breaks."""
-    name, variant, _ = str(entry["name"]).partition("_same_length")
-    broken = [words(limit) for limit in entry["violations"]]
+    name, variant, _ = result.name.partition("_same_length")
+    broken = [words(limit) for limit in result.violations]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
     notes = ["same length"] if variant else []
-    notes += ["on the spot"] if on_the_spot(entry) else []
+    notes += ["on the spot"] if in_place(result) else []
     return "\n".join(filter(None, [words(name), ", ".join(notes), f"breaks {what}" if broken else ""]))
 
 
-def on_the_spot(entry: Entry) -> bool:
+def in_place(result: Result) -> bool:
     """Whether a drive goes nowhere: it turns, or rests."""
-    length = value(entry, "path_length")
-    return length is not None and length < NOWHERE
+    return result.path_length is not None and result.path_length < NOWHERE
 
 
-def is_regression(record: Record) -> bool:
-    """Whether the displacements of segments are measured, the paper's way, rather than sensors read."""
-    return isinstance(record.study.measurement, Displacements)
-
-
-def beacons(record: Record) -> Array:
-    """Positions (n, 2) [m] of all beacons that distances are measured to."""
-    found = [
-        place for sensor in record.study.measurement.joint_sensors for place in getattr(sensor, "beacons", ())
-    ]
-    return np.array(found, dtype=float).reshape(-1, 2)
-
-
-def blocks(record: Record) -> list[str]:
-    """Names of the regressions, in the order of the parameters."""
-    return list(dict.fromkeys(parameter["block"] for parameter in record.data["parameters"]))
+def solver_of(record: Record, result: Result) -> Component | None:
+    """The search that made a result; None for anything but a search."""
+    solvers = () if result.origin == "baseline" else record.study.solvers
+    return next((one for one in solvers if one.label == result.name), None)
 
 
 def runs_of(record: Record) -> int:
     """How many runs the designed drives consist of."""
-    return int(record.data["study"]["trajectory"].get("runs", 1))
+    return record.study.trajectory.runs
 
 
 def whole_duration(record: Record) -> float:
     """Duration of the designed drives, all runs together [s]."""
-    return runs_of(record) * float(record.data["study"]["trajectory"]["duration"])
+    return runs_of(record) * record.study.trajectory.duration
 
 
 def duration_text(record: Record) -> str:
     """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
-    duration, runs = f"{record.data['study']['trajectory']['duration']:g} s", runs_of(record)
+    duration, runs = f"{record.study.trajectory.duration:g} s", runs_of(record)
     return duration if runs == 1 else f"{runs} runs of {duration}"
+
+
+def regression_of(record: Record) -> Displacements | None:
+    """The displacements of segments that are measured, the paper's way; None where sensors are read."""
+    measurement = record.study.measurement
+    return measurement if isinstance(measurement, Displacements) else None
 
 
 def segments(record: Record, samples: int) -> int | None:
     """Number of segments P of a displacement measurement of a run of that many samples."""
-    measurement = record.study.measurement
-    return measurement.segment_count(samples) if isinstance(measurement, Displacements) else None
+    regression = regression_of(record)
+    return None if regression is None else regression.segment_count(samples)
 
 
-def deviation_units(record: Record, entry: Entry) -> dict[str, Unit]:
-    """The unit, and its factor from SI, in which each parameter's deviation is shown: as suits one drive."""
-    units = {parameter["name"]: str(parameter["unit"]) for parameter in record.data["parameters"]}
-    known = entry["standard_deviations"]
-    return common_units({name: known.get(name) for name in units}, units)
+def measured_as(record: Record) -> str:
+    """`the displacements of 10 segments`, `201 poses (x, y and heading)`."""
+    return f"{record.study.measurement.brief(record.study.trajectory.samples)}{_each_run(record)}"
 
 
-def solver_of(record: Record, entry: Entry) -> Component | None:
-    """The search that made a result; None for anything but a search."""
-    solvers = () if entry["kind"] == "baseline" else record.study.solvers
-    return next((one for one in solvers if one.label == entry["name"]), None)
+def readings_text(record: Record) -> str:
+    """All sensors, with when they are read and their noise."""
+    sentence = record.study.measurement.sentence(record.study.trajectory.samples)
+    return f"What is read{_each_run(record)}: {sentence}."
 
 
-@dataclass(frozen=True)
-class Cloud:
-    """Simulated estimates of two parameters.
+def _each_run(record: Record) -> str:
+    return " in each run" if runs_of(record) > 1 else ""
 
-    Attributes:
-        title: the result's name.
-        labels: of the two axes, with units.
-        points: estimates, (k, 2).
-        true: (2,).
-        promised, sampled: covariances, (2, 2).
-        alike: whether both axes are of one unit.
-    """
 
-    title: str
-    labels: tuple[str, ...]
-    points: Array
-    true: Array
-    promised: Array
-    sampled: Array
-    alike: bool = True
+def shown_units(record: Record, sizes: Mapping[str, float | None]) -> dict[str, Unit]:
+    """The unit, and its factor from SI, that suits each parameter's deviation, of these sizes [SI]."""
+    units = {one.name: one.unit for one in record.parameters}
+    return common_units({name: sizes.get(name) for name in units}, units)
+
+
+def nuisance_text(record: Record) -> str:
+    """What is estimated along with the parameters; "" for nothing."""
+    return SAY("nuisances", [f"{_called(name)}{_known(ones)}" for name, ones in _grouped(record).items()])
+
+
+def nuisance_names(record: Record) -> list[str]:
+    """What is estimated along, each with its article."""
+    return [_called(name) for name in _grouped(record)]
+
+
+def _grouped(record: Record) -> dict[str, list[StoredNuisance]]:
+    # initial_pose.x, initial_pose.y -> initial_pose; poses.lever_arm.x -> poses.lever_arm; yaw_rate.bias.
+    groups: dict[str, list[StoredNuisance]] = {}
+    for one in record.nuisances:
+        full = re.sub(r"^initial_pose_\d+\.", "initial_pose_of_each_run.", one.name)
+        name, _, last = full.rpartition(".")
+        groups.setdefault(name if last in STATES else full, []).append(one)
+    return groups
+
+
+def _called(name: str) -> str:
+    owner, _, what = name.rpartition(".")
+    return f"the {words(what)} of the {words(owner)}" if owner else f"the {words(name)}"
+
+
+def _known(nuisances: list[StoredNuisance]) -> str:
+    sizes = [given_text(one.deviation, one.unit) for one in nuisances if one.deviation is not None]
+    return f" (known beforehand to {listing(list(dict.fromkeys(sizes)))})" if sizes else ""
+
+
+def prior_text(record: Record) -> str:
+    """What is known of the parameters beforehand; "" where nothing is."""
+    prior = record.study.prior
+    return SAY("prior", prior_of(record), bool(prior.covariance)) if isinstance(prior, Prior) else ""
+
+
+def prior_of(record: Record) -> dict[str, str]:
+    """Standard deviations known beforehand, by parameter, as they are shown; {} without a prior."""
+    prior, table = record.study.prior, {one.name: one for one in record.parameters}
+    if not isinstance(prior, Prior):
+        return {}
+    given = {name: _given(size, table.get(name)) for name, size in prior.standard_deviations.items()}
+    for index, name in enumerate(prior.parameters):
+        given[name] = deviation_text(math.sqrt(prior.covariance[index][index]), table[name].unit)
+    return given
+
+
+def _given(size: float | str, parameter: StoredParameter | None) -> str:
+    # As the study says it; a bare number is in SI units.
+    if isinstance(size, str) or parameter is None:
+        return str(size)
+    return deviation_text(size, parameter.unit)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from oed.report.figures.spec import Plot
 from oed.report.parts.tables import Table
 
 
@@ -18,13 +19,13 @@ class Picture:
         name: of the file, without suffix; unique in the report.
         alt: what the figure shows, for those who cannot see it.
         caption: how to read it.
-        draw: makes the matplotlib Figure.
+        draw: the figure's description, or what makes it or the matplotlib Figure.
     """
 
     name: str
     alt: str
     caption: str
-    draw: Callable[[], Any]
+    draw: Plot | Callable[[], Any]
 
 
 @dataclass(frozen=True)

@@ -4,20 +4,14 @@ from collections.abc import Callable
 
 from oed.records.record import Record
 from oed.report.parts.section import Section
-from oed.report.sections.candidates import candidates
-from oed.report.sections.certificate import certificate
-from oed.report.sections.convergence import convergence
-from oed.report.sections.criteria import criteria
-from oed.report.sections.deviations import deviations
-from oed.report.sections.drives import paths, wheels
+from oed.report.sections.candidates import candidates, criteria, paper
+from oed.report.sections.drives import paths, player, wheels
 from oed.report.sections.limits import limits
-from oed.report.sections.paper import paper
 from oed.report.sections.physics import physics
-from oed.report.sections.player import player
-from oed.report.sections.provenance import provenance
+from oed.report.sections.precision import precision
 from oed.report.sections.robustness import robustness
-from oed.report.sections.starts import starts
-from oed.report.sections.summary import summary
+from oed.report.sections.searches import certificate, convergence, starts
+from oed.report.sections.summary import provenance, summary
 from oed.report.sections.validation import validation
 
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
@@ -33,7 +27,7 @@ SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     robustness,
     starts,
     convergence,
-    deviations,
+    precision,
     validation,
     physics,
     provenance,

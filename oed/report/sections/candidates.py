@@ -1,31 +1,32 @@
-"""All candidates side by side: what a drive is worth, in repetitions of it."""
+"""All candidates side by side: in repetitions of the best, by every criterion, and as the paper has them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
-from oed.foundation.text import fixed, significant, whole
+from oed.foundation.text import fixed, readable, significant, whole
+from oed.kernel.criteria import E
+from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
-from oed.report.parts.judging import Aim, objective_of, repeatable, study_aim, useless
-from oed.report.parts.reading import Entry, value, with_drive
+from oed.records.stored.result import Result
+from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetitions_of, study_aim
+from oed.report.parts.prose import Prose
+from oed.report.parts.reading import or_infinite, regression_of, with_drive
 from oed.report.parts.section import Section
 from oed.report.parts.tables import Cell, Column, Table
+from oed.robots.sensors import Displacements
 
-NOTHING = 1e-6
-"""Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""
+SAY = Prose("candidates")
+FOUR = significant(4)
+LEVEL = 99.95
+"""Share [%] from which a drive counts as the best."""
+PRACTICALLY = 1e-3
+"""How much better [%] a drive has to be for its being second to need a word."""
 
-
-def candidates(record: Record) -> Section | None:
-    """One row per result: objective, efficiency, effort."""
-    if not with_drive(record):
-        return None
-    shares = repeatable(record)
-    columns = (*IDENTITY, *(WORTH if shares else ()), *EFFORT)
-    rows = tuple(_row(record, entry, shares) for entry in record.results)
-    return Section("Candidates", paragraphs=_reading(record), tables=(Table(columns, rows),))
-
-
-IDENTITY = (Column("result"), Column("objective", "", significant(4)))
+IDENTITY = (Column("result"), Column("objective", "", FOUR))
 WORTH = (Column("efficiency", "%", fixed(1)), Column("repetitions for the same", "", fixed(1)))
 EFFORT = (
     Column("path length", "m", fixed(2)),
@@ -35,68 +36,181 @@ EFFORT = (
 )
 
 
-def _row(record: Record, entry: Entry, shares: bool) -> tuple[Cell, ...]:
-    repetitions = repetitions_of(record, entry)
+def candidates(record: Record) -> Section | None:
+    """One row per result: objective, efficiency, effort."""
+    if not with_drive(record):
+        return None
+    shares, several = repeatable(record), len(record.results) > 1
+    table = Table(
+        (*IDENTITY, *(WORTH if shares else ()), *EFFORT),
+        tuple(_row(record, one, shares) for one in record.results),
+    )
+    baselines = any(one.origin == "baseline" for one in record.results)
+    best = None if record.best is None else record.best.name
+    said = SAY("worth", study_aim(record), shares, best, record.nuisances, record.study.prior, baselines)
+    return Section("Candidates", paragraphs=(said,) if several else (), tables=(table,))
+
+
+def _row(record: Record, result: Result, shares: bool) -> tuple[Cell, ...]:
+    repetitions = repetitions_of(record, result)
     efficiency = None if repetitions is None else 100.0 / repetitions
-    searched = bool(entry.get("history"))
     # What is 0 or infinite but for rounding is shown so.
     nothing = 0.0 if study_aim(record).criterion.proportional else -math.inf
     return (
-        str(entry["name"]),
-        nothing if useless(entry) else objective_of(entry),
+        result.name,
+        nothing if result.useless else result.worth,
         *((efficiency, repetitions) if shares else ()),
-        value(entry, "path_length"),
-        float(entry["wall_seconds"]) if searched else None,
-        int(entry["history"][-1]["evaluations"]) if searched else None,
-        bool(entry["feasible"]),
+        result.path_length,
+        *((result.wall_seconds, result.history[-1].evaluations) if result.history else (None, None)),
+        result.feasible,
     )
 
 
-def repetitions_of(record: Record, entry: Entry) -> float | None:
-    """How many drives of a result are worth one best drive, by the study's criterion.
+@dataclass(frozen=True)
+class _Judge:
+    """A criterion by which all drives are judged."""
 
-    Information adds up over repetitions, so this is the inverse of an efficiency; None where that is not so.
+    aim: Aim
+    results: Sequence[Result]
+
+    def value(self, result: Result) -> float | None:
+        """The criterion of a drive; minus infinity of one that leaves something not identifiable."""
+        criterion = self.aim.criterion
+        if criterion.kind not in result.criteria:
+            return None
+        # JSON holds no infinite number.
+        number = result.criteria[criterion.kind]
+        return -math.inf if number is None or (result.rounded and not criterion.proportional) else number
+
+    @cached_property
+    def best(self) -> float | None:
+        """That of the drives that keep every limit; of all where none does."""
+        kept = [one for one in self.results if one.feasible] or self.results
+        largest = max((found for one in kept if (found := self.value(one)) is not None), default=-math.inf)
+        return largest if math.isfinite(largest) else None
+
+    @property
+    def shares(self) -> bool:
+        """Whether drives are worth a share of the best."""
+        return self.best is not None and self.aim.efficiency(self.best, self.best) is not None
+
+    def share(self, result: Result) -> float | None:
+        """What a drive is worth of the best [%]."""
+        number = self.value(result)
+        if number is None or self.best is None:
+            return None
+        share = self.aim.efficiency(number, self.best)
+        return None if share is None else 0.0 if result.rounded else 100.0 * share
+
+    @property
+    def column(self) -> Column:
+        """Of the table."""
+        if self.shares:
+            return Column(f"{self.aim.label}-efficiency", "%", fixed(1))
+        return Column(self.aim.label, "", FOUR)
+
+
+def criteria(record: Record) -> Section | None:
+    """One row per drive: its efficiency by every criterion, against the best drive by that criterion.
+
+    None for records that hold no such numbers, or a single drive.
     """
-    best, objective = record.best, objective_of(entry)
-    if best is None or objective is None or not repeatable(record):
+    results = [one for one in with_drive(record) if one.criteria]
+    kinds = dict.fromkeys(kind for one in results for kind in one.criteria)
+    if not kinds or len(results) < 2:
         return None
-    # An objective within rounding of 0 is one: no number of repetitions tells what a drive leaves out.
-    if useless(entry):
-        return math.inf
-    share = study_aim(record).efficiency(objective, float(best["objective"]))
-    return None if share is None else 1.0 / share if share > NOTHING else math.inf
-
-
-def _reading(record: Record) -> tuple[str, ...]:
-    if len(record.results) == 1:
-        return ()
-    worth = _worth(record, study_aim(record)) if repeatable(record) else _not_repeatable(record)
-    everyday = (
-        "Everyday paths are as large as the limits allow and last as long as the design; those named "
-        "`same_length` go as far as the design, in as many laps as that takes."
-    )
-    baselines = any(entry["kind"] == "baseline" for entry in record.results)
-    return (f"{worth} {everyday}" if baselines else worth,)
-
-
-def _worth(record: Record, aim: Aim) -> str:
-    best = record.best
-    against = f"`{best['name']}`" if best is not None else "the best drive"
-    share, about = f"{aim.share}, against {against}", aim.criterion.asks_about
-    if aim.criterion.proportional:
-        share = f"the objective as a share of that of {against}"
-    tells = f"tell {about} as well as one such drive" if about else "are worth one such drive"
-    apart = ", each evaluated with unknowns of its own," if record.data.get("nuisances") else ""
-    return (
-        f"Efficiency is {share}. Information adds up over repetitions{apart or ','} so its inverse is how "
-        f"many drives of that path {tells}; ∞ means never."
-    )
-
-
-def _not_repeatable(record: Record) -> str:
-    if record.data["study"].get("prior"):
-        return (
-            "What was known beforehand is part of every objective and does not grow with repetitions of a "
-            "drive; so objectives rank the drives, but do not say how many of one are worth another."
+    judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
+    columns = (Column("result"), Column("searched for"), *(one.column for one in judges))
+    rows = tuple(
+        (
+            one.name,
+            aim_of(record, one).label if one.origin == "search" else None,
+            *(judge.share(one) if judge.shares else judge.value(one) for judge in judges),
+            one.feasible,
         )
-    return "Repeating a drive changes nothing in this objective, so it ranks the drives and no more."
+        for one in results
+    )
+    scaling = scaling_text(record.study.criterion.scaling)
+    said = (
+        SAY("criteria", judges, scaling, record.study.prior),
+        _verdict(record, judges),
+        _practically_equal(record),
+    )
+    table = Table((*columns, Column("keeps every limit")), rows)
+    return Section("Criteria", paragraphs=tuple(filter(None, said)), tables=(table,))
+
+
+def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
+    winner = record.best
+    if winner is None or not winner.criteria:
+        return ""
+    found = [(one.aim.label, one.share(winner)) for one in judges]
+    shares = [(label, share) for label, share in found if share is not None]
+    best = all(share > LEVEL for _, share in shares)
+    return SAY("verdict", winner.name, shares, best) if shares else ""
+
+
+def _practically_equal(record: Record) -> str:
+    # The best result need not have the largest objective; say why.
+    winner, aim = record.best, study_aim(record)
+    kept = [(one.objective, one.name) for one in record.results if one.feasible and one.objective is not None]
+    if winner is None or winner.objective is None or not kept:
+        return ""
+    largest, name = max(kept, key=lambda one: one[0])
+    more = aim.change(largest, winner.objective)
+    return "" if more < PRACTICALLY else SAY("equal", name, more, aim.label, winner.name)
+
+
+def paper(record: Record) -> Section | None:
+    """The numbers by which the founding paper compares paths [Choi, eqs 17, 18 and the table of section 4].
+
+    One row per result: eigenvalues, cond(W), s_min(W), |y| and the error factor of eq. 17. None for sensors:
+    they have no regressor W.
+    """
+    regression = regression_of(record)
+    if not with_drive(record) or regression is None:
+        return None
+    unit = _response_unit(record)
+    # Without scaling F is W'W, and W is in radians of wheel angle.
+    square = "rad²" if record.study.criterion.scaling == "none" else ""
+    columns = (
+        Column("result"),
+        Column("λ_min", square, FOUR),
+        Column("λ_max", square, FOUR),
+        Column("cond(W)", "", FOUR),
+        Column("s_min(W)", "rad", FOUR),
+        *((Column("|y|", unit, FOUR), Column("cond(W)/|y|", f"1/{unit}", FOUR)) if unit else ()),
+    )
+    rows = tuple(_figures(one, unit) for one in record.results)
+    reading = _reading(record, regression, unit)
+    return Section("The paper's figures", paragraphs=reading, tables=(Table(columns, rows),))
+
+
+def _response_unit(record: Record) -> str:
+    # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
+    block, *others = dict.fromkeys(one.block for one in record.parameters)
+    return "" if others else {"position": readable(1.0, "m")[1], "heading": "rad"}.get(block, "")
+
+
+def _figures(result: Result, unit: str) -> tuple[Cell, ...]:
+    condition = or_infinite(result, result.condition_number)
+    numbers = (
+        result.lambda_min,
+        or_infinite(result, result.lambda_max),
+        condition,
+        result.smallest_singular_value,
+    )
+    if not unit:
+        return (result.name, *numbers)
+    if result.norm_y is None or condition is None:
+        return (result.name, *numbers, None, None)
+    size = result.norm_y if unit == "rad" else readable(result.norm_y, "m")[0]
+    return (result.name, *numbers, size, condition / size if size else None)
+
+
+def _reading(record: Record, regression: Displacements, unit: str) -> tuple[str, ...]:
+    criterion = record.study.criterion
+    notes = (criterion.scaling != "none", record.study.prior is not None, bool(criterion.subset))
+    scaling = scaling_text(criterion.scaling)
+    aimed = isinstance(criterion, E)
+    return SAY.paragraphs("paper", regression.noise_model == "absolute", aimed, notes, scaling, unit)

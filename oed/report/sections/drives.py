@@ -1,95 +1,86 @@
-"""The drives as figures: paths in the room, and the inputs and their rates over time."""
+"""The drives: paths in the room, played, and the inputs and their rates over time."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
-from oed.foundation.text import count, listing, unit_text, words
+from oed.foundation.text import count, listing, words
+from oed.records.numbers import rounded
 from oed.records.record import Record
-from oed.report.figures.driven import Path, path_of, paths_of
-from oed.report.parts.inputs import (
-    Group,
-    Series,
-    groups_of,
-    inputs_of,
-    limit_bounds,
-    own_bounds,
-    rates_of,
-    short_names,
+from oed.records.stored.result import Result
+from oed.report.figures import paths as path_figures
+from oed.report.figures import time
+from oed.report.figures.driven import (
+    Path,
+    Room,
+    path_of,
+    paths_of,
+    robot_width,
+    room_of,
+    view_of,
 )
-from oed.report.parts.reading import on_the_spot, runs_of, segments, with_drive
-from oed.report.parts.rooms import Room, body_text, room_of, surroundings_text
-from oed.report.parts.section import Picture, Section
+from oed.report.parts.inputs import Group, Series, groups_of, series_of
+from oed.report.parts.prose import Prose
+from oed.report.parts.reading import in_place, runs_of, segments, with_drive
+from oed.report.parts.section import Animation, Picture, Section
+from oed.robots.limits.outline import Outline
 
+SAY = Prose("drives")
 DASHES = ("solid", "dashed", "dash-dotted", "dotted")
 """How the lines of a panel are drawn, in their order."""
+DECIMALS = 4
+"""Of places and headings in the page [m, rad]."""
 
 
 def paths(record: Record) -> Section | None:
     """Every drive's path in the room, on one scale."""
-    entries = with_drive(record)
-    if not entries:
+    results = with_drive(record)
+    if not results:
         return None
-    drives, room = paths_of(record, entries), room_of(record)
-    alt = f"Paths of {count(len(drives), 'drive')} in the x-y plane, coloured by speed"
-    pictures = [Picture("paths", alt, _caption(record, drives, room), partial(_draw_paths, drives, room))]
+    drives, room = paths_of(record, results), room_of(record)
+    figure = path_figures.paths(drives, room)
+    pictures = [Picture("paths", SAY("paths", len(drives)), _caption(record, drives, room), figure)]
     if record.best is not None and len(drives) > 1:
-        winner = [path_of(record, record.best)]
-        note = f"The best drive, {record.best['name']}; the same as in the panel below."
-        alt = f"Path of the best drive, {record.best['name']}"
-        pictures.insert(0, Picture("best_path", alt, note, partial(_draw_paths, winner, room)))
+        best = path_figures.paths([path_of(record, record.best)], room)
+        alt, note = (SAY(which, record.best.name) for which in ("best_path", "best_note"))
+        pictures.insert(0, Picture("best_path", alt, note, best))
     return Section("Paths in the workspace", figures=tuple(pictures))
 
 
 def _caption(record: Record, drives: list[Path], room: Room) -> str:
-    arrows = "hollow where it drives backwards"
-    if any(drive.sideways for drive in drives):
-        arrows = "thin open ones where it faces"
-    sentences = [
-        f"Path of the robot's origin. {surroundings_text(room)} Darker and wider is faster; arrows point "
-        f"where the robot moves, {arrows}.",
-        _runs(record),
-        _ticks(record),
-        body_text(room),
-        "Dotted is the path of the trailer's axle." if _with_trailer(drives) else "",
-        "Triangles are beacons; one far outside is not shown." if len(room.beacons) else "",
-        "A drive on the spot is a dot." if any(map(on_the_spot, with_drive(record))) else "",
-        _cut(record),
-    ]
-    return " ".join(filter(None, sentences))
+    parts = segments(record, record.study.trajectory.samples)
+    runs = [run for one in drives for run in one.runs]
+    return SAY(
+        "caption",
+        room,
+        any(one.sideways for one in drives),
+        runs_of(record),
+        count(parts, "segment") if parts else "",
+        any(run.trailer is not None for run in runs),
+        any(map(in_place, with_drive(record))),
+        _broken(record),
+    )
 
 
-def _runs(record: Record) -> str:
-    runs = runs_of(record)
-    return f"Each drive is in {runs} runs, numbered at or just after their starts." if runs > 1 else ""
-
-
-def _ticks(record: Record) -> str:
-    parts = segments(record, record.data["study"]["trajectory"]["samples"])
-    if not parts:
-        return ""
-    each = " of each run" if runs_of(record) > 1 else ""
-    return f"Ticks across the path are where the {count(parts, 'segment')}{each} meet."
-
-
-def _with_trailer(drives: list[Path]) -> bool:
-    return any(run.trailer is not None for drive in drives for run in drive.runs)
+def _broken(record: Record) -> bool:
+    return any(not one.feasible for one in with_drive(record))
 
 
 def wheels(record: Record) -> Section | None:
     """Every drive's inputs by quantity, and their rates, between their limits."""
-    entries = [entry for entry in with_drive(record) if not entry["name"].endswith("_same_length")]
-    if not entries:
+    results = [one for one in with_drive(record) if not one.name.endswith("_same_length")]
+    if not results:
         return None
-    groups = groups_of(record, len(entries[0]["drive"]["coefficients"][0]))
-    drawn = []
-    for values, rates in groups:
-        drawn.append((values, [inputs_of(entry, values) for entry in entries]))
-        drawn.append((rates, [rates_of(entry, rates) for entry in entries]))
-    figures = [_picture(record, group, [one for one in series if len(one.times)]) for group, series in drawn]
-    pictures = tuple(picture for picture in figures if picture is not None)
-    return Section(_title([values.limit for values, _ in groups]), figures=pictures)
+    first = results[0].drive
+    assert first is not None
+    groups = groups_of(record, len(first.coefficients[0]))
+    pictures = [
+        _picture(record, group, drives)
+        for pair in groups
+        for group in pair
+        if (drives := [one for one in (series_of(each, group) for each in results) if len(one.times)])
+    ]
+    return Section(_title([values.limit for values, _ in groups]), figures=tuple(pictures))
 
 
 def _title(quantities: list[str]) -> str:
@@ -98,49 +89,55 @@ def _title(quantities: list[str]) -> str:
     return f"{listing([f'{words(one)}s' for one in quantities])}, and their rates".capitalize()
 
 
-def _picture(record: Record, group: Group, drives: list[Series]) -> Picture | None:
-    if not drives:
+def _picture(record: Record, group: Group, drives: list[Series]) -> Picture:
+    shorts, bounds = group.short_names, group.bounds(record)
+    # A line alone needs no label.
+    labels = (
+        [f"{short} ({DASHES[at % len(DASHES)]})" for at, short in enumerate(shorts)] if shorts[1:] else []
+    )
+    called = dict(zip(group.names, shorts, strict=True))
+    own = [(called[name], ends) for name, ends in group.own_bounds(record).items()]
+    caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, _broken(record))
+    alt = f"{group.title.capitalize()} over time of {count(len(drives), 'drive')}"
+    return Picture(f"{group.limit}s", alt, caption, time.series(drives, group, labels, bounds))
+
+
+def player(record: Record) -> Section | None:
+    """All drives run by run, the best first, ready to be played in the HTML page."""
+    best, room, robot = record.best, room_of(record), record.study.robot
+    results = sorted(with_drive(record), key=lambda one: best is None or one.name != best.name)
+    if not results:
         return None
-    bounds, name, labels = limit_bounds(record, group), words(group.limit), _labels(group)
-    lines = f"{name.capitalize()}: {', '.join(labels)}." if labels else f"{name.capitalize()}."
-    gaps = "Runs follow each other, with a line between them." if runs_of(record) > 1 else ""
-    told = (lines, _limits(record, group), gaps, _cut(record))
-    alt = f"{name.capitalize()} over time of {count(len(drives), 'drive')}"
-    draw = partial(_draw_series, drives, labels, name, group.unit, bounds)
-    return Picture(f"{group.limit}s", alt, " ".join(filter(None, told)), draw)
+    view = view_of(record, results, room)
+    (left, bottom), (right, top) = view.low, view.high
+    animation = Animation(
+        drives=tuple(run for one in results for run in _runs(one)),
+        view=(float(left), float(right), float(bottom), float(top)),
+        workspace=None if room.floor is None else _plain(room.floor),
+        obstacles=tuple(map(_plain, room.hatched)),
+        width=robot_width(record),
+        body_radius=room.body_radius,
+        trailer=robot.towed,
+    )
+    text = SAY("player", hasattr(robot, "track"), room.body_radius, robot.towed)
+    return Section("The drive, played", paragraphs=(text,), animation=animation)
 
 
-def _limits(record: Record, group: Group) -> str:
-    own, name = own_bounds(record, group), words(group.limit)
-    if limit_bounds(record, group):
-        return f"The lines marked are the limits of the {name}."
-    if not own:
-        return f"No {name} limit."
-    shorts = dict(zip(group.names, short_names(group), strict=True))
-    each = [f"{shorts[one]} {low:g} to {high:g} {unit_text(group.unit)}" for one, (low, high) in own.items()]
-    return f"No limit is drawn, as each has its own: {', '.join(each)}."
+def _plain(outline: Outline) -> dict[str, Any]:
+    # As the player draws it.
+    if outline.radius:
+        x, y = outline.points[0]
+        return {"x": x, "y": y, "radius": outline.radius}
+    return {"points": [list(point) for point in outline.points]}
 
 
-def _cut(record: Record) -> str:
-    broken = any(not entry["feasible"] for entry in with_drive(record))
-    return "A drive far beyond a limit is cut off at the frame." if broken else ""
-
-
-def _labels(group: Group) -> list[str]:
-    # A line alone needs none.
-    if len(group.names) == 1:
-        return []
-    return [f"{short} ({DASHES[index % len(DASHES)]})" for index, short in enumerate(short_names(group))]
-
-
-def _draw_paths(drives: list[Path], room: Room) -> Any:
-    # Imported late: the drawing library takes longer to load than the rest of a report.
-    from oed.report.figures import path_panels
-
-    return path_panels.paths(drives, room)
-
-
-def _draw_series(*data: Any) -> Any:
-    from oed.report.figures import panels
-
-    return panels.series(*data)
+def _runs(result: Result) -> list[dict[str, Any]]:
+    drive = result.drive
+    assert drive is not None
+    found = []
+    for number, poses in enumerate(drive.by_run, 1):
+        name = f"{result.name}, run {number}" if drive.runs > 1 else result.name
+        columns = zip(("x", "y", "heading", "trailer"), poses[:, :4].T, strict=False)
+        places = {key: rounded(column, DECIMALS) for key, column in columns}
+        found.append({"name": name, "duration": drive.knots[-1] / drive.runs, **places})
+    return found

@@ -1,177 +1,130 @@
-"""What was designed for, and what came of it, in plain words."""
+"""What was designed for, and what came of it, in plain words; and what computed it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from itertools import pairwise
-from typing import Any
 
-from oed.foundation.text import Unit, deviation_text, listing, quantity, words
+import numpy as np
+
+from oed.foundation.text import deviation_text, words
 from oed.records.record import Record
-from oed.report.figures.driven import poses_of
-from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim, useless
-from oed.report.parts.measured import along_text, measured_as, prior_text
+from oed.records.stored.result import Result
+from oed.report.parts.judging import aim_of, judged, meaning, precision, repetitions_of, study_aim
+from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
-    Entry,
-    deviation_units,
     duration_text,
-    is_regression,
-    on_the_spot,
+    in_place,
+    measured_as,
+    nuisance_text,
+    prior_text,
+    regression_of,
     runs_of,
+    shown_units,
 )
 from oed.report.parts.section import Section
-from oed.report.sections.candidates import repetitions_of
+from oed.report.parts.tables import Column, Table
+
+SAY = Prose("summary")
 
 
 def summary(record: Record) -> Section:
     """The study's question and its answer; what the record notes, first."""
     winner = record.best
-    answer = _nothing(record) if winner is None else _answer(record, winner)
-    failures = () if winner is not None else tuple(_failure(entry) for entry in record.results)
-    notices = (*record.data["notes"], *failures)
-    return Section("Summary", paragraphs=(_question(record), *answer), notices=notices)
-
-
-def _question(record: Record) -> str:
-    study = record.data["study"]
-    which = f"in {duration_text(record)}" if runs_of(record) > 1 else f"of {duration_text(record)}"
-    robot = words(study["robot"]["kind"])
-    names = [words(parameter["name"]) for parameter in judged(record)]
-    question = (
-        f"Which drive {which} tells {listing(names)} of this {robot} robot best, measured as "
-        f"{measured_as(record)}? The criterion is {meaning(record)}, where a larger objective is a "
-        "better drive."
+    question = SAY(
+        "question",
+        record.study.robot.kind,
+        f"{'in' if runs_of(record) > 1 else 'of'} {duration_text(record)}",
+        [one.name for one in judged(record)],
+        measured_as(record),
+        meaning(record),
+        [one.name for one in record.parameters if not one.judged],
+        (nuisance_text(record), prior_text(record)),
     )
-    more = (_not_judged(record), along_text(record), prior_text(record))
-    return " ".join(filter(None, [question, *more]))
+    if winner is None:
+        answer = (SAY("nothing", bool(record.results)),)
+        failures = tuple(f"{one.name}: {one.message}" for one in record.results)
+        return Section("Summary", paragraphs=(question, *answer), notices=(*record.notes, *failures))
+    return Section("Summary", paragraphs=(question, *_answer(record, winner)), notices=record.notes)
 
 
-def _not_judged(record: Record) -> str:
-    names = [words(one["name"]) for one in record.data["parameters"] if not one.get("judged", True)]
-    return f"{listing(names).capitalize()}: estimated too, but not judged." if names else ""
-
-
-def _answer(record: Record, entry: Entry) -> tuple[str, ...]:
-    of = "" if len(record.results) == 1 else f", the best of {len(record.results)} results,"
-    text = (
-        f"The result {entry['name']}{_found_by(record, entry)}{of} reaches an objective of "
-        f"{_number(entry['objective'])} with a drive {_extent(entry)} that keeps every limit; "
-        f"{listing(_numbers(record, entry))}. {_deviations(record, entry)}"
+def _answer(record: Record, winner: Result) -> tuple[str, ...]:
+    by = aim_of(record, winner).label
+    return SAY.paragraphs(
+        "answer",
+        winner,
+        "" if by == study_aim(record).label else by,
+        len(record.results),
+        _turns(winner) if in_place(winner) else None,
+        None if regression_of(record) is not None else precision(record, winner),
+        _deviations(record, winner),
+        _compared(record, winner),
+        _simulated(record, winner),
     )
-    compared = " ".join(filter(None, [_everyday(record, entry), _simulated(record, entry)]))
-    return tuple(filter(None, [text, compared, f"How the search ended: {entry['message']}"]))
 
 
-def _found_by(record: Record, entry: Entry) -> str:
-    label = aim_of(record, entry).label
-    return "" if label == study_aim(record).label else f", found by searching for {label}"
+def _turns(result: Result) -> float:
+    assert result.drive is not None
+    return sum(float(np.abs(np.diff(run[:, 2])).sum()) for run in result.drive.by_run) / math.tau
 
 
-def _extent(entry: Entry) -> str:
-    if not on_the_spot(entry):
-        return f"of {quantity(entry['path_length'], 'm')}"
-    angles = [[pose[2] for pose in run] for run in poses_of(entry)]
-    turns = sum(abs(after - before) for run in angles for before, after in pairwise(run)) / math.tau
-    return f"on the spot ({quantity(turns, '', 2)} turns)"
+def _deviations(record: Record, winner: Result) -> list[tuple[str, str | None, float]]:
+    # Name, deviation as it is shown, and its share of the nominal value [%], 0 for none.
+    known, units = winner.standard_deviations, shown_units(record, winner.standard_deviations)
+    found: list[tuple[str, str | None, float]] = []
+    for one in record.parameters:
+        if one.name in known:
+            size = known[one.name]
+            text = None if size is None else deviation_text(size, one.unit, units[one.name])
+            found.append((one.name, text, _share(size, one.nominal) or 0.0))
+    return found
 
 
-def _numbers(record: Record, entry: Entry) -> list[str]:
-    if is_regression(record):
-        return [
-            f"λ_min is {_number(entry['lambda_min'])}",
-            f"the smallest singular value of W is {_number(entry['smallest_singular_value'])} rad",
-        ]
-    return precision(record, entry)
+def _share(deviation: float | None, nominal: float) -> float | None:
+    return None if deviation is None else 100 * deviation / abs(nominal) if nominal else 0.0
 
 
-def _everyday(record: Record, entry: Entry) -> str:
-    chosen = _usual(record)
-    known = entry["standard_deviations"]
-    parameters = [one for one in judged(record) if known.get(one["name"]) and one["nominal"]]
-    if chosen is None or chosen["name"] == entry["name"] or not parameters:
+def _compared(record: Record, winner: Result) -> str:
+    usual, known = _usual(record), winner.standard_deviations
+    parameters = [one for one in judged(record) if known.get(one.name) and one.nominal]
+    if usual is None or usual.name == winner.name or not parameters:
         return ""
-    parameter, duration = parameters[-1], duration_text(record)
-    drive = f"drive in {duration}" if runs_of(record) > 1 else f"{duration} drive"
-    name = parameter["name"]
-    shares = [_percent(one["standard_deviations"].get(name), parameter["nominal"]) for one in (entry, chosen)]
-    before = "With what was known beforehand, one" if record.data["study"].get("prior") else "One"
-    everyday = words(chosen["name"])
-    return (
-        f"{before} {drive} gives {words(name)} to {shares[0]}; the {everyday} you would have "
-        f"driven gives {shares[1]}.{_needed(record, chosen)}"
+    last, aim = parameters[-1], study_aim(record)
+    shares = [_share(one.standard_deviations.get(last.name), last.nominal) for one in (winner, usual)]
+    duration = (
+        f"drive in {duration_text(record)}" if runs_of(record) > 1 else f"{duration_text(record)} drive"
     )
+    needed = repetitions_of(record, usual)
+    return SAY("compared", record.study.prior, duration, last.name, shares, usual.name, needed, aim)
 
 
-def _usual(record: Record) -> Entry | None:
-    # The square, which is what people drive to calibrate, or else the first everyday path that tells all.
-    paths = [
+def _usual(record: Record) -> Result | None:
+    # The square, which is what people drive to calibrate, or else the first baseline that tells all.
+    baselines = [
         one
         for one in record.results
-        if one["kind"] == "baseline" and one["feasible"] and not one["name"].startswith("random")
+        if one.origin == "baseline" and one.feasible and not one.name.startswith("random")
     ]
-    order = sorted(paths, key=lambda one: (one["name"] != "square", useless(one)))
-    return order[0] if order else None
+    return min(baselines, key=lambda one: (one.name != "square", one.useless), default=None)
 
 
-def _needed(record: Record, chosen: Entry) -> str:
-    repetitions, aim = repetitions_of(record, chosen), study_aim(record)
-    if repetitions is None:
-        return ""
-    about = aim.criterion.asks_about
-    told = f"tell {about} as well" if about else f"be worth as much by {aim.label}"
-    if repetitions == math.inf:
-        return f" No number of them would {told}."
-    return f" {quantity(repetitions, '', 2)} of them would be needed to {told}."
-
-
-def _percent(deviation: float | None, nominal: float) -> str:
-    if deviation is None:
-        return "nothing"
-    return f"±{quantity(100 * deviation / abs(nominal), '%')}"
-
-
-def _simulated(record: Record, entry: Entry) -> str:
-    outcome = record.data["validation"] or {}
-    own = [one for one in outcome.get("results", []) if one["name"] == entry["name"]]
+def _simulated(record: Record, winner: Result) -> str:
+    every = () if record.validation is None else record.validation.results
+    own = [one for one in every if one.name == winner.name]
     if len(own) == 1:
-        return str(own[0]["verdict"])
-    return " ".join(f"By {words(one['estimator'])}: {one['verdict']}" for one in own)
+        return own[0].verdict
+    return " ".join(f"By {words(one.estimator)}: {one.verdict}" for one in own)
 
 
-def _number(value: float | None) -> str:
-    return "unbounded" if value is None else quantity(value, "", 4)
-
-
-def _deviations(record: Record, entry: Entry) -> str:
-    known, units = entry["standard_deviations"], deviation_units(record, entry)
-    phrases = [
-        _deviation(parameter, known[parameter["name"]], units[parameter["name"]])
-        for parameter in record.data["parameters"]
-        if parameter["name"] in known
+def provenance(record: Record) -> Section:
+    """Versions, seed and time, and the study's own text."""
+    made = record.provenance
+    rows = [
+        ("oed", record.version),
+        *made.packages.items(),
+        ("Python", made.python),
+        ("platform", made.platform),
+        ("seed", str(record.seed)),
+        ("finished", made.finished),
     ]
-    if not phrases:
-        return "The study gives no noise, so no standard deviations are predicted."
-    return f"Predicted standard deviations of one drive: {listing(phrases)}."
-
-
-def _deviation(parameter: Mapping[str, Any], deviation: float | None, unit: Unit) -> str:
-    name = words(parameter["name"])
-    if deviation is None:
-        return f"{name} cannot be told"
-    size = deviation_text(deviation, parameter["unit"], unit)
-    return f"{name} {size}{_share(deviation, parameter['nominal'])}"
-
-
-def _share(deviation: float, nominal: float) -> str:
-    return f" ({quantity(100 * deviation / abs(nominal), '%')} of nominal)" if nominal else ""
-
-
-def _nothing(record: Record) -> tuple[str, ...]:
-    if not record.results:
-        return ("The study asked for no search and no baseline, so there is no drive to report.",)
-    return ("No drive that keeps every limit was found, so there is no design to use.",)
-
-
-def _failure(entry: Entry) -> str:
-    return f"{entry['name']}: {entry['message']}"
+    table = Table((Column("what"), Column("value")), tuple(rows))
+    return Section("Provenance", paragraphs=(SAY("made"),), tables=(table,), code=record.study_text)

@@ -68,7 +68,13 @@ class Area(PathLimit):
         return []
 
     def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
-        """Whether a robot of that radius may have its origin at a point [m]."""
+        """Whether a robot of that radius may have its origin at a point [m].
+
+        Args:
+            x: of the robot's origin [m].
+            y: of the robot's origin [m].
+            radius: of the robot's body [m].
+        """
         rows = self.rows_for(ca.DM([[x, y]]), radius)
         values = np.array(ca.evalf(rows.expression)).ravel()
         return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))

@@ -1,20 +1,54 @@
-"""Arcs between samples: where a robot of constant twist is on its way from one pose to the next."""
+"""Arcs: how a constant twist moves a pose over a period, and where a robot is on its way."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from typing import Literal
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.robots.models.model import Integration
+from oed.kernel.dynamics.expression import Expression
 
 Array = npt.NDArray[np.float64]
+Integration = Literal["arc", "midpoint"]
 
 FULL_TURN = 2 * math.pi - 0.05
 """Turn [rad] from which a chord says too little of its arc."""
 MOST_TURNS = 0.75
 """Turns in a period at most that a mean speed is corrected for: its chord vanishes at 1."""
+LATERAL = 0.01
+"""Share of its way that a drive goes sideways, above which its robot counts as one of those."""
+TURN = 0.05
+"""Largest turn between two places that are drawn [rad]: arcs look round."""
+FINEST = 40
+"""Places drawn between two samples at most."""
+
+
+def sinc(angle: Expression) -> Expression:
+    """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
+    magnitude = ca.fabs(angle)
+    small = magnitude < 0.02
+    square = angle * angle
+    # Products, for quotients take several times as long.
+    series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
+    # Of the magnitude: what stands in for small ones is on the same side of 0, so that bounds stay finite.
+    return ca.if_else(small, series, ca.sin(magnitude) / ca.if_else(small, 1, magnitude))
+
+
+def chord(
+    yaw_rate: Expression, heading: Expression, period: Expression, integration: Integration
+) -> tuple[Expression, Expression]:
+    """How a sample's speed moves the pose: (gain [s], direction [rad]); displacement = gain * R(direction) v.
+
+    `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
+    `midpoint` is the paper's rule, gain T [Choi, eq. 8].
+    """
+    half_turn = 0.5 * period * yaw_rate
+    gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
+    return gain, heading + half_turn
 
 
 def between(first: Array, last: Array, shares: Array) -> Array:
@@ -50,3 +84,24 @@ def moves(poses: Array) -> tuple[Array, Array]:
     x, y, angle = np.diff(poses[:, :3], axis=0).T
     middle = poses[:-1, 2] + angle / 2
     return x * np.cos(middle) + y * np.sin(middle), y * np.cos(middle) - x * np.sin(middle)
+
+
+def signed_speeds(poses: Array, period: float, integration: Integration, sideways: bool) -> Array:
+    """Mean speed of each period (N,) [m/s], negative backwards; of a robot that drives sideways never."""
+    speeds = mean_speeds(poses, period, integration)
+    return speeds if sideways else np.where(moves(poses)[0] >= 0, speeds, -speeds)
+
+
+def goes_sideways(poses: Array, least: float) -> bool:
+    """Whether a robot drives sideways as well: by `least` [m] and more than rounding's share of its way."""
+    lateral = float(np.abs(moves(poses)[1]).sum())
+    length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+    return lateral > max(least, LATERAL * length)
+
+
+def finer(poses: Array) -> Array:
+    """States (n, states) so close in time that straight lines between them look like the arcs of poses."""
+    sharpest = float(np.abs(np.diff(poses[:, 2])).max(initial=0.0))
+    steps = int(np.clip(math.ceil(sharpest / TURN), 1, FINEST))
+    shares = np.arange(steps) / steps
+    return np.vstack([*(between(*pair, shares) for pair in pairwise(poses)), poses[-1]])

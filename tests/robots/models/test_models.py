@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import SPEED, make_problem
+from builders import SPEED, problem_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -130,9 +130,9 @@ def test_coefficients_that_are_0_by_geometry_are_exactly_0(model, zeros: list[st
         parts = {"limits": (SPEED,), "estimate": tuple(one.name for one in found), "criterion": E()}
         if zeros:
             with pytest.raises(ProblemError, match=f"{', '.join(zeros)} is nominally 0"):
-                make_problem(model=model, measurement=measurement, **parts)
+                problem_of(model=model, measurement=measurement, **parts)
         else:
-            make_problem(model=model, measurement=measurement, **parts)
+            problem_of(model=model, measurement=measurement, **parts)
 
 
 @robots

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from builders import SPEED, make_problem
+from builders import SPEED, problem_of
 
 import oed
 from oed.cli import main
@@ -121,7 +121,7 @@ def test_an_object_in_python_needs_no_study(folder: Path):
     sys.path.append(str(folder))
     import my_robots
 
-    problem = make_problem(
+    problem = problem_of(
         model=my_robots.Unicycle(gain=1.1),
         measurement=oed.Poses(noise={"position": 0.01, "heading": 0.01}),
         limits=(SPEED,),
@@ -221,7 +221,7 @@ class TestVelocityCommands:
 def test_limits_on_the_motion_bound_wheels_as_well():
     wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
     limits = (oed.BodySpeed(bounds=0.5), YawRate(bounds=2.0))
-    problem = make_problem(model=wheels, limits=limits)
+    problem = problem_of(model=wheels, limits=limits)
     # Driving as fast as allowed while turning as fast as allowed: (0.5 + 0.1 * 2) / 0.05.
     np.testing.assert_allclose(problem.input_bounds, [[-14, 14]] * 2, rtol=1e-8)
 

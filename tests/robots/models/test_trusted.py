@@ -212,7 +212,7 @@ class TestNames:
 
     def test_nor_does_one_of_a_record_in_memory(self, tmp_path: Path):
         fresh = made(parse_study(SMALL))
-        evil = {**fresh.results[0], "name": "../evil"}
+        evil = {**fresh.results[0].plain(), "name": "../evil"}
         changed = replace(fresh, data={**fresh.data, "results": [evil]})
         request = Request(tmp_path, changed, "../evil", None, None, "sqlite3", force=False)
         with pytest.raises(UserMistake, match="expected a name"):

@@ -1,0 +1,299 @@
+"""What a figure is, as plain data: panels with parts on axes, and a legend. `draw` makes pictures of it.
+
+A look says how a part is drawn, by matplotlib's names. Its marker may be a `Glyph`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.text import unit_text
+from oed.robots.limits.outline import Outline
+
+Array = npt.NDArray[np.float64]
+Look = Mapping[str, Any]
+Values = npt.NDArray[Any] | Sequence[float]
+Ends = tuple[float, float]
+
+WIDTH = 7.2
+"""Width of a report's column [inch]."""
+INK, FAINT, FIRST = "#222222", "#767676", "#123f6d"
+LINES: tuple[Look, ...] = (
+    {"color": FIRST, "linestyle": "-", "linewidth": 1.7},
+    {"color": "#e07b00", "linestyle": (0, (4, 1.6)), "linewidth": 1.7},
+    {"color": "#5a9a3c", "linestyle": (0, (6, 1.5, 1, 1.5)), "linewidth": 1.5},
+    {"color": "#b0588f", "linestyle": (0, (1, 1.3)), "linewidth": 1.7},
+)
+"""Of a panel's lines: told apart by dashes and by brightness, not by hue alone."""
+
+
+def line_look(index: int) -> Look:
+    """The look of a panel's line of that number, from 0."""
+    return LINES[index % len(LINES)]
+
+
+@dataclass(frozen=True)
+class Glyph:
+    """A marker of its own.
+
+    Attributes:
+        points: in a square from -1 to 1.
+        moves: indices of points that a new stroke begins at.
+        angle: by which it is turned [rad].
+    """
+
+    points: tuple[tuple[float, float], ...]
+    moves: tuple[int, ...] = (0,)
+    angle: float = 0.0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line through points, or marks at them, as it looks."""
+
+    x: Values
+    y: Values
+    look: Look
+
+    @classmethod
+    def through(cls, points: Array, look: Look) -> Line:
+        """That of points (n, 2)."""
+        return cls(points[:, 0], points[:, 1], look)
+
+
+@dataclass(frozen=True)
+class Shades:
+    """A path in classes of speed: darker and wider is faster.
+
+    Attributes:
+        x, y: of its points, (N + 1,).
+        speeds: between them, (N,).
+        scale: shrinks lines in small panels.
+    """
+
+    x: Array
+    y: Array
+    speeds: Array
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A straight line across the panel at a value.
+
+    Attributes:
+        value: on the y axis.
+        look: of the line.
+        text: beside it; "" for none.
+        below: whether the text stands below it.
+        upright: whether the line is upright, at a value on the x axis.
+    """
+
+    value: float
+    look: Look
+    text: str = ""
+    below: bool = False
+    upright: bool = False
+
+
+@dataclass(frozen=True)
+class Band:
+    """A shaded range on the y axis."""
+
+    low: float
+    high: float
+    look: Look
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Bars from `low` to `high` along x at heights y."""
+
+    y: Values
+    low: Values
+    high: Values
+    look: Look
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Upright bars of one width at places on the x axis."""
+
+    x: Values
+    heights: Values
+    width: float
+    look: Look
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A map of values (rows, columns), shaded and labelled, with a bar that says what they are."""
+
+    values: Array
+    label: str
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A polygon or a circle, on the scale of the axes."""
+
+    outline: Outline
+    look: Look
+
+
+@dataclass(frozen=True)
+class Note:
+    """A word beside a point.
+
+    Attributes:
+        text: it.
+        place: the point.
+        offset: of the text from there, both ways [points].
+        look: of the text.
+    """
+
+    text: str
+    place: tuple[float, float]
+    offset: float
+    look: Look
+
+
+Part = Line | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A panel's axis.
+
+    Attributes:
+        title, unit: of what it shows.
+        ends: where it begins and ends; None for what suits the parts.
+        logarithmic: whether it is.
+        ticks: places and their labels; matplotlib's choice if none are given.
+        most: ticks at most; 0 for matplotlib's choice.
+        whole: whether ticks are whole numbers.
+        grid: whether lines are drawn at the ticks.
+    """
+
+    title: str = ""
+    unit: str = ""
+    ends: Ends | None = None
+    logarithmic: bool = False
+    ticks: Sequence[tuple[float, str]] = ()
+    most: int = 0
+    whole: bool = False
+    grid: bool = True
+
+    @property
+    def label(self) -> str:
+        """`title [unit]`; the unit on a line of its own where the title ends with a line."""
+        gap = "" if self.title.endswith("\n") else " "
+        return f"{self.title}{gap}[{unit_text(self.unit)}]" if self.unit else self.title
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Parts on a pair of axes.
+
+    Attributes:
+        parts: from the bottom up where their looks do not say otherwise.
+        x, y: the axes.
+        title: above it.
+        equal: whether a length is as long on either axis: in a panel of the shape of its ends ("box"), or
+            with ends that suit its shape ("ends").
+        size: of its title's letters; 0 for the usual one.
+        small: whether the numbers along its axes are small.
+        margin: room around the parts where the ends are not given, as a share of their extent.
+    """
+
+    parts: Sequence[Part]
+    x: Axis = field(default_factory=Axis)
+    y: Axis = field(default_factory=Axis)
+    title: str = ""
+    equal: Literal["", "box", "ends"] = ""
+    size: float = 0.0
+    small: bool = False
+    margin: float | None = None
+
+
+@dataclass(frozen=True)
+class Key:
+    """An entry of a legend: a line or mark that looks so, or a patch."""
+
+    label: str
+    look: Look
+    patch: bool = False
+
+
+@dataclass(frozen=True)
+class Legend:
+    """Entries outside of the panels.
+
+    Attributes:
+        keys: its entries.
+        most: entries side by side at most.
+        place: above or below the panels.
+        handle: room that each entry takes beside its text [inch].
+        options: of matplotlib's legend.
+    """
+
+    keys: Sequence[Key] = ()
+    most: int = 6
+    place: Literal["upper", "lower"] = "upper"
+    handle: float = 0.75
+    options: Look = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure.
+
+    Attributes:
+        panels: row by row.
+        columns: of panels.
+        width, height: of the figure [inch].
+        labels: on outer panels only, beside all of them ("figure"), or on outer panels whose ticks are all
+            labelled ("outer ticks").
+        share: axes that all panels have in common ("x", "y", "xy").
+        legend: of all panels.
+        fastest: largest speed [m/s], of a bar of the colours of speeds; None for no bar.
+    """
+
+    panels: Sequence[Panel]
+    columns: int = 1
+    width: float = WIDTH
+    height: float = 3.0
+    labels: Literal["outer", "outer ticks", "figure"] = "outer"
+    share: Literal["", "x", "y", "xy"] = ""
+    legend: Legend = field(default_factory=Legend)
+    fastest: float | None = None
+
+    @property
+    def rows(self) -> int:
+        """Of panels."""
+        return -(-len(self.panels) // self.columns)
+
+
+LETTER = 0.072
+"""Width of a letter of a legend [inch]."""
+
+
+def legend_columns(labels: Sequence[str], width: float, handle: float) -> int:
+    """How many entries of a legend fit side by side, at most 6.
+
+    Args:
+        labels: of the entries, which fill column by column.
+        width: of the figure [inch].
+        handle: room that each entry takes beside its text [inch].
+    """
+    for rows in range(-(-len(labels) // 6), len(labels)):
+        columns = -(-len(labels) // rows)
+        filled = np.array_split([len(label) for label in labels], columns)
+        if LETTER * sum(int(letters.max()) for letters in filled) + handle * columns <= width:
+            return columns
+    return 1

@@ -1,0 +1,231 @@
+"""Frames in, a GIF or an MP4 out. A new format is a `Format` in `FORMATS`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.files import require_replaceable, unwritten
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Frame = npt.NDArray[np.uint8]
+"""An RGB image, (height, width, 3)."""
+FPS = 20.0
+"""Frames a second, where not said otherwise."""
+FRAMES, LEAST_FPS = 500, 10.0
+"""Frames beyond which a film has fewer a second, where not said otherwise, and how few as long as can be."""
+SLOWEST = 0.01
+"""Frames a second: a GIF cannot show one for much longer."""
+COLOURS = 255
+"""Of a GIF's palette: one more lets the frame before show through."""
+TICK = 100
+"""A GIF's units of time per second."""
+EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"
+"""What players of an MP4 can show has an even width and height."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of film.
+
+    Attributes:
+        write: takes frames, file, frames a second, an image with all colours and a comment; returns the
+            number of frames.
+        most: frames of a film.
+        fastest: frames a second.
+        needs: looks for what it needs; refuses a film where that is not there.
+    """
+
+    write: Callable[[Iterable[Frame], Path, float, Frame | None, str], int]
+    most: int
+    fastest: float = float("inf")
+    needs: Callable[[], object] = lambda: None
+
+
+def write_frames(
+    frames: Iterable[Frame],
+    file: str | Path,
+    fps: float,
+    *,
+    colours: Frame | None = None,
+    comment: str = "",
+) -> int:
+    """Write frames as a film, under a temporary name first: an interrupted one leaves nothing behind.
+
+    Args:
+        frames: at least one, taken one at a time; RGB images of one size, (height, width, 3) of uint8.
+        file: ends in .gif or .mp4.
+        fps: frames a second, of a GIF at most 50.
+        colours: an image with all colours of the film, from which a GIF's 255 are chosen; by default the
+            first frame.
+        comment: kept in the file.
+
+    Returns:
+        The number of frames.
+
+    Raises:
+        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4, a place
+            that cannot be written to.
+        Failure: ffmpeg could not write it, or there is no room left.
+    """
+    target = Path(file)
+    form = require_format(target, fps)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        place = tempfile.TemporaryDirectory(dir=target.parent, prefix=".oed-")
+    except OSError as error:
+        raise unwritten(f"{target.parent}: cannot write there", error) from None
+    with place as folder:
+        part = Path(folder) / target.name
+        try:
+            count = form.write(frames, part, fps, colours, comment)
+            os.replace(part, target)
+        except OSError as error:
+            raise unwritten(f"{target}: cannot be written", error) from None
+    return count
+
+
+def usual_rate(seconds: float, file: Path, fastest: float = FPS) -> float:
+    """Frames a second of a film that lasts so long [s], where not said otherwise."""
+    most = FORMATS[file.suffix.lower()].most
+    return min(fastest, max(FRAMES / seconds, LEAST_FPS), max(most / seconds, 1.0))
+
+
+def require_length(seconds: float, fps: float, file: Path) -> None:
+    """Refuse a film [s] of too many frames, before any is made.
+
+    Raises:
+        UserMistake: more than its format takes.
+    """
+    most, frames = FORMATS[file.suffix.lower()].most, seconds * fps
+    if frames > most + 0.5:
+        longer = ", or make an MP4" if frames <= FORMATS[".mp4"].most else ""
+        raise UserMistake(
+            f"speed: a film of {seconds:.3g} s has {frames:.3g} frames, expected at most {most}; take a "
+            f"higher speed, or fewer frames a second (fps){longer}"
+        )
+
+
+def require_format(file: Path, fps: float) -> Format:
+    """The format of a film; what cannot be written is refused before frames are made.
+
+    Raises:
+        UserMistake: another kind of file, a rate that the kind does not have, no ffmpeg for an MP4, a link, a
+            pipe or a device in its place.
+    """
+    form = FORMATS.get(file.suffix.lower())
+    if form is None:
+        raise UserMistake(f"{file}: expected a name that ends in {' or '.join(FORMATS)}")
+    if not 0 < fps < float("inf"):
+        raise UserMistake(f"fps: expected more than 0 frames a second, got {fps:g}")
+    if fps < SLOWEST:
+        raise UserMistake(f"fps: expected at least {SLOWEST} frames a second, got {fps:g}")
+    if fps > form.fastest:
+        raise UserMistake(f"fps: a GIF shows at most {form.fastest} frames a second, got {fps:g}")
+    form.needs()
+    require_replaceable(file)
+    return form
+
+
+def write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    """Write frames, by Pillow, as a GIF that repeats for ever; returns their number. See `write_frames`.
+
+    Frames that are alike become one that is shown for longer. Delays are rounded so that the film as a whole
+    keeps its time.
+    """
+    film = _Film(frames, fps, colours)
+    first = next(film)
+    # Pillow leaves out what stays the same from frame to frame, and finds the frames that are alike.
+    with file.open("wb") as out:
+        first.save(out, "GIF", save_all=True, append_images=film, loop=0, comment=comment, disposal=1)
+    return film.count
+
+
+class _Film(Iterator["Image"]):
+    """The frames in the film's colours, each with the time that it is shown, and how many there were."""
+
+    def __init__(self, frames: Iterable[Frame], fps: float, colours: Frame | None) -> None:
+        from PIL import Image
+
+        self._frames, self._fps, self.count = iter(frames), fps, 0
+        first = next(self._frames)
+        self._frames = chain([first], self._frames)
+        every = Image.fromarray(first if colours is None else colours)
+        self._palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
+
+    def __next__(self) -> Image:
+        from PIL import Image
+
+        frame = Image.fromarray(next(self._frames))
+        image = frame.quantize(palette=self._palette, dither=Image.Dither.NONE)
+        begin, end = (round(count / self._fps * TICK) for count in (self.count, self.count + 1))
+        image.info["duration"] = (end - begin) * 1000 // TICK
+        self.count += 1
+        return image
+
+
+def write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    """Write frames, by ffmpeg, as an MP4 that plays everywhere; returns their number. See `write_frames`."""
+    del colours
+    images = iter(frames)
+    first = next(images)
+    height, width = first.shape[:2]
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.12g}", "-i", "-"]
+    made = ["-vf", EVEN, "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-metadata", f"comment={comment}"]
+    command = [require_ffmpeg(), "-y", "-loglevel", "error", *raw, *made, str(file)]
+    count = 0
+    encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)  # noqa: S603 - no shell
+    assert encoder.stdin is not None
+    try:
+        # Where ffmpeg gives up, it says why at the end.
+        with suppress(BrokenPipeError):
+            for frame in chain([first], images):
+                encoder.stdin.write(frame.tobytes())
+                count += 1
+        _, said = encoder.communicate()
+    except BaseException:
+        encoder.kill()
+        encoder.communicate()
+        raise
+    if encoder.returncode or not file.is_file():
+        reason = said.decode(errors="replace").strip().splitlines()
+        raise Failure(f"ffmpeg could not write {file.name}: {reason[-1] if reason else 'it gave no reason'}")
+    return count
+
+
+def require_ffmpeg() -> str:
+    """Where ffmpeg is.
+
+    Raises:
+        UserMistake: nowhere.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise UserMistake(
+            "an MP4 needs the program ffmpeg, which is not on the PATH: install it (`apt install ffmpeg`, "
+            "`brew install ffmpeg`, or https://ffmpeg.org/download.html), or make a GIF"
+        )
+    return found
+
+
+FORMATS = {
+    ".gif": Format(write_gif, most=2_000, fastest=50),
+    ".mp4": Format(write_mp4, most=100_000, needs=lambda: require_ffmpeg()),
+}
+"""By the ending of a file. A GIF is held in memory: some hundred seconds, and viewers slow down delays below
+1/50 s; an MP4 may last more than an hour.
+"""

@@ -1,0 +1,229 @@
+"""How the searches went: how far from the best possible, whether starts agree, and how fast they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from oed.foundation.text import fixed, listing, significant, whole
+from oed.records.record import Record
+from oed.records.stored.certificate import StoredCertificate
+from oed.records.stored.result import Progress, Result
+from oed.report.figures import spread, time
+from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
+from oed.report.parts.prose import Prose
+from oed.report.parts.reading import solver_of
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table
+
+SAY = Prose("searches")
+SIX = significant(6)
+WITHIN = 1.0
+"""Shortfall from the best start up to which a start counts as having found it [%]."""
+NO_CHANGE = 0.0005
+"""Change of an objective [%] that counts as none."""
+TARGETS = (0.9, 0.99, 0.999)
+"""Shares of the best objective whose times are listed."""
+FLOOR = 1e-4
+"""Shortfall [%] below which a search counts as level with the best."""
+
+
+def certificate(record: Record) -> Section | None:
+    """The upper bound that is proved, the gap, and what it rests on; None without a certificate."""
+    found = record.certificate
+    if found is None:
+        return None
+    notices = (SAY("loose"),) if found.loose else ()
+    tables = (_bounds(found),) if len(found.caps) > 1 else ()
+    said = SAY.paragraphs("certificate", found)
+    return Section("How far from the best possible", notices=notices, paragraphs=said, tables=tables)
+
+
+def _bounds(found: StoredCertificate) -> Table:
+    columns = (Column("upper bound", "", SIX), Column("proved by"), Column("assumes"))
+    rows = tuple((one.upper_bound, one.method, "; ".join(one.assumptions)) for one in found.caps)
+    return Table(columns, rows, "All bounds found; the smallest counts")
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A search from many starts."""
+
+    aim: Aim
+    result: Result
+
+    @property
+    def found(self) -> list[float]:
+        """Objectives that starts reached, the best first."""
+        every = (one.objective for one in self.result.starts)
+        return sorted((value for value in every if value is not None), reverse=True)
+
+    @property
+    def failed(self) -> int:
+        """Starts without a design."""
+        return len(self.result.starts) - len(self.found)
+
+    @property
+    def shortfalls(self) -> list[float]:
+        """In percent of the best start: 0 for the best, negative below it."""
+        found = self.found
+        return [self.aim.change(value, found[0]) for value in found]
+
+    @property
+    def close(self) -> int:
+        """Starts that found the best one."""
+        return sum(shortfall >= -WITHIN for shortfall in self.shortfalls)
+
+    @property
+    def stages(self) -> Iterator[tuple[str, float | None, float | None]]:
+        """Name, objective and change [%] of every stage; None where there is none."""
+        before: float | None = None
+        for name, objective in self.result.stages.items():
+            change = None
+            if objective is not None and before:
+                change = self.aim.change(objective, before)
+            yield name, objective, 0.0 if change is not None and abs(change) < NO_CHANGE else change
+            before = objective
+
+    def row(self, apart: bool) -> tuple[Cell, ...]:
+        """Of the table of searches."""
+        found, starts = self.found, self.result.starts
+        iterations = [one.iterations for one in starts]
+        return (
+            self.result.name,
+            *((self.aim.label,) if apart else ()),
+            len(starts),
+            self.close,
+            *((found[-1], median(found), found[0]) if found else (None, None, None)),
+            median(iterations),
+            max(iterations),
+            self.result.wall_seconds,
+        )
+
+
+def starts(record: Record) -> Section | None:
+    """Spread of the starts, per search, as dots and as a table; the stages in words."""
+    searches = [_Search(aim_of(record, one), one) for one in record.results if one.starts]
+    if not searches:
+        return None
+    own = study_aim(record).label
+    apart = any(one.aim.label != own for one in searches)
+    sentences = [SAY("agreement", one, apart) for one in searches]
+    sentences += [
+        SAY("stages", one, solver_of(record, one.result), apart) for one in searches if one.result.stages
+    ]
+    return Section(
+        "Spread over the starts",
+        paragraphs=tuple(sentences),
+        figures=_spread(searches, apart),
+        tables=(_starts(searches, apart),),
+    )
+
+
+def _spread(searches: Sequence[_Search], apart: bool) -> tuple[Picture, ...]:
+    shown = [one for one in searches if len(one.found) > 1]
+    if not shown:
+        return ()
+    spreads = [
+        (f"{one.result.name}\nby {one.aim.label}" if apart else one.result.name, one.shortfalls, one.failed)
+        for one in shown
+    ]
+    shares = any(one.aim.share and not one.aim.criterion.proportional for one in searches)
+    alt = SAY("spread", [one.result.name for one in shown])
+    return (Picture("starts", alt, SAY("spread_caption", shares), spread.starts(spreads)),)
+
+
+def _starts(searches: Sequence[_Search], apart: bool) -> Table:
+    columns = (
+        Column("result"),
+        *((Column("searched for"),) if apart else ()),
+        Column("starts", "", whole),
+        Column("within 1 %", "", whole),
+        Column("worst objective", "", SIX),
+        Column("median objective", "", SIX),
+        Column("best objective", "", SIX),
+        Column("median iterations", "", whole),
+        Column("most iterations", "", whole),
+        Column("whole search", "s", fixed(1)),
+    )
+    return Table(columns, tuple(one.row(apart) for one in searches), SAY("starts", apart))
+
+
+def convergence(record: Record) -> Section | None:
+    """Best objective so far against time, and the time each search took to given targets.
+
+    Searches by different criteria apart, for their objectives do not compare.
+    """
+    searches = [one for one in record.results if _points(one)]
+    if not searches:
+        return None
+    groups = by_aim(record, searches)
+    apart = len(groups) > 1
+    lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
+    alt = f"Convergence of {listing([one.name for one in searches])} over time"
+    picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), time.convergence(lines, apart))
+    races = tuple(sentence for _, results in groups for sentence in _races(results))
+    return Section("Convergence", paragraphs=races, figures=(picture,), tables=(_times(groups),))
+
+
+def _points(result: Result) -> list[tuple[Progress, float]]:
+    # A design that leaves something undetermined has no finite number by most criteria.
+    return [(one, one.objective) for one in result.history if one.objective is not None]
+
+
+def _reached(result: Result) -> float:
+    return max(objective for _, objective in _points(result))
+
+
+def time_to(result: Result, objective: float) -> tuple[float, int] | None:
+    """Seconds and evaluations after which a search had reached `objective`; None if it never did."""
+    hits = ((one.seconds, one.evaluations) for one, value in _points(result) if value >= objective)
+    return next(hits, None)
+
+
+def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[time.Search]:
+    # (seconds, shortfall in percent), one point each time the objective rose, and at the end.
+    best = max(map(_reached, searches))
+    for one in searches:
+        points = [(at.seconds, max(FLOOR, -aim.change(value, best))) for at, value in _points(one)]
+        end = max(points[-1][0], one.wall_seconds)
+        yield f"{one.name}, by {aim.label}" if apart else one.name, [*points, (end, points[-1][1])]
+
+
+def _races(searches: Sequence[Result]) -> Iterator[str]:
+    # How long a search by gradients took to what another search ended with.
+    gradient = [one for one in searches if one.by_gradient]
+    for one in searches if gradient else ():
+        if one.by_gradient:
+            continue
+        target, own = _reached(one), time_to(one, _reached(one))
+        hits = [(other.name, hit[0]) for other in gradient if (hit := time_to(other, target)) is not None]
+        first = min(hits, key=lambda hit: hit[1], default=None)
+        yield SAY("race", one, target, None if own is None else own[0], first)
+
+
+def _times(groups: Sequence[tuple[Aim, Sequence[Result]]]) -> Table:
+    several = len(groups) > 1
+    columns = (
+        Column("result"),
+        *((Column("searched for"),) if several else ()),
+        Column("best objective", "", SIX),
+        *(Column(f"time to {100 * share:g} %", "s", significant(3)) for share in TARGETS),
+        Column("whole search", "s", significant(3)),
+        Column("evaluations", "", whole),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for aim, searches in groups:
+        best = max(map(_reached, searches))
+        for one in searches:
+            named = (one.name, *((aim.label,) if several else ()))
+            times = (_time_to_share(aim, one, best, share) for share in TARGETS)
+            rows.append((*named, _reached(one), *times, one.wall_seconds, one.history[-1].evaluations))
+    return Table(columns, tuple(rows), SAY("times", several))
+
+
+def _time_to_share(aim: Aim, result: Result, best: float, share: float) -> float | None:
+    near = 100.0 * (share - 1.0)
+    hits = (at.seconds for at, value in _points(result) if aim.change(value, best) >= near)
+    return next(hits, None)
