@@ -39,7 +39,7 @@ STREAM = 5
 
 @dataclass(frozen=True)
 class Validation(Renamed):
-    """Promised against simulated precision; all SI.
+    """Predicted against simulated precision; all SI.
 
     Attributes:
         estimator: what estimated, and predicted its covariance.
