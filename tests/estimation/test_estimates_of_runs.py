@@ -151,14 +151,14 @@ class TestNonlinear:
     def test_a_run_is_a_segment(self):
         drive, readings = drive_of(), np.arange(8.0).reshape(2, 4)
         layout = Layout.of_drive(drive, readings)
-        assert (layout.count, layout.periods, layout.quantities) == (2, 10, ())
+        assert (layout.count, layout.periods, layout.quantities) == (2, 20, ())
         np.testing.assert_array_equal(layout.readings[..., 0], readings)
         assert layout.valid.all()
-        np.testing.assert_array_equal(layout.inputs(np.zeros(0)).reshape(20, -1), drive.inputs)
+        np.testing.assert_array_equal(layout.inputs(np.zeros(0)).reshape(40, -1), drive.inputs)
         np.testing.assert_allclose(layout.steps, drive.period, rtol=1e-12)
 
     def test_a_fit_of_a_drive_is_one_of_its_segments(self):
-        estimator = Nonlinear(problem_of(SENSORS["several"]), drive_of())
+        estimator = Nonlinear(runs_problem(measurement=SENSORS["several"]), drive_of())
         fit = estimator._searching(estimator.predicted(), estimator._initial).fit()
         np.testing.assert_allclose(fit.inverse[:3, :3], estimator.covariance, rtol=1e-6)
         assert fit.information.shape[0] == fit.layout.count == 2
@@ -166,7 +166,7 @@ class TestNonlinear:
         np.testing.assert_array_equal(readings, estimator.predicted())
 
     def test_old_names_say_the_new_ones(self):
-        estimator = Nonlinear(problem_of(SENSORS["poses"]), drive_of())
+        estimator = Nonlinear(runs_problem(measurement=SENSORS["poses"]), drive_of())
         for old, new in {"promised": "covariance", "replicate": "simulate"}.items():
             with pytest.raises(AttributeError, match=f"it is now '{new}'"):
                 getattr(estimator, old)
