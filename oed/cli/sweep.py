@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, place, reported, saved, told
+from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved
 
 if TYPE_CHECKING:
     from oed.optimize import Progress
@@ -54,7 +54,7 @@ def _run(options: argparse.Namespace) -> int:
         print_sweep(found)
         if page is not None:
             tell(f"report: {page}")
-    told((), trouble or unwritten)
+    noted((), trouble or unwritten)
     if found.interrupted and trouble is None:
         say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
     any_drive = any(one.objective is not None for one in found.points)

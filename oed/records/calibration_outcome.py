@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation import Calibration, Compared, Comparison, HeldOut, Reckoning, correlations
+from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.records.stored.door import FORMAT
 from oed.records.stored.estimate import (
@@ -58,9 +58,9 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
             FoundNoise.of(noise, about=name, unit=_unit_of(name)) for name, noise in found.fit.noises.items()
         ],
         converged=found.fit.converged,
-        not_identifiable=found.untold,
+        not_identifiable=found.weak_directions,
         logs=_logs(found),
-        cross_validation=[_tested(found, one) for one in found.left_out],
+        cross_validation=[_tested(found, one) for one in found.cross_validation],
         test_set=None if found.held_out is None else _tested(found, found.held_out),
         comparison=None if found.comparison is None else _comparison(found.comparison),
         paths=_paths(found),
@@ -159,7 +159,7 @@ def _tested(found: Calibration, one: HeldOut) -> UnseenLogs:
     )
 
 
-def mean_errors(each: Sequence[Reckoning]) -> Reckoned:
+def mean_errors(each: Sequence[DeadReckoning]) -> Reckoned:
     """The mean of every error over logs, None where a log has none."""
     found: dict[str, float | None] = {}
     for name in Reckoned.model_fields:
@@ -201,7 +201,7 @@ def _fitted_parameters(one: Compared) -> list[FittedParameter]:
 def _paths(found: Calibration) -> list[ReckonedPath]:
     # Of logs the estimate did not know first; of its own where there is nothing else.
     parts = [(one, "held out") for one in ([found.held_out] if found.held_out else [])]
-    parts += [(one, "left out") for one in found.left_out]
+    parts += [(one, "left out") for one in found.cross_validation]
     parts += [(one, "fitted") for one in ([found.own] if found.own else [])]
     each = [
         (name, role, before, after)
@@ -211,7 +211,7 @@ def _paths(found: Calibration) -> list[ReckonedPath]:
     return [_path(*one) for one in each[:PATHS]]
 
 
-def _path(name: str, role: str, before: Reckoning, after: Reckoning) -> ReckonedPath:
+def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> ReckonedPath:
     # Thinned, but for the ends of stretches, which keep lines apart.
     every = max(1, -(-len(before.times) // POINTS))
     rows = (np.arange(len(before.times)) % every == 0) | np.isnan(before.times)

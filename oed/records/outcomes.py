@@ -102,7 +102,7 @@ def validation_of(name: str, validation: Validation) -> Simulated:
     return Simulated.of(
         validation,
         name=name,
-        promised_covariance=validation.promised,
+        promised_covariance=validation.predicted,
         sampled_covariance=validation.sampled,
         paired_variance_ratio=validation.paired_ratio,
         paired_standard_error=validation.paired_error,

@@ -10,7 +10,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
 from oed.records.recorded_prior import prior_of
 from oed.records.stored.echo import in_record
-from oed.study.own_code import robots_of_code
+from oed.study.own_code import named_code
 from oed.study.study import PriorRecord, Study, StudyFile, read_study
 from oed.study.yaml_source import plain_source
 
@@ -47,9 +47,9 @@ def _refuse_code(file: StudyFile, place: Path) -> None:
             0,
             0,
             key,
-            f"{robot.object} is code, of {robot.module_file}, and would be run; read it, and {TRUST}",
+            f"{part.object} is code, of {part.module_file}, and would be run; read it, and {TRUST}",
         )
-        for key, robot in robots_of_code(file)
+        for key, part in named_code(file)
     ]
     if flaws:
         raise RecordError(flaws)

@@ -1,4 +1,4 @@
-"""Simulated experiments with a study's drives: do estimates scatter as promised, and what does slip do?"""
+"""Simulated experiments with a study's drives: do estimates scatter as predicted, and what does slip do?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,15 @@ from oed.study.study import Study, ValidationOptions
 def simulated(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> StoredValidation | None:
-    """A record's `validation`; None for a study that does not ask for one."""
+    """A record's `validation`; None for a study that does not ask for one.
+
+    Args:
+        study: with the key `validation`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     options = study.file.validation
     return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
 
@@ -35,6 +43,12 @@ def validation_options(
     heading: str | None = None,
 ) -> ValidationOptions:
     """The simulation that a record's study asks for (or the default one), with what is given instead.
+
+    Args:
+        saved: the record.
+        replicates: simulated experiments.
+        estimators: their names.
+        heading: which headings the estimators use.
 
     Raises:
         UserMistake: fewer than 100 replicates.
@@ -65,7 +79,7 @@ def validated(
         options: of the simulation.
         seed: of the noise; None for the record's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
+        progress: informed how far the work is.
         trust: whether Python code that the record names may be run.
 
     Raises:
@@ -111,7 +125,7 @@ def _simulated(
                     progress=progress,
                 )
             except ProblemError:
-                # A drive that tells too little without the prior, or without what the criterion leaves out.
+                # Without the prior, or what the criterion ignores, a drive may make too little identifiable.
                 continue
             entries.append(validation_of(solution.name, result))
     return StoredValidation.of(options, seed=seed, results=entries)
@@ -120,7 +134,15 @@ def _simulated(
 def driven_in_physics(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> StoredTrial | None:
-    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
+    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none.
+
+    Args:
+        study: with the key `physics`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None

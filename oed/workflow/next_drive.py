@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from oed.foundation.component import OneOf
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
@@ -21,6 +22,7 @@ from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import TRUST, recorded_study
 from oed.records.stored.estimate import Estimated
+from oed.robots.models import MODELS
 from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
@@ -111,7 +113,7 @@ def next_drive(
     progress: Progress | None = None,
     trust: bool = False,
 ) -> NextDrive:
-    """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
+    """Estimate from logs; then design the drive that adds most information, or say that it is enough.
 
     Args:
         saved: record of the design that was driven. Where its study has a prior, that counts: logs that made
@@ -124,7 +126,7 @@ def next_drive(
         out: folder for the next study, its record and designs, and the estimate; nothing is written without.
         seed: of every random draw, instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
+        progress: informed how far the work is.
         trust: whether Python code that the record names may be run, and other files that it names be read.
 
     Raises:
@@ -242,7 +244,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
     robot = robot_of(study.problem.model).with_values(values)
-    data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
+    data["robot"] = OneOf(MODELS).as_data(robot)
     data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
@@ -253,7 +255,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
 
 
 def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:
-    # What the logs told is uncertain no longer as the study said, but as the prior now says.
+    # What the logs made known is uncertain no longer as the study said, but as the prior now says.
     said = study.problem.uncertainty
     data.pop("uncertainty", None)
     left = said.without(values, study.problem.model) if isinstance(said, Uncertainty) else None
@@ -281,18 +283,18 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     """Standard errors after the best drive, what is known now included.
 
     The design takes noise for white. Where error bars are wider than F^-1 makes them, the next drive will
-    tell as much less as these logs did.
+    have as much less information as these logs had.
     """
     best = record.best
     if best is None or not best.covariances:
         return {}
     names, known = list(found.values), np.array(found.covariance, dtype=float)
-    told = np.zeros_like(known)
+    gained = np.zeros_like(known)
     for one in best.covariances:
         places = [names.index(name) for name in one.parameters]
         own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
-        told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
-    after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
+        gained[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
+    after = np.linalg.inv(np.linalg.inv(known) + gained / _excess(found))
     return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
 
 

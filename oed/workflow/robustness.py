@@ -14,11 +14,11 @@ from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import Progress, Workers, solve
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
-PLAIN = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
+PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -31,6 +31,12 @@ def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress
     """What the study's first search finds without tightened limits, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.
+
+    Args:
+        study: a robust one.
+        seed: of every random draw.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far the work is.
     """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust) or not robust.compare or not study.solvers:
@@ -47,19 +53,26 @@ def _scored(problem: Problem, solution: Solution) -> Any:
 
 
 def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
-    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: to be verified.
+        seed: of every random draw.
+        progress: informed how far the work is.
+    """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust):
         return list(solutions)
     progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
-    told = []
+    scored = []
     for solution in solutions:
         if solution.trajectory is not None and solution.leaving is None:
-            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=seed)
             solution = replace(solution, leaving=found)
-        told.append(solution)
+        scored.append(solution)
         progress.advance()
-    return told
+    return scored
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
@@ -79,7 +92,13 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
 
 
 def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> StoredRobustness | None:
-    """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
+    """A record's `robustness`, of solutions that were tried; None for a study that is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: with their violation probabilities.
+        seed: of the paths that are shown.
+    """
     problem, robust = study.problem, study.problem.robust
     spread = spread_of(problem.uncertain_system)
     if not isinstance(robust, Robust) or spread is None:

@@ -39,7 +39,7 @@ from oed.workflow.studies import own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
-ON_THE_SPOT = 0.01
+IN_PLACE = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
@@ -64,8 +64,8 @@ def run(
             take the place of any: it is kept beside. The record says where it is.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
-        search_only: leave out all but the searches.
+        progress: informed how far the work is.
+        search_only: do nothing but the searches.
 
     Raises:
         UserMistake: `out` cannot be written to, or another process is writing there.
@@ -98,7 +98,7 @@ class _Run:
     interrupted: bool = False
 
     def everything(self) -> None:
-        """All that the study asks for; an interrupt leaves what is done."""
+        """All that the study asks for; an interrupt keeps what is done."""
         if self.study.file.physics is not None:
             require_ready(self.study.problem, self.study.file.physics)
         self.search()
@@ -164,10 +164,10 @@ def search(
     found: Callable[[Sequence[Solution]], None] | None = None,
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
-    ended them early, with what had been found by then. `found` is told all solutions after each search.
+    ended them early, with what had been found by then. `found` gets all solutions after each search.
 
     Raises:
-        StudyError: parameters that no drive tells apart.
+        StudyError: parameters that no drive makes identifiable.
     """
     study.require_identifiable()
     done: dict[str, Solution] = {}
@@ -258,7 +258,13 @@ def record(
 
 
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
-    """The files of a record and of its solutions' trajectories, by name; the most important first."""
+    """The files of a record and of its solutions' trajectories, by name; the most important first.
+
+    Args:
+        study: of the solutions.
+        solutions: whose trajectories are saved.
+        made: the record.
+    """
     drives = {
         _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.states)
         for one in solutions
@@ -306,7 +312,13 @@ def _file(solution: Solution) -> str:
 def certified(
     study: Study, certificate: Certificate, solutions: Sequence[Solution]
 ) -> StoredCertificate | None:
-    """A certificate with its gap to the best feasible of these solutions."""
+    """A certificate with its gap to the best feasible of these solutions.
+
+    Args:
+        study: that was bounded.
+        certificate: of its problem.
+        solutions: the drives known.
+    """
     samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [
@@ -344,13 +356,13 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
 def _baselines(
     study: Study, paths: dict[str, Trajectory], best: Solution | None, seed: int, progress: Progress
 ) -> list[Solution]:
-    # Every everyday path as large as it can be, and again with the best design's length, as in the paper.
+    # Every baseline as large as it can be, and again with the best design's length, as in the paper.
     asked = study.file.baselines
     if not asked:
         return []
-    progress.begin("score everyday paths", len(asked))
+    progress.begin("score baselines", len(asked))
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
-    if length is not None and length < ON_THE_SPOT:
+    if length is not None and length < IN_PLACE:
         length = None
     found: list[Solution] = []
     for path in asked:

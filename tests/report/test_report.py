@@ -85,16 +85,19 @@ def test_every_record_gets_a_whole_report(kind: str, tmp_path: Path) -> None:
     path = write_report(record, tmp_path)
     assert path == tmp_path / "report.html"
 
-    page = Page(path.read_text(encoding="utf-8"))
+    html = path.read_text(encoding="utf-8")
+    page = Page(html)
     assert page.open == []
     assert len(page.ids) == len(set(page.ids))
     assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
     assert not {"link", "img", "iframe", "image"} & set(page.tags)
-    assert "@import" not in path.read_text(encoding="utf-8")
+    assert "@import" not in html
 
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    if kind in ("sensors", "absolute"):
-        assert not re.search(r"\b(nan|None|inf|undefined|WHEN)\b", text.partition("## Provenance")[0])
+    if kind in ("sensors", "absolute") or kind.startswith("by_"):
+        for said in (text.partition("## Provenance")[0], html.partition("Provenance</h2>")[0]):
+            assert not re.search(r"\b(nan|None|inf|undefined|WHEN)\b", said)
+            assert all(part.title.split("'")[0] in said for part in sections_of(record)[:-1])
     files = {file.relative_to(tmp_path).as_posix() for file in (tmp_path / "figures").glob("*")}
     assert set(re.findall(r"!\[[^\n]*\]\(([^)]*)\)", text)) == files
     assert page.tags.count("svg") == len(files)

@@ -13,7 +13,7 @@ from oed.kernel.evaluation import evaluate
 from oed.logs import Log
 from oed.records.record import Record, drive_of
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.workflow.driven import driven_parts, score_logs, score_path
 from oed.workflow.runner import run
 from oed.workflow.studies import parse_study
@@ -97,7 +97,7 @@ def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     data = score_path(robust, saved / "square.csv", saved).data
     (found,) = data["robustness"]["results"]
     trajectory = drive_of(record.result("square"))
-    expected = leaving(robust.problem, trajectory, draws=400, seed=robust.seed)
+    expected = violation_probability(robust.problem, trajectory, draws=400, seed=robust.seed)
     assert (found["probability"], found["by_limit"]) == (expected.probability, expected.by_limit)
     assert 0 < found["probability"] < 1
     assert expected.sentence in data["message"]

@@ -17,7 +17,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.record import Record, drive_of, load_record
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.driven import score_logs
 from oed.workflow.next_drive import next_drive
@@ -65,7 +65,9 @@ class TestRecord:
         study, record, _ = ran
         for result in record.results:
             found = entry(record, result.name)
-            own = leaving(study.problem, drive_of(result), draws=found["draws"], seed=found["seed"])
+            own = violation_probability(
+                study.problem, drive_of(result), draws=found["draws"], seed=found["seed"]
+            )
             assert found["probability"] == own.probability
             assert found["interval"] == list(own.interval)
             assert found["by_limit"] == own.by_limit

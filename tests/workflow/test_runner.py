@@ -250,7 +250,7 @@ class TestInterrupted:
         assert [entry.name for entry in record.results] == ["ipopt"]
         assert record.best is None
 
-    @pytest.mark.parametrize("stage", ["score everyday paths", "simulate experiments"])
+    @pytest.mark.parametrize("stage", ["score baselines", "simulate experiments"])
     def test_after_the_searches(self, tmp_path: Path, stage: str):
         listener = Listener(stage, 0, interrupt)
         with contextlib.suppress(KeyboardInterrupt):

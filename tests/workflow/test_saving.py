@@ -80,7 +80,7 @@ class TestAgain:
         }
         assert load_record(finished).data == json.loads(record.to_json())
 
-    @pytest.mark.parametrize("stage", ["genetic", "score everyday paths"])
+    @pytest.mark.parametrize("stage", ["genetic", "score baselines"])
     def test_an_interrupted_one_leaves_it_bit_for_bit(self, study: Study, finished: Path, stage: str):
         before = contents(finished)
         record = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.foundation.errors import FileFlaw, RecordError
-from oed.foundation.files import read_text
+from oed.foundation.files import text_of
 from oed.records.stored.parts import Stored
 from oed.study.study_errors import sentence
 
@@ -42,7 +42,7 @@ def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") 
     expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
     data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected)
     if data.get("format") != FORMAT or needed not in data:
-        raise _flaw(path, expected)
+        raise RecordError.about(path, expected)
     return data
 
 
@@ -58,23 +58,18 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
         RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
     """
     try:
-        data = json.loads(read_text(path), parse_constant=_refuse, parse_int=_whole)
-    except FileNotFoundError:
-        raise _flaw(path, absent) from None
+        text = text_of(path, RecordError, absent=absent)
+        data = json.loads(text, parse_constant=_refuse, parse_int=_whole)
     except json.JSONDecodeError as error:
         raise RecordError(
             [FileFlaw(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
         ) from None
-    except OSError as error:
-        raise _flaw(path, f"cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise _flaw(path, "cannot be read: not UTF-8 text") from None
     except RecursionError:
-        raise _flaw(path, "cannot be read: nested too deeply") from None
+        raise RecordError.about(path, "cannot be read: nested too deeply") from None
     except ValueError as error:
-        raise _flaw(path, f"cannot be read: {str(error).partition(';')[0]}") from None
+        raise RecordError.about(path, f"cannot be read: {str(error).partition(';')[0]}") from None
     if not isinstance(data, dict):
-        raise _flaw(path, expected)
+        raise RecordError.about(path, expected)
     return data
 
 
@@ -88,10 +83,6 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _flaw(path: Path, text: str) -> RecordError:
-    return RecordError([FileFlaw(str(path), 0, 0, "", text)])
-
-
 def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     """Data as what it is to be.
 
@@ -103,7 +94,7 @@ def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     except ValidationError as error:
         raise RecordError(_flaws(error.errors(include_url=False), path)) from None
     except RecursionError:
-        raise _flaw(path, "cannot be read: nested too deeply") from None
+        raise RecordError.about(path, "cannot be read: nested too deeply") from None
 
 
 def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:

@@ -84,7 +84,7 @@ def swept(
             of an earlier sweep stay as they are until all of the new ones are there.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far it is.
+        progress: informed how far it is.
 
     Raises:
         UserMistake, StudyError: anything wrong with any of the combinations; then nothing is run.
@@ -149,7 +149,7 @@ class _Sweep:
         self.kept = sorted(self.records)
 
     def run(self, workers: Workers, progress: Progress) -> None:
-        """Run what is not there yet; an interrupt leaves what is done."""
+        """Run what is not there yet; an interrupt keeps what is done."""
         left = [index for index in range(len(self.points)) if index not in self.records]
         if not left:
             return
@@ -298,7 +298,7 @@ class _Sweep:
 
 
 def _best(rows: Sequence[SweptPoint]) -> str | None:
-    # Folder of the first of those that only rounding tells apart.
+    # Folder of the first of those that differ by rounding only.
     known = {row.folder: row.objective for row in rows if row.objective is not None}
     largest = max(known.values(), default=0.0)
     close = largest - ROUNDING * abs(largest)

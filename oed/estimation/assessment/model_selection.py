@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.assessment.comparison import Compared, Comparison, scored
 from oed.estimation.assessment.covariance import Covariance
-from oed.estimation.assessment.left_out import leave_out
+from oed.estimation.assessment.cross_validation import cross_validated
 from oed.estimation.assessment.likelihood import Readings, inflation
-from oed.estimation.assessment.untold import left_open
+from oed.estimation.assessment.model_scores import Compared, Comparison, scored
+from oed.estimation.assessment.weak_directions import not_identified
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import LOOSE, Fitting
-from oed.estimation.preprocessing.ready import ReadyLogs
+from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.alternatives import Alternative
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileError, ProblemError
@@ -29,24 +29,24 @@ from oed.robots.models.model import Model
 Array = npt.NDArray[np.float64]
 
 UNKNOWN = math.sqrt(0.5) * LOOSE
-"""Relative standard error from which on the logs tell less of parameters than was taken for known before."""
+"""Relative standard error from which on logs are less informative about parameters than their loose prior."""
 
 
 @dataclass(frozen=True)
-class Contest:
+class ModelSelection:
     """How models are compared.
 
     Attributes:
         own: how the study's own robot is fitted.
-        ready: the logs.
+        prepared: the logs.
         covariance: of a fit, as the study asks.
-        told: hears what is being done.
+        announce: hears what is being done.
     """
 
     own: Fitting
-    ready: ReadyLogs
+    prepared: PreparedLogs
     covariance: Callable[[Fit], Covariance]
-    told: Callable[[str], None]
+    announce: Callable[[str], None]
 
     def compared(self, fit: Fit) -> Comparison:
         """The study's robot, whose fit is given, beside its options' other models."""
@@ -57,14 +57,14 @@ class Contest:
         first = self._fitted(first, alike, robot) if known else replace(first, fit=fit)
         models = [first]
         for one in alike.options.models:
-            self.told(f"model {one.label}")
+            self.announce(f"model {one.label}")
             robot = one.fitted_robot.system(alike.robot.integration)
             fitting = replace(alike, robot=robot, parameters=one.parameters)
             models.append(self._fitted(_entry(one), fitting, one.robot))
         return self._scored(models, fit, alike)
 
     def _fitted(self, entry: Compared, fitting: Fitting, robot: Model) -> Compared:
-        strangers = [name for name in self.ready.logs[0].quantities if name not in robot.states]
+        strangers = [name for name in self.prepared.logs[0].quantities if name not in robot.states]
         if strangers:
             return replace(entry, reason=f"the logs hold {', '.join(strangers)}, which it has not")
         try:
@@ -77,14 +77,14 @@ class Contest:
             return replace(entry, reason="the search failed; are its nominal values near enough?")
         return replace(entry, fit=fit)
 
-    def _logs(self, robot: Model) -> ReadyLogs:
+    def _logs(self, robot: Model) -> PreparedLogs:
         # With the inputs that it takes, in its order.
         names = self.own.robot.input_names
         chosen = [names.index(name) for name in robot.input_names]
         if chosen == list(range(len(names))):
-            return self.ready
-        logs = tuple(replace(log, integrals=log.integrals[:, chosen]) for log in self.ready.logs)
-        return replace(self.ready, logs=logs)
+            return self.prepared
+        logs = tuple(replace(log, integrals=log.integrals[:, chosen]) for log in self.prepared.logs)
+        return replace(self.prepared, logs=logs)
 
     def _scored(self, models: Sequence[Compared], fit: Fit, alike: Fitting) -> Comparison:
         block = None if alike.options.block == "auto" else float(alike.options.block)
@@ -108,7 +108,7 @@ class Contest:
         if options.loss == "linear":
             found = replace(found, likelihood=readings.likelihood(fit, options))
         if {"x", "y"} <= set(fit.layout.quantities):
-            found = replace(found, left_out=leave_out(fit))
+            found = replace(found, cross_validation=cross_validated(fit))
         return found
 
 
@@ -132,5 +132,5 @@ def _why_not(fit: Fit) -> str:
     # Why a fit cannot be compared.
     if not np.all(np.isfinite(fit.values)) or not np.all(np.isfinite(fit.residuals[fit.layout.valid])):
         return "the search failed; are its nominal values near enough?"
-    hidden = [what for what, _ in left_open(fit, fit.inverse, UNKNOWN)]
+    hidden = [what for what, _ in not_identified(fit, fit.inverse, UNKNOWN)]
     return f"{'; '.join(hidden)}: leave parameters out of its `estimate`" if hidden else ""

@@ -1,4 +1,4 @@
-"""Logs made ready for a fit: alike, in motion, on one clock, and what is plainly wrong refused."""
+"""Logs preprocessed for a fit: alike, in motion, on one clock, and what is plainly wrong refused."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from oed.estimation.prediction.layout import stretches
 from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.motion import Moves
-from oed.estimation.preprocessing.suspicion import (
+from oed.estimation.preprocessing.moves import Moves
+from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
     frozen,
     poorly_explained,
     stands_still,
-    suspicion,
+    wiring_fault,
 )
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs.log import Log
@@ -40,7 +40,7 @@ FROZEN = (
 
 
 @dataclass(frozen=True)
-class ReadyLogs:
+class PreparedLogs:
     """Logs that fit the robot.
 
     Attributes:
@@ -64,7 +64,7 @@ class ReadyLogs:
         return [float(self.offsets[self.files.index(log.file)]) for log in self.logs]
 
 
-def ready(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> ReadyLogs:
+def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> PreparedLogs:
     """Check that logs fit a robot, and compare the clocks of its wheels and poses.
 
     Args:
@@ -95,7 +95,7 @@ def ready(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> ReadyLo
         log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
         for log in logs
     )
-    return ReadyLogs(found, offsets, moves.mounting(offsets))
+    return PreparedLogs(found, offsets, moves.mounting(offsets))
 
 
 def _what_is_wrong(moves: Moves, offsets: Array, left: float | None) -> tuple[str, str]:
@@ -106,7 +106,7 @@ def _what_is_wrong(moves: Moves, offsets: Array, left: float | None) -> tuple[st
     still = frozen(moves, offsets)
     if still is not None:
         return still, FROZEN
-    wrong = suspicion(moves, offsets)
+    wrong = wiring_fault(moves, offsets)
     if wrong is None and left is not None and _hopeless(moves, offsets, left):
         wrong = (
             f"the wheels explain next to nothing of the measured motion (measured distances are "

@@ -1,4 +1,4 @@
-"""What the other logs say of a log: estimates without it, and how well they reckon it."""
+"""Cross-validation: what the other logs say of a log, and how well dead reckoning by them predicts it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.assessment.reckoning import Reckoning, reckoned
+from oed.estimation.assessment.dead_reckoning import DeadReckoning, dead_reckoned
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.logs.log import Log
@@ -32,20 +32,20 @@ class HeldOut:
 
     names: tuple[str, ...]
     values: Array
-    before: tuple[Reckoning, ...]
-    after: tuple[Reckoning, ...]
+    before: tuple[DeadReckoning, ...]
+    after: tuple[DeadReckoning, ...]
 
 
-def leave_out(fit: Fit) -> tuple[HeldOut, ...]:
+def cross_validated(fit: Fit) -> tuple[HeldOut, ...]:
     """Each log (or part of many logs) against the estimate from all others; () for a single log."""
     count = len(fit.layout.logs)
     if count < 2:
         return ()
     folds = np.array_split(np.arange(count), min(count, FOLDS))
-    return tuple(_left_out(fit, fold) for fold in folds)
+    return tuple(_fold(fit, fold) for fold in folds)
 
 
-def _left_out(fit: Fit, fold: npt.NDArray[np.int64]) -> HeldOut:
+def _fold(fit: Fit, fold: npt.NDArray[np.int64]) -> HeldOut:
     values = values_without(fit, fold)
     parameters, place, _ = fit.unknowns.parts(values)
     logs = [fit.layout.logs[index] for index in fold]
@@ -81,7 +81,9 @@ def held_out(
     """
     nominal = np.array(robot.nominal, dtype=float)
     before, after = (
-        tuple(reckoned(robot, log, values, place, clock) for log, clock in zip(logs, clocks, strict=True))
+        tuple(
+            dead_reckoned(robot, log, values, place, clock) for log, clock in zip(logs, clocks, strict=True)
+        )
         for values in (nominal, parameters)
     )
     return HeldOut(tuple(log.name for log in logs), parameters, before, after)

@@ -46,16 +46,16 @@ class Moves:
         return cls(robot, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
 
     def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move as the wheels tell it, as far as it can be compared with the measured one.
+        """Each move by the wheels, as far as it can be compared with the measured one.
 
         Args:
             offsets: of the clocks, (clocks,) [s].
             inputs: instead of the logged ones, (S, n, inputs).
         """
-        return self._told(self.rolled(offsets, inputs))
+        return self._comparable(self.rolled(offsets, inputs))
 
     def rolled(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move as the wheels tell it: forward and to the left [m], turn [rad].
+        """Each move by the wheels: forward and to the left [m], turn [rad].
 
         Args:
             offsets: of the clocks, (clocks,) [s].
@@ -71,7 +71,7 @@ class Moves:
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
     def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:
-        """Each move as the poses tell it, with headings read with another `sign` or in another `unit`."""
+        """Each move by the poses, with headings read with another `sign` or in another `unit`."""
         x, y, turn = (self.changes(name) for name in ("x", "y", "heading"))
         heading, found = self.headings(), {}
         if turn is not None:
@@ -99,7 +99,7 @@ class Moves:
         return np.asarray(own[np.arange(layout.count), layout.valid.sum(axis=1) - 1] - own[:, 0])
 
     def mounting(self, offsets: Array) -> float:
-        """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not tell.
+        """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not show it.
 
         Args:
             offsets: of the clocks, (clocks,) [s].
@@ -113,14 +113,14 @@ class Moves:
         return -float(np.angle(np.vdot(own, rest))) if _any(own) else 0.0
 
     def lengthening(self, offsets: Array) -> float:
-        """Measured distances over those that the wheels tell; not a number where these are 0."""
+        """Measured distances over those by the wheels; not a number where these are 0."""
         distances = []
         for moves in (self.measured(), self.predicted(offsets)):
             own = moves.get("distance", np.hypot(moves.get("forward", 0.0), moves.get("left", 0.0)))
             distances.append(float(np.sum(own)))
         return distances[0] / distances[1] if distances[1] > 0 else np.nan
 
-    def _told(self, moves: dict[str, Array]) -> dict[str, Array]:
+    def _comparable(self, moves: dict[str, Array]) -> dict[str, Array]:
         # What the poses can be compared with.
         quantities = self.layout.quantities
         if "heading" in quantities:

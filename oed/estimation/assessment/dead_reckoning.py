@@ -21,8 +21,8 @@ PIECE = 1.0
 
 
 @dataclass(frozen=True)
-class Reckoning:
-    """Dead reckoning of one log against its reference; SI. What the log does not tell is None.
+class DeadReckoning:
+    """Dead reckoning of one log against its reference; SI. What the log does not hold is None.
 
     Attributes:
         length: of the reference path [m].
@@ -54,7 +54,7 @@ class Reckoning:
 
 @dataclass(frozen=True)
 class _Stretch:
-    # Measured and reckoned x + j y, headings, of one stretch without gaps.
+    # Measured and dead reckoned x + j y, headings, of one stretch without gaps.
     times: Array
     truth: npt.NDArray[np.complex128]
     guess: npt.NDArray[np.complex128]
@@ -66,7 +66,7 @@ class _Stretch:
         return float(np.abs(np.diff(self.truth)).sum())
 
 
-def reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> Reckoning:
+def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> DeadReckoning:
     """Dead reckoning of a log, started on its first pose.
 
     Args:
@@ -83,7 +83,7 @@ def reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: fl
     # A stretch of a few centimetres shows noise, not drift.
     pieces = [_pieces(one) for one in stretches if one.length >= PIECE] or [_pieces(one) for one in stretches]
     gap = np.full((1, 2), np.nan)
-    return Reckoning(
+    return DeadReckoning(
         length=sum(one.length for one in stretches),
         rmse_position=_rms(off),
         rmse_aligned=_rms([np.abs(_aligned(one.guess, one.truth) - one.truth) for one in stretches]),

@@ -66,7 +66,7 @@ def spread(fit: Fit) -> dict[str, float]:
     for group in groups(quantities):
         own = places_of(group, quantities)
         squares = (fit.residuals[valid][:, own] ** 2).sum()
-        size = float(np.sqrt(squares / max(fit.freedom[valid][:, own].sum(), 1e-12)))
+        size = float(np.sqrt(squares / max(fit.redundancy[valid][:, own].sum(), 1e-12)))
         # Rounding of exact readings is no drift.
         found[group] = max(size, LEAST)
     return found

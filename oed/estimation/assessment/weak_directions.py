@@ -1,4 +1,4 @@
-"""What logs do not tell: parameters and combinations that stay as open as before."""
+"""Weak directions: parameters, and combinations of them, that are not identifiable from logs."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from oed.estimation.methods.fit import Fit
 Array = npt.NDArray[np.float64]
 
 OPEN = 0.5
-"""Relative standard error from which on a combination counts as not told."""
+"""Relative standard error from which on a combination counts as not identifiable."""
 PART = 0.1
 """Share of the largest from which on an unknown is part of a combination."""
 TIED = 0.995
-"""Correlation from which on two estimates are told only together."""
+"""Correlation from which on two estimates are identifiable only together."""
 
 
-def untold(fit: Fit, covariance: Array) -> tuple[str, ...]:
-    """Sentences on what the logs do not tell; () where they tell everything.
+def weak_directions(fit: Fit, covariance: Array) -> tuple[str, ...]:
+    """Sentences on what is not identifiable from the logs; () where everything is.
 
     Args:
         fit: of all logs.
         covariance: of all unknowns, (q, q), SI.
     """
-    found = tuple(f"{what}: {remedy}" for what, remedy in left_open(fit, covariance))
+    found = tuple(f"{what}: {remedy}" for what, remedy in not_identified(fit, covariance))
     return found or _tied(fit.unknowns.parameters, _relative(fit, covariance))
 
 
-def left_open(fit: Fit, covariance: Array, beyond: float = OPEN) -> tuple[tuple[str, str], ...]:
+def not_identified(fit: Fit, covariance: Array, beyond: float = OPEN) -> tuple[tuple[str, str], ...]:
     """Combinations of parameters whose relative standard errors are larger than `beyond`, in words, and what
     helps, in words.
 
@@ -54,19 +54,19 @@ def _relative(fit: Fit, covariance: Array) -> Array:
 
 def _sentence(names: list[str], shares: Array) -> tuple[str, str]:
     if len(names) == 1:
-        return f"the logs do not tell {names[0]}", "fix it (leave it out of `estimate`) or give a `prior`"
+        return f"the logs do not identify {names[0]}", "fix it (leave it out of `estimate`) or give a `prior`"
     shares = shares / np.abs(shares).max()
     changes = ", ".join(f"{name} {10 * share:+.2g} %" for name, share in zip(names, shares, strict=True))
     listed = f"{', '.join(names[:-1])} and {names[-1]}"
-    what = f"the logs do not tell {listed} apart (changing {changes} together hardly shows)"
-    return what, "fix one of them, give a `prior`, or drive what tells them apart (`oed next`)"
+    what = f"the logs do not identify {listed} separately (changing {changes} together hardly shows)"
+    return what, "fix one of them, give a `prior`, or drive what separates them (`oed next`)"
 
 
 def _tied(names: tuple[str, ...], relative: Array) -> tuple[str, ...]:
     sizes = np.sqrt(np.diag(relative))
     ties = relative / np.outer(sizes, sizes)
     return tuple(
-        f"{names[first]} and {names[second]} are told only together (correlation "
+        f"{names[first]} and {names[second]} are identifiable only together (correlation "
         f"{ties[first, second]:+.3f}): each alone is less sure than their combination"
         for first in range(len(names))
         for second in range(first + 1, len(names))

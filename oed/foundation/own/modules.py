@@ -39,6 +39,13 @@ def own_module(folder: Path, name: str) -> ModuleType | None:
     return importlib.import_module(f"{_package_of(place)}.{name}")
 
 
+def folder_of(name: str) -> tuple[str, Path | None]:
+    """A loaded module's name as its own folder has it, and that folder; None for one of Python's own path."""
+    package, _, own = name.partition(".")
+    known = _packages.get(package)
+    return (name, None) if known is None else (own, known.folder)
+
+
 @dataclass(frozen=True)
 class _Package:
     # A folder as a package, and what stood in its files as they were read.
@@ -51,7 +58,7 @@ class _Package:
 
 
 _packages: dict[str, _Package] = {}
-"""By their names; the newest of a folder last."""
+"""Packages by their names; the newest of a folder last."""
 
 
 def _package_of(folder: Path) -> str:
@@ -99,7 +106,7 @@ _FINDER = _Finder()
 
 
 class _Loader(SourceFileLoader):
-    """Compiles what stands in the file: compiled files tell a change by the second and the size only."""
+    """Compiles what stands in the file: compiled files show a change by the second and the size only."""
 
     def get_code(self, fullname: str) -> CodeType:
         file = self.get_filename(fullname)

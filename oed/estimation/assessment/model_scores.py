@@ -1,4 +1,4 @@
-"""Models compared: what is told of each, and its scores.
+"""Scores of models that are compared.
 
 Information criteria take from twice the logarithm of the likelihood a price for every number fitted, here
 with the sign by which less is better. AICc = -2 ln L / c + 2 k + 2 k (k + 1) / (n / c - k - 1) looks for
@@ -20,7 +20,7 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.assessment.covariance import LEVEL, Covariance
-from oed.estimation.assessment.left_out import HeldOut
+from oed.estimation.assessment.cross_validation import HeldOut
 from oed.estimation.assessment.likelihood import Likelihood, Way
 from oed.estimation.methods.fit import Fit
 from oed.robots.models.model import Model
@@ -52,7 +52,7 @@ class Score:
         difference: to the best model's.
         interval: of the difference, 95 % by how much it varies from log to log; None of too few logs, and of
             the best.
-        equal: whether the model is as good as the best, for all that the logs tell.
+        equal: whether the model is as good as the best, for all that the logs show.
     """
 
     value: float
@@ -74,7 +74,7 @@ class Compared:
         fit: the solution, None where there is none.
         covariance: of it.
         likelihood: of the readings, None where none can be given.
-        left_out: each log by the others.
+        cross_validation: each log by the others.
         scores: by measure.
     """
 
@@ -86,13 +86,13 @@ class Compared:
     fit: Fit | None = None
     covariance: Covariance | None = None
     likelihood: Likelihood | None = None
-    left_out: tuple[HeldOut, ...] = ()
+    cross_validation: tuple[HeldOut, ...] = ()
     scores: dict[Measure, Score] = field(default_factory=dict)
 
     @property
     def errors(self) -> Array:
         """Position error of every log by the others, (logs,) [m]; (0,) where there are none."""
-        every = [one.rmse_position for held in self.left_out for one in held.after]
+        every = [one.rmse_position for held in self.cross_validation for one in held.after]
         return np.array([size for size in every if size is not None])
 
     @property
@@ -168,14 +168,14 @@ def _value(one: Compared, measure: Measure, readings: float, inflation: float) -
         return float(np.exp(_logarithms(one).mean())) if len(one.errors) else None
     if one.likelihood is None:
         return None
-    told, starts = readings / inflation, one.likelihood.starts
+    effective, starts = readings / inflation, one.likelihood.starts
     misfit = -2 * float(one.likelihood.each.sum()) / inflation
     if measure == "bic":
-        # A start is told by its own segment alone, and costs as much less, but no less than by AIC.
-        each = math.log(max(told / len(one.likelihood.each), 1.0))
-        return misfit + one.likelihood.unknowns * math.log(told) + starts * max(each, 2.0)
+        # A start is identified by its own segment alone, and costs as much less, but no less than by AIC.
+        each = math.log(max(effective / len(one.likelihood.each), 1.0))
+        return misfit + one.likelihood.unknowns * math.log(effective) + starts * max(each, 2.0)
     count = one.likelihood.unknowns + starts
-    left = told - count - 1
+    left = effective - count - 1
     return misfit + 2 * count + 2 * count * (count + 1) / left if left > 0 else None
 
 
@@ -194,8 +194,8 @@ def _score(
     else:
         half = _half_width(2 / inflation * (one.by_log - first.by_log))
         low, high, alike = difference - half, difference + half, difference <= SLIGHT
-    told = math.isfinite(half)
-    return Score(value, difference, (low, high) if told else None, alike or (told and low <= 0))
+    judged = math.isfinite(half)
+    return Score(value, difference, (low, high) if judged else None, alike or (judged and low <= 0))
 
 
 def _logarithms(one: Compared) -> Array:

@@ -1,4 +1,4 @@
-"""Wheels exchanged, signs and units wrong: tried out where a log does not fit the robot as it is given."""
+"""Wiring checks: wheels exchanged, signs and units wrong, tried out where a log does not fit the robot."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from itertools import combinations, product
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.preprocessing.motion import FEWEST, Moves, unexplained
+from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
 from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
 BAD = 0.3
-"""Share of the motion that may be left unexplained before anything is suspected."""
+"""Share of the motion that may be left unexplained before a wiring fault is looked for."""
 BETTER = 0.3
 """A suspicion is raised where it leaves at most this share of what is left otherwise."""
 SIZES = (0.75, 0.85, 1.0, 1.15, 1.35)
-"""Factors of a wheel's size that are tried before anything else is suspected."""
+"""Factors of a wheel's size that are tried before a fault is looked for."""
 BARELY = {"turn": 0.02, "distance": 0.01}
 """Root mean square of moves [rad, m] below which they are taken for noise, or for what is not driven."""
 
@@ -35,7 +35,7 @@ TURNING = 0.1
 """Share of the distances that has to be left unexplained where turns are the wheels' word alone."""
 
 
-def suspicion(moves: Moves, offsets: Array) -> str | None:
+def wiring_fault(moves: Moves, offsets: Array) -> str | None:
     """What is most likely wrong with how a log is read, in words; None where nothing is.
 
     Args:
@@ -45,7 +45,7 @@ def suspicion(moves: Moves, offsets: Array) -> str | None:
     if moves.layout.count < FEWEST:
         return None
     inputs = moves.layout.inputs(offsets)
-    # A sensor may look backwards; what is suspected instead has to do without such an excuse.
+    # A sensor may look backwards; a fault has to explain the log without such an excuse.
     as_given = _worst(moves, offsets, inputs, any_side=True)
     if as_given < BAD or explained_by_other_sizes(moves, offsets):
         return None
@@ -100,7 +100,7 @@ def frozen(moves: Moves, offsets: Array) -> str | None:
     if x is None or y is None or moves.layout.count < FEWEST:
         return None
     if heading is None:
-        heading = _reckoned_headings(moves, offsets)
+        heading = _headings_by_wheels(moves, offsets)
         if unexplained(moves.measured(), moves.predicted(offsets)).get("distance", 0.0) < TURNING:
             return None
     rolled = moves.rolled(offsets)
@@ -113,7 +113,7 @@ def frozen(moves: Moves, offsets: Array) -> str | None:
     return still[0] if still else None
 
 
-def _reckoned_headings(moves: Moves, offsets: Array) -> Array:
+def _headings_by_wheels(moves: Moves, offsets: Array) -> Array:
     # At the start of each move, as the wheels turn the robot; from 0 in each log.
     turns, owner = moves.rolled(offsets)["turn"], moves.layout.owner
     before = np.concatenate([[0.0], np.cumsum(turns)[:-1]])

@@ -10,7 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from oed.robots.models.own_module import PREFIX
+from oed.foundation.own.modules import PREFIX
 
 LONGEST = 300
 """Characters of an error that are shown."""

@@ -1,7 +1,7 @@
-"""The robot as its pose sensor sees it: coefficients of the motion of the point where the sensor sits.
+"""The robot in its sensor frame: coefficients of the motion of the point where the sensor sits.
 
 A sensor off to the side reads the motion of another robot, whose c21, c22 are shifted along c11, c12: no
-motion tells the two apart. Of a robot that also moves sideways the whole place is hidden like this.
+motion separates the two. Of a robot that also moves sideways the whole place is hidden like this.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from oed.robots.models.model import Model, coefficient_values
 Array = npt.NDArray[np.float64]
 
 
-def seen_robot(unknowns: Unknowns) -> Unknowns:
-    """The coefficients that the sensor sees, those of its place that they do not hide, and the clocks."""
+def robot_at_sensor(unknowns: Unknowns) -> Unknowns:
+    """The coefficients in the sensor frame, those of its place that they do not hide, and the clocks."""
     robot = unknowns.robot
     names = tuple(name for row in robot.coefficient_names for name in row)
     hidden = hidden_places(robot)
@@ -28,8 +28,8 @@ def seen_robot(unknowns: Unknowns) -> Unknowns:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The unknowns of `seen_robot` as they follow from those of a robot.
+class SensorFrame:
+    """The unknowns of `robot_at_sensor` as they follow from those of a robot.
 
     A point p ahead and to the left, as a complex number, of a robot with yaw rate w moves with v + j w p; a
     sensor turned by a reads that times e^(-j a). The same holds for every column of coefficients.
@@ -38,7 +38,7 @@ class Seen:
     unknowns: Unknowns
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
-        """What is seen (b,), and its derivatives (b, q), at unknowns (q,)."""
+        """The unknowns in the sensor frame (b,), and its derivatives (b, q), at unknowns (q,)."""
         parameters, place, _ = self.unknowns.parts(values)
         hidden = np.where(self._hides, place, 0.0)
         point, turn = 1j * (hidden[0] + 1j * hidden[1]), np.exp(-1j * hidden[2])
@@ -76,14 +76,14 @@ class Seen:
 
     @property
     def _rest(self) -> list[int]:
-        # Unknowns that are seen as they are.
+        # Unknowns that are the same in the sensor frame.
         first = len(self.unknowns.parameters)
         names = self.unknowns.names
         return [index for index in range(first, len(names)) if names[index] not in self._taken_in]
 
 
 def hidden_places(robot: Model) -> tuple[str, ...]:
-    """The coordinates of a sensor's place that change what is seen as other coefficients would."""
+    """The coordinates of a sensor's place that move the sensor frame as other coefficients would."""
     return PLACE if len(robot.coefficient_names) == 3 else PLACE[1:2]
 
 

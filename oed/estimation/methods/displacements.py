@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.estimation.methods.bands import band_of, factor, weighed, whitened
+from oed.estimation.methods.bands import band_of, factor, weighted, whitened
 from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
@@ -47,13 +47,13 @@ def missing_noise(measurement: Measurement, heading: Heading) -> list[str]:
 class Regression(Estimator):
     """Least squares on the displacements of one drive.
 
-    `ols` promises the paper's sigma^2 (W'W)^-1, as if rows were independent and headings exact; `sandwich`
-    estimates the same and promises its covariance under all the noise there is, to first order; `gls`
-    weighs by the noise's covariance; `errors_in_variables` takes out the bias that noisy headings inside W
+    `ols` predicts the paper's sigma^2 (W'W)^-1, as if rows were independent and headings exact; `sandwich`
+    estimates the same and predicts its covariance under all the noise there is, to first order; `gls`
+    weights by the noise's covariance; `errors_in_variables` takes out the bias that noisy headings inside W
     cause.
 
     Raises:
-        ProblemError: a design that does not tell the coefficients apart.
+        ProblemError: coefficients that are not identifiable from the drive.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Regression(Estimator):
         self._check_rank()
 
     @cached_property
-    def promised(self) -> Array:
+    def covariance(self) -> Array:
         """The method's own formula."""
         if self.name == "sandwich":
             return self.linear_covariance
@@ -80,7 +80,7 @@ class Regression(Estimator):
             weighted = self._weighted(name)
             inverse = np.linalg.inv(weighted.T @ weighted)
             # Unweighed, every row counts with its own variance, as if it were independent of the others.
-            variance = self._noise(name) ** 2 if self._weighs else self._covariance(name)[0, 0]
+            variance = self._noise(name) ** 2 if self._weights else self._covariance(name)[0, 0]
             blocks.append(variance * inverse)
         if self.name == "errors_in_variables":
             blocks = [self._linear_block(name, name) for name in self.measurement.regressions]
@@ -114,7 +114,7 @@ class Regression(Estimator):
             return np.asarray(own[row] + self._noise("heading") ** 2 * turned @ turned.T)
         return np.asarray(own[row])
 
-    def replicate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated noise, and the linear estimates from the same noise."""
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
@@ -164,12 +164,8 @@ class Regression(Estimator):
         return Estimate(
             parameters=self.parameters,
             values=values,
-            covariance=self.promised,
-            nuisances=(),
-            nuisance_values=np.zeros(0),
+            covariance=self.covariance,
             residuals=self._residuals(readings, errors, values),
-            converged=True,
-            message="Solved by linear least squares.",
         )
 
     def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:
@@ -253,23 +249,23 @@ class Regression(Estimator):
         return {name: factor(band_of(spread @ spread.T, WIDTH)) for name, spread in spreads.items()}
 
     @property
-    def _weighs(self) -> bool:
+    def _weights(self) -> bool:
         return self.name == "gls" and self.measurement.noise_model == "absolute"
 
     def _weighted(self, name: str) -> Array:
         design = self.regressors.nominal_designs[name]
-        return whitened(self._roots[name], design) if self._weighs else design
+        return whitened(self._roots[name], design) if self._weights else design
 
     def _map(self, name: str) -> Array:
         # (q, rows): the estimator at the true design, from readings to coefficients.
         if name not in self._maps:
             inverse = np.asarray(np.linalg.pinv(self._weighted(name)).T, dtype=float)
-            self._maps[name] = (weighed(self._roots[name], inverse) if self._weighs else inverse).T
+            self._maps[name] = (weighted(self._roots[name], inverse) if self._weights else inverse).T
         return self._maps[name]
 
     def _least_squares(self, designs: Array, measured: Array) -> Array:
         # Of replicates, (2 P, q, R) and (2 P, R).
-        if self._weighs:
+        if self._weights:
             root, rows = self._roots["position"], designs.reshape(len(designs), -1)
             designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
         return least_squares(designs, measured)
@@ -294,7 +290,7 @@ class Regression(Estimator):
             design = self.regressors.nominal_designs[name]
             if not SquareRoot.of_rows(design).complete:
                 names = ", ".join(self.regressors.names[name])
-                text = f"the drive does not tell {names} apart; nothing to simulate"
+                text = f"the drive does not identify {names}; nothing to simulate"
                 raise ProblemError([Flaw(("validation",), text)])
 
 
