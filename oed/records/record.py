@@ -213,10 +213,10 @@ def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RecordError: as `load_record` does.
     """
-    known = checked(StudyRecord, data, path).plain()
-    known["study"] = checked_echo(known["study"], path)
-    require_one_study(known, path)
-    return known
+    found = checked(StudyRecord, data, path)
+    found = found.model_copy(update={"study": checked_echo(found.study, path)})
+    require_one_study(found, path)
+    return found.plain()
 
 
 def saved_file(folder: str | Path, name: str) -> Path:
