@@ -192,7 +192,7 @@ def test_limits_in_words() -> None:
     by_limit, side_by_side = section(record, "Limits").tables
     states = {str(row[0]): str(row[4]) for row in by_limit.rows}
     assert states["rest to rest"] == "met"
-    assert states["wheel speed"] == "kept with room"
+    assert states["wheel speed"] == "satisfied with room"
     fast = dict(zip([entry.title for entry in side_by_side.columns], side_by_side.rows[3], strict=True))
     exceeded = next(margin for margin in record.results[3].margins if margin.limit == "wheel_speed")
     assert fast["wheel speed"] == f"exceeded by {-exceeded.margin:.1f} rad/s"

@@ -23,11 +23,30 @@ Ends = tuple[float, float]
 WIDTH = 7.2
 """Width of a report's column [inch]."""
 INK, FAINT, FIRST = "#222222", "#767676", "#123f6d"
+SECOND, THIRD = "#e07b00", "#5a9a3c"
+
+
+def stroke(
+    color: str, width: float, order: float | None = None, dashes: Sequence[float] = ()
+) -> dict[str, Any]:
+    """The look of a line of a width [points]; what is of a higher order covers it."""
+    drawn = {"color": color, "linewidth": width, "linestyle": (0, tuple(dashes)) if dashes else "-"}
+    return drawn if order is None else {**drawn, "zorder": order}
+
+
+def mark(
+    shape: str | Glyph, size: float, face: str, edge: float, order: float = 2, rim: str = INK
+) -> dict[str, Any]:
+    """The look of a mark of a size with a rim of a width [points]; what is of a higher order covers it."""
+    drawn = {"marker": shape, "markersize": size, "markerfacecolor": face, "linestyle": "none"}
+    return {**drawn, "markeredgecolor": rim, "markeredgewidth": edge, "zorder": order}
+
+
 LINES: tuple[Look, ...] = (
-    {"color": FIRST, "linestyle": "-", "linewidth": 1.7},
-    {"color": "#e07b00", "linestyle": (0, (4, 1.6)), "linewidth": 1.7},
-    {"color": "#5a9a3c", "linestyle": (0, (6, 1.5, 1, 1.5)), "linewidth": 1.5},
-    {"color": "#b0588f", "linestyle": (0, (1, 1.3)), "linewidth": 1.7},
+    stroke(FIRST, 1.7),
+    stroke(SECOND, 1.7, dashes=(4, 1.6)),
+    stroke(THIRD, 1.5, dashes=(6, 1.5, 1, 1.5)),
+    stroke("#b0588f", 1.7, dashes=(1, 1.3)),
 )
 """Of a panel's lines: told apart by dashes and by brightness, not by hue alone."""
 

@@ -14,10 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
+from oed.report.figures import spec
 from oed.report.figures.draw import as_drawn, drawn
 from oed.report.figures.driven import Array
 from oed.report.figures.paths import END, START, scaled, surroundings
-from oed.report.figures.spec import FAINT, FIRST, INK, Axis, Line, Panel, Part, Plot
+from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, mark, stroke
 from oed.report.film.scene import Cast, Scene
 from oed.report.film.writing import Frame
 
@@ -37,13 +38,11 @@ LETTERS = 12
 PAD = 0.1
 """Around and between panels [inch]."""
 
-WAY: dict[str, Any] = {"color": "#b9b9b6", "linewidth": 1.3, "zorder": 1.8}
-DONE: dict[str, Any] = {"color": "#7a95ad", "linewidth": 1.5, "zorder": 2}
-TRACE: dict[str, Any] = {"color": FIRST, "linewidth": 2.2, "zorder": 2.2}
+WAY, DONE, TRACE = stroke("#b9b9b6", 1.3, 1.8), stroke("#7a95ad", 1.5, 2), stroke(FIRST, 2.2, 2.2)
 BODY: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.0, "zorder": 8}
-TOW: dict[str, Any] = {"color": "#5f5f5f", "linewidth": 3.0, "solid_capstyle": "butt", "zorder": 8.5}
-HITCH: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 5, "linestyle": "none", "zorder": 8.7}
-FACE: dict[str, Any] = {"facecolor": "#e07b00", "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
+TOW = {**stroke("#5f5f5f", 3.0, 8.5), "solid_capstyle": "butt"}
+HITCH = mark("o", 5, INK, 1.0, 8.7)
+FACE: dict[str, Any] = {"facecolor": SECOND, "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
 
 
 @dataclass(frozen=True)
@@ -68,23 +67,23 @@ def _size(scene: Scene, casts: Sequence[Cast]) -> _Size:
     return _Size(columns, width, height, apart)
 
 
-def _still(scene: Scene, casts: Sequence[Cast], size: _Size) -> Plot:
+def _still(scene: Scene, casts: Sequence[Cast], size: _Size) -> spec.Plot:
     # What does not move.
     x, y = (
-        Axis(name, "m", (float(low), float(high)), most=6)
+        spec.Axis(name, "m", (float(low), float(high)), most=6)
         for name, low, high in zip("xy", scene.view.low, scene.view.high, strict=True)
     )
-    panels = [Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
-    return Plot(panels, size.columns, size.width, size.height, labels="figure")
+    panels = [spec.Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
+    return spec.Plot(panels, size.columns, size.width, size.height, labels="figure")
 
 
-def _ways(cast: Cast) -> list[Part]:
-    parts: list[Part] = []
+def _ways(cast: Cast) -> list[spec.Part]:
+    parts: list[spec.Part] = []
     for run in cast.runs:
         x, y = run.poses[:, :2].T
-        parts.append(Line(x, y, WAY))
-        for mark, at in ((START, slice(0, 1)), (END, slice(-1, None))):
-            parts.append(Line(x[at], y[at], {**scaled(mark, 0.7), "zorder": 1.9}))
+        parts.append(spec.Line(x, y, WAY))
+        for look, at in ((START, slice(0, 1)), (END, slice(-1, None))):
+            parts.append(spec.Line(x[at], y[at], {**scaled(look, 0.7), "zorder": 1.9}))
     return parts
 
 

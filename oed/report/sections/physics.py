@@ -57,14 +57,13 @@ def _by_fit(floor: StoredFloor) -> tuple[list[str], Mapping[tuple[str, str], Err
 
 def _errors(trial: StoredTrial, floor: StoredFloor) -> Table:
     drives, table = _by_fit(floor)
-    fits = [one.name for one in trial.fits]
     best = min(table.values(), key=lambda one: math.inf if one.value is None else one.value)
-    rows = tuple(
-        (drive, *(_error_text(table[drive, fit], table[drive, fit] is best) for fit in fits))
-        for drive in drives
-    )
-    columns = (Column("calibrated from"), *(Column(fit, "mm") for fit in fits))
-    return Table(columns, rows, SAY("errors", floor))
+    columns = [Column("calibrated from"), *(_errors_by(one.name, table, best) for one in trial.fits)]
+    return Table.of(drives, columns, SAY("errors", floor))
+
+
+def _errors_by(fit: str, table: Mapping[tuple[str, str], Error], best: Error) -> Column:
+    return Column(fit, "mm", cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
 
 
 def _error_text(error: Error, best: bool) -> str:
@@ -86,7 +85,7 @@ def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
         *(Column(words(one.name), "%", fixed(3)) for one in own.parameters),
         Column("all", "%", fixed(3)),
         Column("interval", "%"),
-        Column("promised by noise alone", "%", fixed(3)),
+        Column("predicted from noise alone", "%", fixed(3)),
     )
     rows = tuple(
         (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, promised[one.drive]))
