@@ -20,7 +20,9 @@ def __getattr__(name: str) -> object:
         AttributeError: there is none of this name; Python adds the most similar one.
     """
     if name not in __all__:
-        text = f"module {__name__!r} has no attribute {name!r}"
+        new = moved.NAMES.get(name)
+        hint = f": it is now {__name__}.{new}" if new else ""
+        text = f"module {__name__!r} has no attribute {name!r}{hint}"
         raise AttributeError(text, name=name, obj=sys.modules[__name__])
     return _public(name)
 

@@ -113,7 +113,7 @@ from .robots.space import StartPose as StartPose
 from .simulation import Validation as Validation
 from .simulation import validate as validate
 from .study.study import Study as Study
-from .uncertainty.departures import leaving as leaving
+from .uncertainty.departures import violation_probability as violation_probability
 from .uncertainty.robust import Robust as Robust
 from .uncertainty.uncertainty import Uncertainty as Uncertainty
 from .workflow.driven import score_path as score_path

@@ -14,6 +14,7 @@ from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, Wheel
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
+from oed.uncertainty.uncertainty import Uncertainty
 
 RADIUS, TRACK = 0.049, 0.18
 
@@ -23,16 +24,41 @@ ACCELERATION = WheelAcceleration(bounds=20)
 BOX = Rectangle(x=(-1, 1), y=(-1, 1))
 
 
-def make_problem(**overrides: Any) -> Problem:
-    """The paper's robot with small numbers (10 s, 40 samples, 4 segments), parts replaced at will."""
-    parts: dict[str, Any] = {
+def problem_of(**parts: Any) -> Problem:
+    """The paper's robot with small numbers (10 s, 40 samples, 4 segments), parts replaced at will.
+
+    Args:
+        parts: of the problem; beside them those of its design space (`samples`, `runs`, `start`, ...), unless
+            there is a `design`, and
+            limits: may be a function of the robot.
+            also: limits besides these.
+            within: how far the robot may be from its parameters.
+            period: of the samples [s], instead of the duration.
+            coefficients: of each spline.
+    """
+    given: dict[str, Any] = {
         "model": DifferentialDrive(wheel_radius=RADIUS, track=TRACK),
-        "design": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8)),
         "measurement": Displacements(segments=4),
         "limits": (SPEED, ACCELERATION, BOX),
         "criterion": E(scaling="none"),
+        **parts,
     }
-    return Problem(**{**parts, **overrides})
+    if callable(given["limits"]):
+        given["limits"] = given["limits"](given["model"])
+    given["limits"] = (*given["limits"], *given.pop("also", ()))
+    if "within" in given:
+        given["uncertainty"] = Uncertainty.model_validate(given.pop("within"))
+    return Problem(**{"design": design_space(given), **given})
+
+
+def design_space(given: dict[str, Any]) -> DesignSpace:
+    """The design space of a problem's parts, whose keys are taken out of them."""
+    own = {name: given.pop(name) for name in DesignSpace.model_fields if name in given}
+    spline = Spline(coefficients=given.pop("coefficients", 8))
+    space = {"duration": 10, "samples": 40, "spline": spline, **own}
+    if "period" in given:
+        space["duration"] = given.pop("period") * space["samples"]
+    return DesignSpace(**space)
 
 
 def input_limits(model) -> tuple:
@@ -43,8 +69,8 @@ def input_limits(model) -> tuple:
 
 def make_flagship(**overrides: Any) -> Problem:
     """The paper's robot at full size: 20 s, 200 samples, 10 segments, a 2 m box."""
-    parts = {"design": DesignSpace(duration=20), "measurement": Displacements(segments=10)}
-    return make_problem(**{**parts, **overrides})
+    usual = {"design": DesignSpace(duration=20), "measurement": Displacements(segments=10)}
+    return problem_of(**{**usual, **overrides})
 
 
 def random_drive(problem: Problem, seed: int, amplitude: float = 8.0) -> Trajectory:

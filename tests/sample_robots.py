@@ -286,7 +286,7 @@ EXAMPLES["python"] = (
             wheel_radius_left="4.7 cm",
             track=TRACK,
             sensor_offset=0.03,
-        ),
+        ).made(Model),
         lambda speeds: _offset_twist(speeds, 0.03),
     ),
 )

@@ -40,7 +40,7 @@ FIGURE_MODULES = {
     for name in (
         "figures.draw",
         "film.stage",
-        "estimate.figures",
+        "figures.estimate_figures",
     )
 }
 

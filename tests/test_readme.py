@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from own_parts import OWN_PARTS
 from places import PROBLEMS, REPORTS, ROOT
 
 from oed.cli import main
-from oed.report.estimate.console import estimate_rows
+from oed.report.estimate.terminal import estimate_rows
 from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
 from oed.robots.presets import preset_names
@@ -99,7 +100,7 @@ def test_the_keys_for_robots_and_limits_are_accepted():
 
 
 def test_the_robust_study_is_one():
-    whole, _, _, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, _, _, part, *_ = (yaml.safe_load(text) for text in blocks("yaml"))
     problem = parse_study(yaml.safe_dump({**whole, **part})).problem
     assert problem.robust is not None
     spread = spread_of(problem.uncertain_system)
@@ -107,17 +108,30 @@ def test_the_robust_study_is_one():
 
 
 def test_the_keys_for_logs_are_accepted():
-    whole, *_, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    whole, *_, part, _ = (yaml.safe_load(text) for text in blocks("yaml"))
     study = parse_study(yaml.safe_dump({**whole, **part}))
     assert study.log.kind == "csv"
     assert study.calibration.method == "joint"
+
+
+def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
+    (tmp_path / "own_parts.py").write_text(OWN_PARTS)
+    whole, *_, part = (yaml.safe_load(text) for text in blocks("yaml"))
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump({**whole, **part, "bound": False}))
+    problem = load_study(tmp_path / "study.yaml").problem
+    assert [one.kind for one in (*problem.measurement.sensors, problem.criterion)] == [
+        "poses",
+        "compass",
+        "log_smallest",
+    ]
+    assert [limit.name for limit in problem.limits] == ["wheel_speed", "strip"]
 
 
 def test_the_estimate_shown_is_that_of_the_shipped_log():
     (text,) = [block for block in blocks("text") if block.startswith("parameter")]
     study = load_study(PROBLEMS / "room_robot.yaml")
     found = estimate(study, [PROBLEMS / "logs" / "room_robot.csv"])
-    for row in estimate_rows(found.data):
+    for row in estimate_rows(found):
         assert any(line.split() == " ".join(row).split() for line in text.splitlines())
 
 

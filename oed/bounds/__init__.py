@@ -1,9 +1,9 @@
-"""Certificates: how far from the best possible can a design be? A new bound is one more in `_bounds`."""
+"""Certificates: how far from the best possible can a design be? A new bound is a function in `BOUNDS`."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,8 @@ from oed.robots.space import DesignSpace
 
 Array = npt.NDArray[np.float64]
 
+BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
+"""Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
 EXACTLY = (
@@ -52,7 +54,7 @@ def bound(
     Args:
         problem: with criterion E.
         nodes: of the search by branch and bound at most; by default as many as take some seconds.
-        time_limit: of that search [s]; none by default, for what it leaves depends on the machine.
+        time_limit: of that search [s]; none by default, for where it stops depends on the machine.
         gap: at which that search ends.
     """
     began = time.perf_counter()
@@ -120,12 +122,8 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
 
 
 def _bounds(problem: Problem) -> Iterator[Bound]:
-    if not isinstance(problem.criterion, E):
-        return
-    if isinstance(problem.measurement, Displacements):
-        yield from regression_bounds(problem, problem.measurement)
-    else:
-        yield from joint_bounds(problem)
+    for bounds in BOUNDS:
+        yield from bounds(problem)
 
 
 def _lattice(
@@ -149,7 +147,7 @@ def _sampled(problem: Problem) -> bool:
     # Where every sample is measured for itself, and the inputs act on the ground as they are.
     measurement = problem.measurement
     if (
-        not isinstance(problem.criterion, E)
+        type(problem.criterion) is not E
         or problem.design.runs > 1
         or not isinstance(measurement, Displacements)
         or measurement.noise_model != "increments"
@@ -165,7 +163,7 @@ def _sampled(problem: Problem) -> bool:
 
 
 def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
-    # Limits of the speeds, weights, and what is known beforehand.
+    # Limits of the speeds, weights, and the prior.
     space, one = problem.design, problem.any_estimations[-1]
     rate = float(largest_rates(problem).max())
     ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
@@ -177,7 +175,7 @@ def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
     if problem.robot.integration == "arc":
-        assumptions.append("arcs tell at most as much as chords of full length")
+        assumptions.append("arcs are at most as informative as chords of full length")
     return Bound(value, method, tuple(assumptions), found.multiplier)
 
 

@@ -75,7 +75,7 @@ class Certificate(Renamed):
         return gap(self.upper_bound, objective)
 
     def loose(self, objective: float) -> bool:
-        """Whether the bound leaves much open about a design of that objective."""
+        """Whether the bound says little about a design of that objective."""
         return self.gap(objective) > LOOSE
 
 
@@ -88,6 +88,11 @@ def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> flo
     """The bound that a drive is to be held against, of two for exact and for widened limits.
 
     The widened one for a drive that satisfies the limits within the tolerance only.
+
+    Args:
+        evaluation: of the drive.
+        exact: the bound for limits satisfied exactly.
+        widened: the bound for limits within the tolerance; None without one.
     """
     if widened is None or not evaluation.feasible:
         return exact

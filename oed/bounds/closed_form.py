@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
 from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
+from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.sensors.displacements import Displacements
 
@@ -22,8 +23,11 @@ SPEEDS = "wheel speeds and accelerations within their limits"
 NO_ROOM = "the room is left out"
 
 
-def regression_bounds(problem: Problem, measurement: Displacements) -> Iterator[Bound]:
-    """Bounds for the paper's regressions with independent increments."""
+def regression_bounds(problem: Problem) -> Iterator[Bound]:
+    """Bounds on E for the paper's regressions with independent increments."""
+    measurement = problem.measurement
+    if type(problem.criterion) is not E or not isinstance(measurement, Displacements):
+        return
     if measurement.noise_model != "increments":
         return
     for one in problem.any_estimations:
@@ -36,7 +40,7 @@ def regression_bounds(problem: Problem, measurement: Displacements) -> Iterator[
 
 
 def noise_of(problem: Problem, one: Estimation) -> float:
-    """What the objective divides W by: the noise, or 1 where it leaves that out."""
+    """What the objective divides W by: the noise, or 1 where it takes that as it is."""
     raw = one.block.raw and problem.criterion.scaling == "none"
     return 1.0 if raw or one.block.noise is None else one.block.noise
 
@@ -46,7 +50,7 @@ def _columns(one: Estimation) -> list[int]:
 
 
 def prior_matrix(problem: Problem, one: Estimation) -> Array:
-    """What is known beforehand of the judged parameters, scaled, were the others known: (p, p)."""
+    """The prior information on the judged parameters, scaled, were the others known: (p, p)."""
     size = len(one.judged)
     known = None if problem.prior is None else prior_of(problem.prior, one.block, one.parameters)
     if known is None:
@@ -122,9 +126,17 @@ def largest_squares(lengths: Array, budget: float) -> float:
 def along(
     problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
 ) -> Bound:
-    """The bound from one direction: `change` of the judged parameters, SI, tells at most `value`.
+    """The bound from one direction: `change` of the judged parameters, SI, has at most information `value`.
 
     In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
+
+    Args:
+        problem: to be bounded.
+        one: the estimation.
+        change: of the judged parameters, SI, (p,).
+        value: information on that change at most.
+        method: how the bound was found, in words.
+        assumptions: what it rests on, in words.
     """
     scaled = change / one.scales
     unit = scaled / np.linalg.norm(scaled)

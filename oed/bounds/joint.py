@@ -1,8 +1,8 @@
 """Upper bounds for sensors that are estimated from together, from two directions nobody can do much about.
 
-Growing all lengths of the robot alike moves every position away from the start in proportion: it tells as
-much as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every position
-along a circle of the track's size.
+Growing all lengths of the robot alike moves every position away from the start in proportion: that is as
+informative as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every
+position along a circle of the track's size.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
+from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
@@ -27,15 +28,15 @@ Array = npt.NDArray[np.float64]
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
-    """Every bound known for the problem's sensors."""
-    sensors = problem.measurement.joint_sensors
+    """Bounds on E for sensors that are estimated from together; none where the noise of one is not known."""
+    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
     precisions = [_position_precision(sensor) for sensor in sensors]
     if any(precision is None for precision in precisions) or not sensors:
         return
     weights = [float(precision or 0.0) for precision in precisions]
     (one,) = problem.any_estimations
     if problem.robot.physical is not problem.robot:
-        yield from _circle_cap(problem, one, sensors, weights)
+        yield from _circle_bound(problem, one, sensors, weights)
     else:
         yield from _size_bounds(problem, one, sensors, weights)
 
@@ -60,7 +61,7 @@ def _unknown_start(sensors: Sequence[Sensor]) -> bool:
     return bool(known) and all(entry == "unknown" for entry in known)
 
 
-def _circle_cap(
+def _circle_bound(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)

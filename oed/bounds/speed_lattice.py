@@ -28,7 +28,7 @@ CUTS = 30
 ENOUGH = 1e-5
 """Share of the bound by which one more cutting plane has to lower it."""
 WORK = 3e9
-"""Comparisons that a search may take unless told otherwise: some 5 s."""
+"""Comparisons that a search may take by default: some 5 s."""
 PER_PERIOD, PER_PLANE = 4e4, 1.5e6
 """What a period of one pass, and finding the next Z, cost besides, in comparisons' time."""
 
@@ -62,7 +62,14 @@ class SpeedLimits:
 
 
 def lattice(low: float, high: float, step: float, ends: float) -> Array:
-    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step."""
+    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step.
+
+    Args:
+        low: bound of the speed.
+        high: bound of the speed.
+        step: largest change in one period.
+        ends: largest magnitude at begin and end; infinite where that is free.
+    """
     seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
     seeds = [seed for seed in seeds if low <= seed <= high]
     if not np.isfinite(step):

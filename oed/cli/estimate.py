@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_quiet, whole
-from oed.cli.terminal.command import DONE, FAILED, Command, place, reported, saved, told
+from oed.cli.terminal.command import DONE, FAILED, Command, noted, place, reported, saved
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="logs that are kept apart: dead reckoning is tried on them",
+        help="test logs, which nothing is estimated from: dead reckoning is tried on them",
     )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
     parser.add_argument("--seed", type=whole, help="seed of the bootstrap, instead of the study's")
@@ -39,14 +39,14 @@ def _run(options: argparse.Namespace) -> int:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
     page, unwritten = None, None
     if trouble is None:
-        page, unwritten = reported(lambda: write_estimate(record.data, out), out)
+        page, unwritten = reported(lambda: write_estimate(record, out), out)
     if options.json:
         print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
     else:
-        print_estimate(record.data)
+        print_estimate(record)
         if page is not None:
             tell(f"report: {page}")
-    told((), trouble or unwritten)
+    noted((), trouble or unwritten)
     return FAILED if trouble or unwritten else DONE
 
 

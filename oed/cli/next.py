@@ -1,4 +1,4 @@
-"""`oed next`: the drive that adds most to what logs have told."""
+"""`oed next`: the drive that adds most information to that of logs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oed.cli.terminal.arguments import add_trust, add_working, duration, pair, share, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, place, reported, saved, told, verdict
+from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved, verdict
 
 if TYPE_CHECKING:
     from oed.workflow.next_drive import NextDrive
@@ -66,10 +66,10 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**found.data, **place(found.folder, trouble or unwritten)})
     else:
-        print_next(found.data)
+        print_next(found)
         if page is not None:
             tell(f"report: {page}")
-    told((), trouble or unwritten)
+    noted((), trouble or unwritten)
     if interrupted and trouble is None:
         say(cut_short(found.folder, out))
     if trouble or unwritten:
@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> int:
 def _pages(found: NextDrive, out: Path) -> Path:
     from oed.report import write_estimate, write_report
 
-    estimated = write_estimate(found.estimate.data, out)
+    estimated = write_estimate(found.estimate, out)
     return estimated if found.record is None else write_report(found.record, out)
 
 

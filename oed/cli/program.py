@@ -102,7 +102,7 @@ def _of_system(error: OSError) -> str:
 
 
 def _located(error: OedError, options: argparse.Namespace) -> OedError:
-    # What a command finds out of a study late is told by its line all the same.
+    # What a command finds out of a study late is named by its line all the same.
     from oed.foundation.errors import FileError, ProblemError, StudyError
     from oed.study.yaml_source import read_yaml
 
@@ -159,7 +159,7 @@ class _ShowVersion(argparse.Action):
     """Print the version, looked up only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print it and leave."""
+        """Print it and end."""
         from importlib.metadata import version
 
         print(f"oed {version('oed')}")

@@ -26,7 +26,7 @@ def _run(options: argparse.Namespace) -> int:
     first = in_order(options.folders[0])
     estimated = len(options.folders) == 1 and (first / ESTIMATE).is_file()
     if estimated:
-        page = write_estimate(load_estimate(first).data, options.out or first)
+        page = write_estimate(load_estimate(first), options.out or first)
     swept = len(options.folders) == 1 and (first / SWEEP).is_file()
     if swept:
         page = write_sweep(load_sweep(first), first, options.out or first)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import FAILED, Command, cut_short, place, reported, saved, told, verdict
+from oed.cli.terminal.command import FAILED, Command, cut_short, noted, place, reported, saved, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
             print_certificate(record.certificate)
         if page is not None:
             tell(f"report: {page}")
-    told(record.notes, trouble or unwritten)
+    noted(record.notes, trouble or unwritten)
     if interrupted and trouble is None:
         say(cut_short(record.folder, out))
     return FAILED if trouble or unwritten else verdict(record)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import FAILED, Command, cut_short, place, saved, told, verdict
+from oed.cli.terminal.command import FAILED, Command, cut_short, noted, place, saved, verdict
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
         print_json({**{key: record.data[key] for key in kept}, **where})
     else:
         print_results(record.results, record.robustness)
-    told((), trouble)
+    noted((), trouble)
     if record.interrupted and trouble is None:
         say(cut_short(record.folder, out))
     return FAILED if trouble else verdict(record)

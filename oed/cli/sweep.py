@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, place, reported, saved, told
+from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved
 
 if TYPE_CHECKING:
     from oed.optimize import Progress
+    from oed.records.stored.sweep import StoredSweep
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
         page, unwritten = None, None
         if done.folder is not None and not found.interrupted:
             folders = [one.folder for one in found.points if options.reports and one.record]
-            page, unwritten = reported(lambda: _pages(done.data, out, folders, listener), out)
+            page, unwritten = reported(lambda: _pages(found, out, folders, listener), out)
     if found.kept:
         say(f"note: {found.kept} of {len(found.points)} points kept as they were found in {out}")
     if options.json:
@@ -53,14 +54,14 @@ def _run(options: argparse.Namespace) -> int:
         print_sweep(found)
         if page is not None:
             tell(f"report: {page}")
-    told((), trouble or unwritten)
+    noted((), trouble or unwritten)
     if found.interrupted and trouble is None:
         say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
     any_drive = any(one.objective is not None for one in found.points)
     return DONE if any_drive and not (found.interrupted or trouble or unwritten) else FAILED
 
 
-def _pages(data: Mapping[str, Any], out: Path, folders: Sequence[str], listener: Progress) -> Path:
+def _pages(found: StoredSweep, out: Path, folders: Sequence[str], listener: Progress) -> Path:
     # That of the sweep last: it links to those of its points.
     from oed.foundation.files import inside
     from oed.records.record import load_record
@@ -71,7 +72,7 @@ def _pages(data: Mapping[str, Any], out: Path, folders: Sequence[str], listener:
     for folder in (inside(out, name) for name in folders):
         write_report(load_record(folder), folder)
         listener.advance()
-    return write_sweep(data, out)
+    return write_sweep(found, out)
 
 
 SWEEP = Command(

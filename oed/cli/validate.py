@@ -1,11 +1,11 @@
-"""`oed validate`: whether drives keep their promise."""
+"""`oed validate`: whether drives are as precise as predicted."""
 
 from __future__ import annotations
 
 import argparse
 
 from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, reported, saved, told
+from oed.cli.terminal.command import DONE, FAILED, Command, noted, reported, saved
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "--estimator",
         action="append",
         choices=("ols", "sandwich", "gls", "errors_in_variables", "nonlinear"),
-        help="what estimates and promises; may be given again (default: the study's)",
+        help="what estimates and predicts the covariance; may be given again (default: the study's)",
     )
     add_workers(parser)
     parser.add_argument("--seed", type=whole, help="seed of the noise (default: the record's)")
@@ -53,14 +53,16 @@ def _run(options: argparse.Namespace) -> int:
     page, unwritten = None, None
     if record.folder is not None:
         page, unwritten = reported(lambda: write_report(record, draft.target), draft.target)
+    found = record.validation
+    assert found is not None
     if options.json:
-        print_json(record.data["validation"])
+        print_json(found.plain())
     else:
-        for one in () if record.validation is None else record.validation.results:
+        for one in found.results:
             tell(shown(f"{one.name}, {one.estimator}: {one.verdict}"))
         if page is not None:
             tell(f"report: {page}")
-    told((), trouble or unwritten)
+    noted((), trouble or unwritten)
     return FAILED if trouble or unwritten else DONE
 
 

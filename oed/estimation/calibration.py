@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.assessment.comparison import Comparison
-from oed.estimation.assessment.contest import Contest
 from oed.estimation.assessment.covariance import (
     Covariance,
     blocks_of,
@@ -19,18 +18,21 @@ from oed.estimation.assessment.covariance import (
     judgeable,
     sandwich,
 )
+from oed.estimation.assessment.cross_validation import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
-from oed.estimation.assessment.left_out import HeldOut, held_out, leave_out
-from oed.estimation.assessment.untold import untold
+from oed.estimation.assessment.model_scores import Comparison
+from oed.estimation.assessment.model_selection import ModelSelection
+from oed.estimation.assessment.weak_directions import weak_directions
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
-from oed.estimation.methods.segmenting import Segmenting
-from oed.estimation.preprocessing.ready import ReadyLogs, ready
+from oed.estimation.methods.segment_length import Segmenting
+from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess
 from oed.estimation.preprocessing.thinning import thinned, thinning_notes
 from oed.estimation.setup.alternatives import alternative_flaws
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Model, coefficient_values, robot_of
@@ -47,7 +49,7 @@ CLOCKS_APART = 0.1
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Renamed):
     """What logs say of a robot.
 
     Attributes:
@@ -57,22 +59,26 @@ class Calibration:
         segmenting: how the length of segments was found, None where it was given.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
-        untold: what the logs do not tell.
-        left_out: every log against the others.
-        held_out: logs that were kept apart, or None.
+        weak_directions: what is not identifiable from the logs.
+        cross_validation: every log against the others.
+        held_out: logs that were kept as test data, or None.
         own: the logs themselves where there are no others to judge by, or None.
         comparison: of other models with the study's robot, None where none are named.
         notes: what was decided on the way.
     """
 
+    renamed: ClassVar[Mapping[str, str]] = {
+        "untold": "weak_directions",
+        "left_out": "cross_validation",
+    }
     robot: Model
     fit: Fit
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
     logs: tuple[Log, ...]
     diagnostics: tuple[Diagnostic, ...]
-    untold: tuple[str, ...]
-    left_out: tuple[HeldOut, ...]
+    weak_directions: tuple[str, ...]
+    cross_validation: tuple[HeldOut, ...]
     held_out: HeldOut | None
     own: HeldOut | None
     comparison: Comparison | None
@@ -136,9 +142,9 @@ def calibrate(
     logs: Sequence[Log],
     options: CalibrationOptions | None = None,
     *,
-    apart: Sequence[Log] = (),
+    test_logs: Sequence[Log] = (),
     seed: int = 0,
-    told: Callable[[str], None] = lambda _: None,
+    announce: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """Estimate a robot's parameters from logs of its drives.
 
@@ -146,17 +152,17 @@ def calibrate(
         problem: names the robot, what to estimate, what is known before, and the measurement's noise.
         logs: to estimate from.
         options: how; the defaults suit a first look.
-        apart: logs that only dead reckoning is tried on.
+        test_logs: logs that only dead reckoning is tried on.
         seed: of the bootstrap.
-        told: hears what is being done.
+        announce: hears what is being done.
 
     Raises:
         LogError: logs that do not fit the robot or each other, or hold no motion.
         ProblemError: options that do not fit the problem.
     """
     chosen = options or CalibrationOptions()
-    work = _Work(problem, chosen, tuple(logs), seed, told)
-    return work.calibration(tuple(apart))
+    work = _Work(problem, chosen, tuple(logs), seed, announce)
+    return work.calibration(tuple(test_logs))
 
 
 @dataclass(frozen=True)
@@ -166,27 +172,27 @@ class _Work:
     options: CalibrationOptions
     logs: tuple[Log, ...]
     seed: int
-    told: Callable[[str], None]
+    announce: Callable[[str], None]
 
-    def calibration(self, apart: tuple[Log, ...]) -> Calibration:
+    def calibration(self, test_logs: tuple[Log, ...]) -> Calibration:
         flaws = alternative_flaws(robot_of(self.problem.model), self.options.models)
         if flaws:
             raise ProblemError(flaws)
-        self.told("comparing wheels and poses")
-        found, other = self._ready(self.logs), self._ready(apart) if apart else None
-        if other is not None and not _reckonable(other.logs):
+        self.announce("comparing wheels and poses")
+        found, other = self._preprocess(self.logs), self._preprocess(test_logs) if test_logs else None
+        if other is not None and not _has_positions(other.logs):
             text = "dead reckoning needs positions to compare with"
             raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
-        self.told("fitting")
+        self.announce("fitting")
         fitted = self._fitting.fitted(found)
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
-        self.told("error bars")
+        self.announce("error bars")
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
         notes += _odd_wheels(fit)
-        self.told("checks")
+        self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
         return Calibration(
@@ -196,27 +202,27 @@ class _Work:
             segmenting=segmenting,
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
-            untold=untold(fit, covariances[0].matrix),
-            left_out=leave_out(fit) if _reckonable(logs) else (),
+            weak_directions=weak_directions(fit, covariances[0].matrix),
+            cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
-            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _reckonable(logs) else None,
+            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _has_positions(logs) else None,
             comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
         )
 
-    def _comparison(self, found: ReadyLogs, fit: Fit, segmenting: Segmenting | None) -> Comparison | None:
+    def _comparison(self, found: PreparedLogs, fit: Fit, segmenting: Segmenting | None) -> Comparison | None:
         if not self.options.models:
             return None
 
         def covariance(other: Fit) -> Covariance:
             return self._covariances(other, segmenting)[0]
 
-        return Contest(self._fitting, found, covariance, self.told).compared(fit)
+        return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
-    def _ready(self, logs: Sequence[Log]) -> ReadyLogs:
+    def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
         compare = self.options.clock_offset
-        return ready(self.problem.robot, thinned(logs), compare_clocks=compare)
+        return preprocess(self.problem.robot, thinned(logs), compare_clocks=compare)
 
     @cached_property
     def _fitting(self) -> Fitting:
@@ -226,7 +232,7 @@ class _Work:
         return Fitting(robot, names, measurement, self.options, prior)
 
     def _prior(self, parameters: Sequence[str]) -> Array | None:
-        # Information on the parameters had beforehand, (p, p).
+        # Prior information on the parameters, (p, p).
         if self.problem.prior is None:
             return None
         matrix = np.zeros((len(parameters),) * 2)
@@ -272,7 +278,7 @@ def _odd_wheels(fit: Fit) -> list[str]:
     ]
 
 
-def _reckonable(logs: Sequence[Log]) -> bool:
+def _has_positions(logs: Sequence[Log]) -> bool:
     return {"x", "y"} <= set(logs[0].quantities)
 
 

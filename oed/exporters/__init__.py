@@ -92,7 +92,7 @@ def _record_in(place: Path, to: str) -> Record:
     # The robot's parameters need no design: an estimate knows its study as well.
     if to == "ros2_yaml" and not (place / RECORD).is_file() and (place / ESTIMATE).is_file():
         found = load_estimate(place)
-        if "study" not in found.data:
+        if found.study is None:
             raise RecordError([FileFlaw(str(found.file), 0, 0, "study", "missing")])
-        return Record({"study": found.data["study"], "results": []}, found.file)
+        return Record({"study": found.study, "results": []}, found.file)
     return load_record(place)

@@ -29,7 +29,6 @@ from oed.robots.models import (
     DifferentialDrive,
     Model,
     OffsetDrive,
-    PythonRobot,
     SkidSteer,
     SkidSteerIcr,
     TractorTrailer,
@@ -119,28 +118,27 @@ def diff_drive_parameters(
         UserMistake: a robot without a right and a left side, values of parameters that it does not have,
             values that leave no radius or no track.
     """
-    robot = model.robot if isinstance(model, PythonRobot) else model
-    kind, given = _kind_of(robot), dict(values or {})
-    nominal = {parameter.name: parameter.nominal for parameter in robot.parameters}
+    kind, given = _kind_of(model), dict(values or {})
+    nominal = {parameter.name: parameter.nominal for parameter in model.parameters}
     strangers = [name for name in given if name not in nominal]
     if strangers:
-        text = f"{robot.kind} has no {', '.join(strangers)}; its parameters are {', '.join(nominal)}"
+        text = f"{model.kind} has no {', '.join(strangers)}; its parameters are {', '.join(nominal)}"
         raise UserMistake(text)
-    wheels = kind.sides(robot, {**nominal, **kind.neutral})
-    found = kind.sides(robot, {**nominal, **given})
+    wheels = kind.sides(model, {**nominal, **kind.neutral})
+    found = kind.sides(model, {**nominal, **given})
     if not found.sound:
-        raise UserMistake(f"{_listed(robot, given)}: expected values that leave positive radii and track")
+        raise UserMistake(f"{_listed(model, given)}: expected values that leave positive radii and track")
     comment = [
         f"Parameters of ros2_control's {CONTROLLER}, written by oed.",
         *about,
-        f"Robot: {robot.kind}; {_listed(robot, given)}.",
+        f"Robot: {model.kind}; {_listed(model, given)}.",
         *kind.comment,
         "wheel_radius and wheel_separation are nominal; the multipliers lead to the values above.",
     ]
     data = {
         "type": f"{CONTROLLER}/DiffDriveController",
-        **_geometry(robot, wheels, found),
-        **controller_limits(robot, found, limits),
+        **_geometry(model, wheels, found),
+        **controller_limits(model, found, limits),
     }
     body = yaml.safe_dump({CONTROLLER: {"ros__parameters": data}}, sort_keys=False)
     return "".join(f"# {' '.join(line.split())}\n" for line in comment) + body

@@ -60,7 +60,7 @@ def _json(request: Request) -> dict[str, Any]:
         "format": FORMAT,
         "study": request.record.study.name,
         "result": request.name,
-        "robot": request.record.data["study"]["robot"],
+        "robot": request.record.echo["robot"],
         "rate": request.runs[0].rate,
         "inputs": list(request.vehicle.input_names),
         "units": _units(request),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from functools import cache, partial, reduce
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -28,9 +28,25 @@ class Component(BaseModel):
         frozen=True, extra="forbid", arbitrary_types_allowed=True, ser_json_inf_nan="null", defer_build=True
     )
 
+    names_code: ClassVar[bool] = False
+    """Whether it is the name of a class of the user's own, in place of a part."""
+
+    def resolved(self, context: Any, family: type[Component]) -> Component:
+        """The part itself.
+
+        Args:
+            context: Pydantic's, in which it is read.
+            family: the class that parts of this place inherit from.
+        """
+        return self
+
+    def as_data(self) -> dict[str, Any]:
+        """The part as plain data, defaults filled in."""
+        return self.model_dump(mode="json", exclude_none=True)
+
     @classmethod
     def __pydantic_init_subclass__(cls, **keywords: Any) -> None:
-        """Have every field but the kind, by which classes are told apart, look out for true and false."""
+        """Have every field but the kind, by which classes are known, look out for true and false."""
         for name, field in cls.model_fields.items():
             if name != "kind":
                 field.metadata = [
@@ -65,23 +81,32 @@ class OneOf:
     """Pydantic annotation for a part chosen by its `kind`: `Annotated[Model, OneOf(MODELS)]`.
 
     In YAML the kinds listed are known; in Python any instance of the annotated class is taken, so that
-    a user's own part joins without being listed.
+    a user's own part joins without being listed. It is saved by its class's name where one of those listed
+    stands for such names.
     """
 
     def __init__(self, members: tuple[type[Component], ...]) -> None:
         """Keep the listed classes."""
         self.members = members
+        self.own: Any = next((one for one in members if one.names_code), None)
+
+    def as_data(self, part: Component) -> dict[str, Any]:
+        """A part as plain data that a study may hold."""
+        return part.as_data() if self.own is None or type(part) in self.members else self.own.named(part)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """A tagged union over the listed kinds, passed by for ready instances."""
+        """A tagged union over the listed kinds, passed by for instances."""
         union = reduce(operator.or_, self.members)
         listed = handler(Annotated[union, Field(discriminator="kind")] if len(self.members) > 1 else union)
 
-        def take(value: Any, validate: core_schema.ValidatorFunctionWrapHandler) -> Any:
-            return value if isinstance(value, source) else validate(value)
+        def take(
+            value: Any, validate: core_schema.ValidatorFunctionWrapHandler, info: core_schema.ValidationInfo
+        ) -> Any:
+            part = value if isinstance(value, source) else validate(value)
+            return part.resolved(info.context, source)
 
-        return core_schema.no_info_wrap_validator_function(
-            take, listed, serialization=core_schema.plain_serializer_function_ser_schema(_dump)
+        return core_schema.with_info_wrap_validator_function(
+            take, listed, serialization=core_schema.plain_serializer_function_ser_schema(self.as_data)
         )
 
     def __get_pydantic_json_schema__(
@@ -89,7 +114,3 @@ class OneOf:
     ) -> dict[str, Any]:
         """The tagged union's schema."""
         return handler(schema["schema"])
-
-
-def _dump(value: Component) -> Any:
-    return value.model_dump(mode="json", exclude_none=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from oed.foundation.shown import shown
 
@@ -45,6 +46,11 @@ class ProblemError(UserMistake):
         self.flaws = tuple(flaws)
         super().__init__("\n".join(str(flaw) for flaw in flaws))
 
+    @classmethod
+    def about(cls, key: tuple[str | int, ...], message: str) -> Self:
+        """An error of one flaw, by its key in a study."""
+        return cls([Flaw(key, message)])
+
 
 class NotFinite(Failure):
     """A drive, or what is measured of it, whose numbers are no numbers; `flaw` says which, and when."""
@@ -55,7 +61,7 @@ class NotFinite(Failure):
         super().__init__(str(flaw))
 
     def __reduce__(self) -> tuple[type[NotFinite], tuple[Flaw]]:
-        """By its flaw, from the worker that met it."""
+        """What pickles it by its flaw, from the worker that met it."""
         return NotFinite, (self.flaw,)
 
 
@@ -82,6 +88,11 @@ class FileError(UserMistake):
         """Keep the flaws and join them into the message."""
         self.flaws = tuple(flaws)
         super().__init__("\n".join(str(flaw) for flaw in flaws))
+
+    @classmethod
+    def about(cls, file: object, message: str, key: str = "") -> Self:
+        """An error about a file as a whole, or about what a key of it names."""
+        return cls([FileFlaw(str(file), 0, 0, key, message)])
 
 
 class StudyError(FileError):

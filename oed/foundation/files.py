@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.errors import Failure, FileError, UserMistake
 from oed.foundation.names import TAKEN, name_flaw
 
 ENDINGS = 55
@@ -42,7 +42,7 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
         found = os.fstat(handle)
         _require_file(found)
         data = opened.read(min(found.st_size, most) + 1)
-        # What the system makes up as it is read has no size beforehand.
+        # What the system makes up as it is read has no size before.
         while len(data) <= most and (more := opened.read(PIECE)):
             data += more
     if len(data) > most:
@@ -54,11 +54,48 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
 def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> str:
     """The text that a file holds; every line ends in a line feed.
 
+    Args:
+        file: to be read.
+        encoding: of its text.
+        most: bytes that it may have.
+
     Raises:
         OSError: as `read_bytes` does.
         UnicodeDecodeError: it is not such text.
     """
     return read_bytes(file, most).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def text_of(
+    file: str | Path,
+    refusal: type[FileError],
+    encoding: str = "utf-8",
+    most: int = MOST,
+    absent: str = "no such file",
+) -> str:
+    """The text that a file holds, or an error in words.
+
+    Args:
+        file: to be read.
+        refusal: the error to raise.
+        encoding: of its text.
+        most: bytes that it may have.
+        absent: what to say where there is none.
+
+    Raises:
+        FileError: of that class: no such file, a folder, too large, no text.
+    """
+    try:
+        return read_text(file, encoding, most)
+    except FileNotFoundError:
+        reason = absent
+    except IsADirectoryError:
+        reason = "expected a file, got a folder"
+    except UnicodeDecodeError:
+        reason = "cannot be read: not UTF-8 text"
+    except OSError as error:
+        reason = f"cannot be read: {error.strerror}"
+    raise refusal.about(file, reason)
 
 
 def special(path: Path) -> str:
@@ -126,7 +163,7 @@ def require_replaceable(path: Path, *, links: bool = False) -> None:
     try:
         mode = os.lstat(path).st_mode
     except (OSError, ValueError):
-        # Nothing is there, or writing will tell what is wrong.
+        # Nothing is there, or writing will show what is wrong.
         return
     if stat.S_ISLNK(mode) and not links:
         raise UserMistake(f"{path}: cannot be written: it is a link; name the file itself that it leads to")
@@ -165,7 +202,7 @@ def require_writable(folder: Path, named: Path | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        # Work that fails leaves nothing behind.
+        # Where work fails, no trace of it stays.
         for one in made:
             one.rmdir()
     except OSError as error:
@@ -173,7 +210,7 @@ def require_writable(folder: Path, named: Path | None = None) -> None:
 
 
 def require_short(place: Path, name: str) -> None:
-    """Refuse a folder's name that leaves no room for what is added to it.
+    """Refuse a folder's name that has no room for what is added to it.
 
     Raises:
         UserMistake: it is too long.

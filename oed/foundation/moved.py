@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 ROOMS = {
     "cli": "commands",
     "cli.terminal": "console messages streams",
-    "estimation.prediction": "readings regressors segments",
+    "estimation.prediction": "regressors segments",
     "foundation": "component errors extras files names quantities shown",
     "foundation.work": "folders locks signals",
     "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
@@ -33,11 +33,16 @@ RENAMED = {
     "calibration": "estimation",
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
+    "readings": "estimation.prediction.drive_readings",
     "physics_film": "report.film.physics",
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""The same of those that have another name there."""
+"""Folders of the top level by where they are now, under another name."""
+
+
+NAMES = {"leaving": "violation_probability"}
+"""Public names by those that they had."""
 
 
 class Moved:

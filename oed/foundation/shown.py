@@ -29,12 +29,12 @@ def shown(text: str) -> str:
 
 
 def shown_lines(text: str) -> str:
-    """The same of a text of several lines."""
+    """Text of several lines, in which escape sequences and the like are written out."""
     return "\n".join(map(shown, text.split("\n")))
 
 
 def page_text(text: str) -> str:
-    """The same of a page's text, whose tabs stay."""
+    """A page's text, in which escape sequences and the like are written out, but tabs stay."""
     return "\t".join(map(shown_lines, text.split("\t")))
 
 

@@ -22,7 +22,7 @@ FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
 ENOUGH = 0.1
 """Least number that is shown of a deviation before the next finer unit is taken."""
 LEAST = {"": 0.01}
-"""The same of the coarsest unit, where that is another."""
+"""Least number that is shown in the coarsest unit of these, where that is another."""
 
 Unit = tuple[str, float]
 Form = Callable[[float], str]
@@ -70,7 +70,13 @@ def readable(value: float, unit: str) -> tuple[float, str]:
 
 
 def fine_unit(size: float | None, unit: str, least: float | None = None) -> Unit:
-    """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read."""
+    """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read.
+
+    Args:
+        size: of the deviation, SI.
+        unit: SI unit.
+        least: number that may be shown; `LEAST` by default.
+    """
     choices = FINE_UNITS.get(unit, ((unit, 1.0),))
     if size is None or not math.isfinite(size) or size <= 0:
         return choices[0]
@@ -84,7 +90,7 @@ def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) ->
     """A unit, and its factor from SI, for the deviations of each parameter: one for all lengths, and so on.
 
     Args:
-        sizes: standard deviations by parameter, SI; None for those that are not told.
+        sizes: standard deviations by parameter, SI; None for those that are not identifiable.
         units: SI units by parameter.
     """
     smallest: dict[str, float] = {}
@@ -95,7 +101,13 @@ def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) ->
 
 
 def deviation_text(size: float, unit: str, chosen: Unit | None = None) -> str:
-    """A standard deviation [SI] in the unit that suits it, or the one chosen: `30.3 µm`."""
+    """A standard deviation [SI] in the unit that suits it, or the one chosen: `30.3 µm`.
+
+    Args:
+        size: of the deviation, SI.
+        unit: SI unit.
+        chosen: the unit to show it in, and its factor; the one that suits it by default.
+    """
     shown, factor = chosen or fine_unit(size, unit)
     return quantity(size * factor, shown)
 
@@ -107,7 +119,13 @@ def given_text(size: float, unit: str) -> str:
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """`4.90 cm`; just the number where there is no unit."""
+    """`4.90 cm`; just the number where there is no unit.
+
+    Args:
+        value: in `unit`.
+        unit: to write after it.
+        digits: significant ones.
+    """
     return f"{significant(digits)(value)} {unit_text(unit)}".strip()
 
 
@@ -119,6 +137,11 @@ def in_degrees(unit: str) -> Unit:
 def unit_text(unit: str) -> str:
     """A unit with raised exponents: rad/s^2 -> rad/s²."""
     return unit.replace("^2", "²").replace("^3", "³")
+
+
+def in_signs(text: str) -> str:
+    """A message with the signs of formulas that a page can show: F^-1 -> F⁻¹."""
+    return text.replace("F^-1", "F⁻¹").replace("+-", "±")
 
 
 def words(identifier: str) -> str:

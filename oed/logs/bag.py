@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.foundation.extras import extra
 from oed.foundation.files import special
 from oed.logs.form import is_bag
@@ -48,23 +48,28 @@ class Bag:
 
     def flaw(self, key: str, message: str) -> LogError:
         """An error about the bag as a whole."""
-        return LogError([FileFlaw(self.file, 0, 0, key, message)])
+        return LogError.about(self.file, message, key)
 
     def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
         """The topic given, or the only one of one of the types.
+
+        Args:
+            given: the topic's name, or None.
+            types: message types that fit.
+            key: of the study, for errors.
 
         Raises:
             LogError: there is none, or there are several.
         """
         fitting = sorted(topic for topic, of_type in self.types.items() if of_type in types)
         words = " or ".join(name.rpartition("/")[2] for name in types)
-        told = f"of type {words} it has {', '.join(fitting) or 'none'}"
+        there = f"of type {words} it has {', '.join(fitting) or 'none'}"
         if given is not None and given not in self.types:
-            raise self.flaw(key, f"the bag has no topic {given}; {told}")
+            raise self.flaw(key, f"the bag has no topic {given}; {there}")
         if given is not None and given not in fitting:
-            raise self.flaw(key, f"{given} is of type {self.types[given]}; {told}")
+            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}")
         if given is None and len(fitting) != 1:
-            raise self.flaw(key, f"expected one topic to choose from; {told}")
+            raise self.flaw(key, f"expected one topic to choose from; {there}")
         return given or fitting[0]
 
     def messages(self, topic: str, clock: Clock) -> Iterator[tuple[float, Any]]:
@@ -91,14 +96,13 @@ def open_bag(file: Path) -> Iterator[Bag]:
         UserMistake: the library that reads bags is not installed.
     """
     if not file.exists():
-        raise LogError([FileFlaw(str(file), 0, 0, "", "no such file")])
+        raise LogError.about(file, "no such file")
     if not is_bag(file):
         text = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
-        raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+        raise LogError.about(file, text)
     for part in (file, *(file.iterdir() if file.is_dir() else ())):
         if special(part):
-            text = f"cannot be read as a ROS bag: expected a file, got {special(part)}"
-            raise LogError([FileFlaw(str(part), 0, 0, "", text)])
+            raise LogError.about(part, f"cannot be read as a ROS bag: expected a file, got {special(part)}")
     highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
     typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
     # Bags before ROS 2 Iron do not say what their messages look like.
@@ -112,7 +116,7 @@ def open_bag(file: Path) -> Iterator[Bag]:
     except Exception as error:
         # Broken files come to light as errors of the database, the compression or the library.
         reason = f"cannot be read as a ROS bag: {error}"
-        raise LogError([FileFlaw(str(file), 0, 0, "", reason)]) from None
+        raise LogError.about(file, reason) from None
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,11 @@ class Joints:
 def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     """Every joint of a topic on the clock of the messages that have it.
 
+    Args:
+        bag: open.
+        topic: of joint states.
+        clock: that of the messages' headers, or of their recording.
+
     Raises:
         LogError: no messages, or stamps that are all zero.
     """
@@ -139,7 +148,7 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
         for quantity, found in rows.items():
             values = getattr(message, quantity)
-            # A joint state may leave out all of its positions, or all of its speeds.
+            # A joint state may lack all of its positions, or all of its speeds.
             for name, value in zip(message.name, values, strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
@@ -190,11 +199,11 @@ def read_poses(
                 continue
         rows.append((time, *_pose(message), number))
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
-    told = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
+    known = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
     if len(chosen) > 1:
-        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {told}")
+        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {known}")
     if not rows:
-        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {told}" if pairs else ""))
+        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {known}" if pairs else ""))
     series = _series(bag, topic, rows)
     return _planar(series)
 

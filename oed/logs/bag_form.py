@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import Drive, to_logs
@@ -29,7 +29,7 @@ class JointInput(Component):
     Attributes:
         joint: its name in the joint states; by default the only joint that has the words of the input's
             name ("right", "left", "steering", ...).
-        form: from its "angle" (a wheel's, running on) or its "speed"; the angle where it is logged. A
+        form: from its "angle" (a wheel's, unwrapped) or its "speed"; the angle where it is logged. A
             steering angle is read as it is.
         sign: -1 where the joint turns the other way round.
         wrap: full range where the angle begins anew [rad].
@@ -133,11 +133,11 @@ class BagForm(LogForm):
         times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
         if not len(times):
             text = "the joints of the inputs were logged one after the other, not at the same time"
-            raise LogError([FileFlaw(str(file), 0, 0, "inputs", text)])
+            raise LogError.about(file, text, "inputs")
         first = inputs[0][0]
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
         wraps = sum(turned.wraps for _, turned in inputs)
-        text = f"joint angles began anew {wraps} times; made to run on"
+        text = f"joint angles began anew {wraps} times; unwrapped"
         return Drive(
             name=file.stem,
             names=model.input_names,
@@ -156,7 +156,7 @@ def _listed(model: System) -> str:
 
 
 def _named_like(name: str, joints: tuple[str, ...]) -> str:
-    # The words that tell the robot's inputs apart are in the names of its joints.
+    # The words by which the robot's inputs differ are in the names of its joints.
     words = set(name.split("_")) - {"wheel", "speed", "angle"}
     fitting = [joint for joint in joints if words <= set(re.split(r"[\W_]+", joint.lower()))]
     return fitting[0] if len(fitting) == 1 else ""

@@ -1,4 +1,4 @@
-"""From what a file says of one drive to a `Log`: checked, headings run on, held poses left out."""
+"""From what a file says of one drive to a `Log`: checked, headings unwrapped, held poses dropped."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Drive:
         return self.quantities.index(quantity) if quantity in self.quantities else None
 
     def with_found(self, *found: Finding | None) -> Drive:
-        """The same drive with more findings."""
+        """The drive with more findings."""
         return replace(self, found=(*self.found, *(one for one in found if one is not None)))
 
 

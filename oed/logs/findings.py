@@ -36,7 +36,14 @@ def gap_limit(times: Array, gap: float | None) -> float:
 
 
 def gap(series: Series, limit: float | None, what: str, *, doubtful: bool) -> Finding | None:
-    """Steps in time that are too long."""
+    """Steps in time that are too long.
+
+    Args:
+        series: on one clock.
+        limit: longer steps are gaps [s].
+        what: of the log, for the message.
+        doubtful: whether a gap casts doubt on the estimates.
+    """
     steps = np.diff(series.times)
     longer = steps > gap_limit(series.times, limit) * (1 + 1e-9)
     if not longer.any():
@@ -73,7 +80,13 @@ def moving_span(series: Series, driven: Array) -> tuple[int, int]:
 
 
 def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None:
-    """How long the robot stands before or after its drive."""
+    """How long the robot stands before or after its drive.
+
+    Args:
+        series: of the inputs.
+        driven: what the wheels have turned since the first row, (n, wheels).
+        at_end: after the drive instead of before.
+    """
     first, last = moving_span(series, driven)
     last = min(last, len(series) - 1)
     times = series.times
@@ -83,7 +96,7 @@ def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None
     if seconds < STANDING:
         return None
     name, word = ("stationary_end", "last") if at_end else ("stationary_start", "first")
-    return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, which tell nothing of its wheels")
+    return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, not informative about its wheels")
 
 
 def held(kept: Series, stale: int, rows: int) -> Finding:
@@ -110,9 +123,7 @@ def wrapped_heading(heading: Array) -> Finding | None:
     count = int(np.count_nonzero(np.abs(np.diff(heading)) > np.pi))
     if not count:
         return None
-    return Finding(
-        "wrapped_heading", f"the heading jumps by a full turn {_times(count, 'time')}; made to run on"
-    )
+    return Finding("wrapped_heading", f"the heading jumps by a full turn {_times(count, 'time')}; unwrapped")
 
 
 def heading_in_degrees(times: Array, heading: Array) -> Finding | None:

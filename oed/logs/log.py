@@ -37,7 +37,7 @@ class Log:
             of a wheel's speed the angle it has turned [rad], of a steering angle [rad s].
         pose_times: (m,) [s], on the clock of the poses.
         poses: (m, quantities).
-        quantities: which of the robot's states they are, "x", "y", "heading", ...; headings run on.
+        quantities: which of the robot's states they are, "x", "y", "heading", ...; headings are unwrapped.
         findings: what was found while reading.
         gap: longer steps of either clock are gaps [s]; five usual steps if None.
         averaged: how many of the sensor's poses each pose is the mean of.
@@ -82,5 +82,11 @@ class Log:
         return np.column_stack([np.interp(moments, clock[rows], column) for column in self.integrals[rows].T])
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
-        """The same log with one finding more."""
+        """The log with one finding more.
+
+        Args:
+            name: of the finding, short and fixed.
+            message: a sentence.
+            doubtful: whether it casts doubt on the estimates.
+        """
         return replace(self, findings=(*self.findings, Finding(name, message, doubtful)))

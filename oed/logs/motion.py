@@ -25,7 +25,7 @@ class Turned:
 
     Attributes:
         integral: (n,), in the unit of the input times s.
-        bridges: whether it is right across missing rows, as a counter that runs on is.
+        bridges: whether it is right across missing rows, as that of a counter that adds up is.
         wraps: how often the counter began anew.
         flaws: in the readings.
     """
@@ -59,7 +59,7 @@ def summed(values: Array) -> Array:
 
 
 def counted(series: Series, place: int, key: str, wrap: float | None) -> Turned:
-    """What a counter has counted since the first row, run on over its range.
+    """What a counter has counted since the first row, unwrapped over its range.
 
     Args:
         series: with the counter's readings.

@@ -38,7 +38,7 @@ def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list
     read = [gathered.take(partial(form.read, Path(file), model)) for file in files]
     gathered.raise_any()
     logs = [log for some in read for log in some or []]
-    return _told_apart(_with_wheels_checked(logs, model))
+    return _distinct(_with_wheels_checked(logs, model))
 
 
 def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:
@@ -63,7 +63,7 @@ def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:
     return checked
 
 
-def _told_apart(logs: Sequence[Log]) -> list[Log]:
+def _distinct(logs: Sequence[Log]) -> list[Log]:
     # Logs of one name from several folders also have the folder's.
     counts = Counter(log.name for log in logs)
     return [

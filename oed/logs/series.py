@@ -19,7 +19,7 @@ Mask = npt.NDArray[np.bool_]
 Result = TypeVar("Result")
 
 MOST_OF_A_KIND = 10
-"""Flaws of one kind that are told one by one; the rest is counted."""
+"""Flaws of one kind that are named one by one; the rest is counted."""
 
 SHORTEST = 1e-9
 """A step in time that is none [s]."""
@@ -52,7 +52,7 @@ class Series:
         return len(self.times)
 
     def rows(self, chosen: Mask | Rows | slice) -> Series:
-        """The same series with some of its rows."""
+        """Some of the series' rows."""
         return replace(self, times=self.times[chosen], values=self.values[chosen], lines=self.lines[chosen])
 
     def with_values(self, values: Array) -> Series:
@@ -64,7 +64,13 @@ class Series:
         return f"t = {self.times[row]:.10g} s ({self.counted} {self.lines[row]})"
 
     def flaw(self, row: int, key: str, message: str) -> FileFlaw:
-        """A flaw in a row."""
+        """A flaw in a row.
+
+        Args:
+            row: from 0.
+            key: the column or what else is wrong there.
+            message: why.
+        """
         line = int(self.lines[row])
         if self.counted == "line":
             return FileFlaw(self.file, line, 0, key, message)
@@ -80,11 +86,11 @@ class Series:
         flaws = []
         for row in np.flatnonzero(np.diff(self.times) <= SHORTEST).tolist():
             before, after = self.times[row], self.times[row + 1]
-            told = f"({self.counted} {self.lines[row]})"
+            before_it = f"({self.counted} {self.lines[row]})"
             if before <= after:
-                text = f"time stands still: {after:.10g} s, the same as in the row before {told}"
+                text = f"time stands still: {after:.10g} s, the same as in the row before {before_it}"
             else:
-                text = f"time goes back: {after:.10g} s after {before:.10g} s {told}"
+                text = f"time goes back: {after:.10g} s after {before:.10g} s {before_it}"
             flaws.append(self.flaw(row + 1, self.clock, text))
         return flaws
 
@@ -98,7 +104,7 @@ class Series:
 
 
 def shortened(flaws: Iterable[FileFlaw]) -> list[FileFlaw]:
-    """Files in their order, lines in theirs; few flaws of each kind are told, the rest is counted."""
+    """Files in their order, lines in theirs; few flaws of each kind are named, the rest is counted."""
     once = list(dict.fromkeys(flaws))
     files = {name: number for number, name in enumerate(dict.fromkeys(flaw.file for flaw in once))}
 
@@ -113,10 +119,10 @@ def shortened(flaws: Iterable[FileFlaw]) -> list[FileFlaw]:
 
 
 def _first(alike: Sequence[FileFlaw]) -> list[FileFlaw]:
-    told, more = list(alike[:MOST_OF_A_KIND]), len(alike) - MOST_OF_A_KIND
+    shown, more = list(alike[:MOST_OF_A_KIND]), len(alike) - MOST_OF_A_KIND
     if more > 0:
-        told[-1] = replace(told[-1], message=f"{told[-1].message} (and {more} more like it)")
-    return told
+        shown[-1] = replace(shown[-1], message=f"{shown[-1].message} (and {more} more like it)")
+    return shown
 
 
 class Gathered:

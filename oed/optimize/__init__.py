@@ -36,11 +36,11 @@ def solve(
         solver: a frozen set of options, e.g. `Ipopt(starts=12)`.
         seed: of every random draw; the same seed gives the same design.
         workers: processes, or a cluster; by default one per processor. Does not change the result.
-        progress: told how far the search is.
+        progress: informed how far the search is.
         earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
 
     Raises:
-        ProblemError: parameters that no drive tells apart; it names them.
+        ProblemError: parameters that no drive makes identifiable; it names them.
     """
     options = solver or Ipopt()
     chosen = seed if options.seed is None else options.seed
@@ -50,7 +50,7 @@ def solve(
     solution = assured(options, own, context)
     if own is problem:
         return solution
-    # Found by another measure of quality, but told by the problem's.
+    # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
     return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
 

@@ -9,7 +9,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.kernel.violation import Leaving
 from oed.optimize.solver import Context, Solver
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.robust import Robust
 
 ROUNDS = 12
@@ -23,7 +23,13 @@ UNTRIED = "It was not tried with other robots."
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
-    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks."""
+    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks.
+
+    Args:
+        options: of the search.
+        problem: to be solved.
+        context: seed, workers, progress, earlier solutions.
+    """
     robust = problem.robust
     if not isinstance(robust, Robust):
         return options.search(problem, context)
@@ -44,7 +50,7 @@ class _Assured:
                 return self._without_design(solution, last)
             if solution.status is Status.INTERRUPTED or solution.leaving is None:
                 return self._summed(solution)
-            seen = solution.leaving
+            found = solution.leaving
             if self._enough(solution):
                 solution = self._tried(solution, FINAL)
                 if solution.status is Status.INTERRUPTED:
@@ -53,7 +59,7 @@ class _Assured:
                     return self._searched_well(options, solution, tightened)
             # Of the verification samples nothing is learned but that they were not enough.
             last = solution.leaving
-            tightened, quick = tightened.tighter(seen.worst), options.again()
+            tightened, quick = tightened.tighter(found.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
 
@@ -84,13 +90,13 @@ class _Assured:
         progress, draws = self.context.progress, self.robust.draws
         progress.begin(f"simulate {draws} robots", 1)
         try:
-            found = leaving(
+            found = violation_probability(
                 self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
             )
         except KeyboardInterrupt:
             detail = solution.detail if solution.leaving else f"{solution.detail} {UNTRIED}".strip()
             return replace(solution, status=Status.INTERRUPTED, detail=detail)
-        progress.advance(f"{found.probability:.2%} leave")
+        progress.advance(f"{found.probability:.2%} violate the limits")
         return replace(solution, leaving=found)
 
     def _enough(self, solution: Solution) -> bool:
@@ -102,11 +108,11 @@ class _Assured:
     def _without_design(self, solution: Solution, last: Leaving | None) -> Solution:
         detail = solution.detail
         if last is not None:
-            told = (
-                f"On the last drive {last.probability:.2%} of {last.draws} robots left the limits (up to "
+            verified = (
+                f"On the last drive {last.probability:.2%} of {last.draws} robots violated the limits (up to "
                 f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may."
             )
-            detail = f"{told} {detail}"
+            detail = f"{verified} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()
         return self._summed(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
 

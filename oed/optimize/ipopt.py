@@ -1,4 +1,4 @@
-"""Gradient search: Ipopt from many starts, perturbed and solved again, then settled among equal optima."""
+"""Gradient search: Ipopt from many starts, perturbed, solved again, and a second stage among equal optima."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
-from oed.foundation.errors import Failure, Flaw, ProblemError
+from oed.foundation.errors import Failure, ProblemError
 from oed.foundation.quantities import Duration
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.criteria import D
@@ -49,7 +49,7 @@ class Ipopt(Solver):
 
     Attributes:
         starts: local searches, half from screened random drives, half from small random coefficients.
-        perturbations: further searches from kicked copies of the best design.
+        perturbations: further searches from perturbed copies of the best design.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
@@ -94,7 +94,11 @@ class _Task:
 
 def _work(task: _Task) -> Local:
     search = local_search(task.token, task.problem, task.settings)
-    return search.maximise(task.unknowns) if task.share is None else search.settle(task.unknowns, task.share)
+    return (
+        search.maximise(task.unknowns)
+        if task.share is None
+        else search.second_stage(task.unknowns, task.share)
+    )
 
 
 class _TimeUp(Exception):
@@ -131,7 +135,7 @@ class _Search:
 
     def run(self) -> Solution:
         try:
-            for stage in (self._multi_start, self._perturb, self._settle):
+            for stage in (self._multi_start, self._perturb, self._decide):
                 if self._out_of_time():
                     raise _TimeUp
                 stage()
@@ -149,7 +153,7 @@ class _Search:
         if self.options.start_from is not None:
             points[0] = self._earlier_design(self.options.start_from)
         self.context.progress.begin("starts", len(points))
-        # The first one here: it tells how long a start takes, and whether workers are worth starting.
+        # The first one here: it shows how long a start takes, and whether workers are worth starting.
         self._try_starts(points[:1])
         # Where the first few find nothing, asking why comes before trying the others.
         self._try_starts(points[1:TRIAL])
@@ -199,20 +203,20 @@ class _Search:
             left -= len(points)
         self._note_stage("perturbations")
 
-    def _settle(self) -> None:
+    def _decide(self) -> None:
         options, best = self.options, self.best
         if options.second_stage == "none" or best is None or best.singular:
             return
         # Maximising log det is what the first stage of D has done.
         if options.second_stage == "logdet" and isinstance(self.problem.criterion, D):
             return
-        self.context.progress.begin("settle among equal optima", 1)
-        settled = _work(self._task(best.unknowns, options.second_stage_share))
+        self.context.progress.begin("second stage among equal optima", 1)
+        decided = _work(self._task(best.unknowns, options.second_stage_share))
         self.context.progress.advance()
         # Less than was asked for only by rounding; anything worse is no gain.
         asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
-        if settled.objective >= asked - 1e-6 * abs(asked):
-            self.best = settled
+        if decided.objective >= asked - 1e-6 * abs(asked):
+            self.best = decided
         self._note_stage("second_stage")
 
     def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
@@ -243,7 +247,7 @@ class _Search:
         if solution is None:
             known = ", ".join(self.context.earlier) or "none"
             text = f"expected the name of an earlier search ({known}), got {name!r}"
-            raise ProblemError([Flaw(("solvers", "start_from"), text)])
+            raise ProblemError.about(("solvers", "start_from"), text)
         if solution.trajectory is None:
             raise Failure(f"{name} found no design to start from: {solution.message}")
         return self.design.unknowns_of(solution.trajectory)

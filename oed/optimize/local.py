@@ -74,12 +74,12 @@ class Local:
 
     @property
     def singular(self) -> bool:
-        """Whether there is no design, or one that leaves some combination of parameters undetermined."""
+        """Whether there is no design, or one that makes some combination of parameters not identifiable."""
         return self.evaluation is None or self.evaluation.singular
 
     @property
     def useless(self) -> bool:
-        """Whether there is no design, or one that does not tell what the criterion asks about."""
+        """Whether there is no design, or one that is not informative about what the criterion asks for."""
         return self.evaluation is None or not self.evaluation.identifiable
 
     @property
@@ -181,7 +181,7 @@ class LocalSearch:
         return found if usable and surely_better(found.objective, standing) else None
 
     def _may_be_better(self, unknowns: Array, standing: float) -> bool:
-        # Without scoring it. Of fewer samples than all nobody knows by how much they tell otherwise.
+        # Without scoring it. Of fewer samples than all nobody knows by how much their information differs.
         if self.grid.coarse:
             return True
         matrices = self.grid.matrices_of(unknowns, self.grid.no_correction)
@@ -189,11 +189,11 @@ class LocalSearch:
         most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
         return surely_better(float(self.design.objective(most)), standing)
 
-    def settle(self, unknowns: Array, share: float) -> Local:
+    def second_stage(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""
         corrections = self.grid.correction(unknowns)
         value = float(self.design.objective(self._numeric(unknowns, corrections)))
-        # A little more than asked for, lest rounding leave a little less.
+        # A little more than asked for, lest rounding end a little below.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
         return self._best("second", unknowns, floors, corrections)
@@ -297,7 +297,7 @@ def surely_better(objective: float, standing: float) -> bool:
 
 def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
     # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
-    # tell what is asked for is a design, if of no use: the search says so in the end. `broken` is why the
+    # identify what is asked for is a design, if of no use: the search says so in the end. `broken` is why the
     # round after them was not finite, if one was not.
     chosen, standing = len(rounds) - 1, -np.inf
     for place in range(len(rounds) - 1, -1, -1):
@@ -328,7 +328,13 @@ _CACHED = 4
 
 
 def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:
-    """The search of this token, built once in each process."""
+    """The search of this token, built once in each process.
+
+    Args:
+        token: of the whole search, by which workers know it.
+        problem: to be solved.
+        settings: of Ipopt and the stages.
+    """
     if token not in _CACHE:
         _CACHE[token] = LocalSearch(problem, settings)
         if len(_CACHE) > _CACHED:

@@ -13,7 +13,7 @@ from pydantic import Field
 from oed.foundation.component import Component, OneOf
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
-from oed.kernel.criteria import CRITERIA, Criterion
+from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 
@@ -25,7 +25,7 @@ class Context:
     Attributes:
         seed: of every random draw.
         workers: processes to use, or a cluster.
-        progress: who is told how far it is.
+        progress: who is informed how far it is.
         earlier: solutions of the searches before this one, by name.
     """
 
@@ -51,7 +51,7 @@ class Solver(Component, ABC):
     kind: str
     name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
     seed: Annotated[int, Field(ge=0)] | None = None
-    criterion: Annotated[Criterion, OneOf(CRITERIA)] | None = None
+    criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
 
     @property
     def label(self) -> str:

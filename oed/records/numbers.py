@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from enum import Enum
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 
 def finite(value: float | None) -> float | None:
@@ -14,18 +16,23 @@ def finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def finite_data(value: Any) -> Any:
-    """Plain data, null where JSON cannot hold a number."""
+def plain(value: Any, digits: int | None = None) -> Any:
+    """A value as JSON holds it: arrays as lists, members of enumerations as their values, null where a
+    number is not finite; numbers to so many decimals, None for all of them.
+    """
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray | np.generic):
+        return plain((value if digits is None else np.round(value, digits)).tolist())
     if isinstance(value, Mapping):
-        return {key: finite_data(entry) for key, entry in value.items()}
+        return {key: plain(entry, digits) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [finite_data(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def finite_rows(matrix: Any) -> list[list[float | None]]:
-    """A matrix as lists, null where JSON cannot hold a number."""
-    return [[finite(value) for value in row] for row in np.asarray(matrix)]
+        return [plain(entry, digits) for entry in value]
+    if not isinstance(value, float):
+        return value
+    return None if not math.isfinite(value) else value if digits is None else round(value, digits)
 
 
 def rounded(values: Any, digits: int) -> Any:

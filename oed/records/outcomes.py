@@ -6,29 +6,26 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from oed.bounds import LOOSE, Certificate, gap
-from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Evaluation
-from oed.kernel.evaluation import Margin as Room
-from oed.kernel.solution import Solution, Start
-from oed.records.numbers import finite, finite_rows, rounded
+from oed.kernel.solution import Solution
 from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
-from oed.records.stored.result import Covariance, Drive, Margin, Progress, Result, StartPoint
-from oed.records.stored.simulation import Simulated, StoredCheck
+from oed.records.stored.result import NUMBERS, Covariance, Drive, Margin, Result
+from oed.records.stored.simulation import Simulated
 from oed.simulation import Validation
 
-NUMBERS = (
-    "objective",
-    "lambda_min",
-    "lambda_max",
-    "condition_number",
-    "smallest_singular_value",
-    "norm_y",
-    "path_length",
-)
-"""Of an evaluation, each a number of a result."""
+UNSCORED: Mapping[str, Any] = {
+    "feasible": False,
+    "identifiable": False,
+    "singular": True,
+    "violations": {},
+    "singular_values": [],
+    "standard_deviations": {},
+    "covariances": [],
+    "margins": [],
+    **dict.fromkeys(NUMBERS),
+}
+"""What a result says of a drive that there is not, or that could not be scored."""
 
 
 def result_of(
@@ -42,94 +39,27 @@ def result_of(
         criteria: what other criteria say of the drive, by their kinds.
     """
     evaluation, trajectory = solution.evaluation, solution.trajectory
-    return Result.model_construct(
-        name=solution.name,
-        kind=solution.kind,
-        criterion=solution.criterion,
-        status=solution.status.value,
-        message=solution.message,
-        **_scored(evaluation),
-        wall_seconds=round(solution.wall_seconds, 6),
-        starts=[_start(start) for start in solution.starts],
-        stages={name: finite(value) for name, value in solution.stages.items()},
-        history=[
-            Progress.model_construct(
-                evaluations=point.evaluations,
-                seconds=round(point.seconds, 6),
-                objective=finite(point.objective),
-            )
-            for point in solution.history
-        ],
-        seed=solution.seed,
-        trajectory=trajectory_file if trajectory is not None else None,
-        drive=None if trajectory is None or evaluation is None else _drive(trajectory, evaluation),
-        criteria=dict(criteria or {}),
+    return Result.of(
+        solution,
+        evaluation,
+        **(UNSCORED if evaluation is None else _parts_of(evaluation)),
+        trajectory=None if trajectory is None else trajectory_file,
+        # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
+        drive=None
+        if trajectory is None or evaluation is None
+        else Drive.of(trajectory, poses=evaluation.states),
+        criteria=criteria or {},
     )
 
 
-def _scored(evaluation: Evaluation | None) -> dict[str, Any]:
-    if evaluation is None:
-        return {
-            "feasible": False,
-            "identifiable": False,
-            "singular": True,
-            "violations": {},
-            **dict.fromkeys(NUMBERS),
-            "singular_values": [],
-            "standard_deviations": {},
-        }
+def _parts_of(evaluation: Evaluation) -> dict[str, Any]:
     return {
-        "feasible": evaluation.feasible,
-        "identifiable": evaluation.identifiable,
-        "singular": evaluation.singular,
-        "violations": evaluation.violations,
-        **{name: finite(getattr(evaluation, name)) for name in NUMBERS},
-        "singular_values": evaluation.singular_values.tolist(),
-        "standard_deviations": {
-            name: finite(value) for name, value in evaluation.standard_deviations.items()
-        },
         "covariances": [
-            Covariance.model_construct(
-                parameters=list(evaluation.parameters[block]), covariance=finite_rows(covariance)
-            )
+            Covariance.of(parameters=evaluation.parameters[block], covariance=covariance)
             for block, covariance in evaluation.covariances.items()
         ],
-        "margins": [_margin(margin) for margin in evaluation.margins],
+        "margins": [Margin.of(margin, limit=margin.name) for margin in evaluation.margins],
     }
-
-
-def _margin(room: Room) -> Margin:
-    return Margin.model_construct(
-        limit=room.name,
-        margin=room.margin,
-        size=room.size,
-        unit=room.unit,
-        active=room.active,
-        kept=room.kept,
-        certain=room.certain,
-    )
-
-
-def _start(start: Start) -> StartPoint:
-    return StartPoint.model_construct(
-        objective=finite(start.objective),
-        status=start.status.value,
-        wall_seconds=round(start.wall_seconds, 6),
-        iterations=start.iterations,
-    )
-
-
-def _drive(trajectory: Trajectory, evaluation: Evaluation) -> Drive:
-    # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
-    return Drive.model_construct(
-        degree=trajectory.degree,
-        knots=trajectory.knots.tolist(),
-        coefficients=trajectory.coefficients.tolist(),
-        start=trajectory.start.tolist(),
-        samples=trajectory.samples,
-        runs=trajectory.runs,
-        poses=rounded(evaluation.states, 9),
-    )
 
 
 def certificate_of(
@@ -148,66 +78,32 @@ def certificate_of(
         return None
     against = None if best is None else certificate.bound_on(best)
     share = None if best is None or against is None or best.objective <= 0 else gap(against, best.objective)
-    return StoredCertificate.model_construct(
-        upper_bound=certificate.upper_bound,
-        gap=finite(share),
-        method=certificate.method,
-        assumptions=list(certificate.assumptions),
-        multiplier=None if certificate.multiplier is None else np.asarray(certificate.multiplier).tolist(),
-        widened=_widened(certificate.widened),
-        gap_to=None if against is None else finite(against),
+    return StoredCertificate.of(
+        certificate,
+        gap=share,
+        gap_to=against,
         loose=None if share is None else share > LOOSE,
-        complete=certificate.complete,
-        nodes=certificate.nodes,
+        widened=_widened(certificate.widened),
         best=None if best is None else best.objective,
         drive=drive,
         spline_objective=spline,
-        caps=[
-            UpperBound.model_construct(
-                upper_bound=cap.value, method=cap.method, assumptions=list(cap.assumptions)
-            )
-            for cap in certificate.bounds
-        ],
-        wall_seconds=round(certificate.wall_seconds, 6),
+        caps=[UpperBound.of(one, upper_bound=one.value) for one in certificate.bounds],
     )
 
 
 def _widened(widened: Certificate | None) -> WidenedBound | None:
     if widened is None or not math.isfinite(widened.upper_bound):
         return None
-    return WidenedBound.model_construct(
-        tolerance=TOLERANCE,
-        upper_bound=widened.upper_bound,
-        method=widened.method,
-        assumptions=list(widened.assumptions),
-    )
+    return WidenedBound.of(widened, tolerance=TOLERANCE)
 
 
 def validation_of(name: str, validation: Validation) -> Simulated:
     """What a record's `validation` says of the result `name`."""
-    return Simulated.model_construct(
+    return Simulated.of(
+        validation,
         name=name,
-        estimator=validation.estimator,
-        heading=validation.heading,
-        passed=validation.passed,
-        verdict=validation.verdict,
-        parameters=list(validation.parameters),
-        true=validation.true.tolist(),
-        mean=validation.mean.tolist(),
-        promised_covariance=validation.promised.tolist(),
-        sampled_covariance=validation.sampled.tolist(),
-        paired_variance_ratio=validation.paired_ratio.tolist(),
-        paired_standard_error=validation.paired_error.tolist(),
-        checks=[
-            StoredCheck.model_construct(
-                name=check.name,
-                question=check.question,
-                statistic=check.statistic,
-                expected=list(check.expected),
-                p_value=check.p_value,
-                passed=check.passed,
-            )
-            for check in validation.checks
-        ],
-        estimates=rounded(validation.estimates, 10),
+        promised_covariance=validation.predicted,
+        sampled_covariance=validation.sampled,
+        paired_variance_ratio=validation.paired_ratio,
+        paired_standard_error=validation.paired_error,
     )

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.errors import FileFlaw, PathFileError
-from oed.foundation.files import read_text, write_text
+from oed.foundation.files import text_of, write_text
 from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -183,7 +183,7 @@ class _Table:
 
 
 def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Table:
-    name, text = str(file), _text(file)
+    name, text = str(file), text_of(file, PathFileError, "utf-8-sig")
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
     numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
@@ -194,19 +194,6 @@ def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Ta
         raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
     places, rows = zip(*numbered[1:], strict=True)
     return _Table(name, header, list(places), list(rows), text.endswith("\n"))
-
-
-def _text(file: str | Path) -> str:
-    try:
-        # Spreadsheets begin a file with a byte-order mark.
-        return read_text(file, "utf-8-sig")
-    except FileNotFoundError:
-        reason = "no such file"
-    except OSError as error:
-        reason = f"cannot be read: {error.strerror}"
-    except UnicodeDecodeError:
-        reason = "cannot be read: not UTF-8 text"
-    raise PathFileError([FileFlaw(str(file), 0, 0, "", reason)])
 
 
 def _cells(name: str, number: int, line: str) -> list[str]:

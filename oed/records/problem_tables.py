@@ -9,13 +9,8 @@ from oed.records.stored.study_record import StoredInput, StoredNuisance, StoredP
 def parameter_table(problem: Problem) -> list[StoredParameter]:
     """The estimated parameters."""
     return [
-        StoredParameter.model_construct(
-            name=name,
-            nominal=float(nominal),
-            unit=unit,
-            block=one.block.name,
-            noise=one.block.noise,
-            judged=name in one.judged,
+        StoredParameter.of(
+            one.block, name=name, nominal=nominal, unit=unit, block=one.block.name, judged=name in one.judged
         )
         for one in problem.any_estimations
         for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
@@ -24,17 +19,14 @@ def parameter_table(problem: Problem) -> list[StoredParameter]:
 
 def input_table(problem: Problem) -> list[StoredInput]:
     """The robot's inputs."""
-    return [
-        StoredInput.model_construct(name=entry.name, quantity=entry.quantity, unit=entry.unit)
-        for entry in problem.model.inputs
-    ]
+    return [StoredInput.of(entry) for entry in problem.model.inputs]
 
 
 def state_table(problem: Problem) -> list[StoredState]:
     """The robot's states."""
     model = problem.model
     return [
-        StoredState.model_construct(name=name, unit=unit)
+        StoredState.of(name=name, unit=unit)
         for name, unit in zip(model.states, model.state_units, strict=True)
     ]
 
@@ -42,9 +34,7 @@ def state_table(problem: Problem) -> list[StoredState]:
 def nuisance_table(problem: Problem) -> list[StoredNuisance]:
     """The nuisance parameters."""
     return [
-        StoredNuisance.model_construct(
-            name=entry.name, unit=entry.unit, block=one.block.name, deviation=entry.deviation
-        )
+        StoredNuisance.of(entry, block=one.block.name)
         for one in problem.any_estimations
         for entry in one.block.nuisances
     ]

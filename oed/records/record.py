@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, read_object
+from oed.records.stored.door import checked, json_text, read_file
 from oed.records.stored.echo import checked_echo, read_echo
 from oed.records.stored.parts import Stored
-from oed.records.stored.result import Drive, Result
+from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.study_record import FORMAT as FORMAT
 from oed.records.stored.study_record import (
     Provenance,
     StoredInput,
@@ -61,7 +59,7 @@ class Record:
         """The study, its parts as objects that describe themselves; robots of code that was not run yet
         cannot move.
         """
-        return self.asked or read_echo(self.data["study"], self.file or Path(FILE))
+        return self.asked or read_echo(self.echo, self.file or Path(FILE))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the objects that are made of the data again."""
@@ -139,9 +137,19 @@ class Record:
         return str(self.data["oed_version"])
 
     @property
+    def echo(self) -> Mapping[str, Any]:
+        """The study as plain data, SI, defaults filled in."""
+        found: Mapping[str, Any] = self.data["study"]
+        return found
+
+    @property
     def study_text(self) -> str:
         """The study as it was written."""
-        return str(self.data["study_text"])
+        return str(self.data.get("study_text", ""))
+
+    def with_validation(self, found: StoredValidation) -> Record:
+        """The record with other simulated experiments."""
+        return replace(self, data={**self.data, "validation": found.plain()})
 
     @property
     def interrupted(self) -> bool:
@@ -168,18 +176,7 @@ class Record:
 
     def to_json(self) -> str:
         """The text of record.json, every list of numbers on a line of its own."""
-        return _layout(self.data, "") + "\n"
-
-
-def _layout(value: Any, indent: str) -> str:
-    # As json.dumps(indent=1) would, but for lists of plain values.
-    inner = indent + " "
-    if isinstance(value, Mapping) and value:
-        lines = [f"{inner}{json.dumps(key)}: {_layout(entry, inner)}" for key, entry in value.items()]
-        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
-    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
-        return "[\n" + ",\n".join(f"{inner}{_layout(entry, inner)}" for entry in value) + f"\n{indent}]"
-    return json.dumps(value, allow_nan=False)
+        return json_text(self.data)
 
 
 def save_record(record: Record, folder: str | Path) -> Path:
@@ -206,11 +203,8 @@ def load_record(folder: str | Path) -> Record:
         RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
     path = saved_file(folder, FILE)
-    expected = f"expected a record of format {FORMAT}; make it again with `oed run`"
-    kept = "" if path.exists() else beside(folder)
-    data = read_object(path, f"no record there; make one with `oed run`{kept}", expected)
-    if data.get("format") != FORMAT or "results" not in data:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
+    hint = "" if path.exists() else beside(folder)
+    data = read_file(path, "a record", "oed run", "results", hint)
     return Record(known_record(data, path), path)
 
 
@@ -251,7 +245,6 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
 
 
-def drive_of(entry: Mapping[str, Any]) -> Trajectory | None:
+def drive_of(one: Result) -> Trajectory | None:
     """The trajectory of a record's result, None where it has none."""
-    drive = entry["drive"]
-    return None if drive is None else Drive.model_validate(drive).trajectory
+    return None if one.drive is None else one.drive.trajectory

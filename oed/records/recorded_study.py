@@ -10,7 +10,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
 from oed.records.recorded_prior import prior_of
 from oed.records.stored.echo import in_record
-from oed.study.own_code import robots_of_code
+from oed.study.own_code import named_code
 from oed.study.study import PriorRecord, Study, StudyFile, read_study
 from oed.study.yaml_source import plain_source
 
@@ -34,7 +34,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
     if not trusted:
         _refuse_code(record.study, place)
     try:
-        source = plain_source(str(place), str(record.data.get("study_text", "")), record.data["study"])
+        source = plain_source(str(place), record.study_text, record.echo)
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
         raise in_record(error.flaws) from None
@@ -47,9 +47,9 @@ def _refuse_code(file: StudyFile, place: Path) -> None:
             0,
             0,
             key,
-            f"{robot.object} is code, of {robot.module_file}, and would be run; read it, and {TRUST}",
+            f"{part.object} is code, of {part.module_file}, and would be run; read it, and {TRUST}",
         )
-        for key, robot in robots_of_code(file)
+        for key, part in named_code(file)
     ]
     if flaws:
         raise RecordError(flaws)

@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
-from oed.robots.models.model import Integration, Model
+from oed.robots.models.arcs import Integration
+from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 
@@ -33,12 +34,6 @@ class DesignSpace(Space):
 
     start: StartPose | Annotated[tuple[StartPose, ...], Field(min_length=1)] | Literal["free"] = StartPose()
     integration: Integration = "arc"
-
-    @model_validator(mode="after")
-    def _start_for_every_run(self) -> DesignSpace:
-        if isinstance(self.start, tuple) and len(self.start) != self.runs:
-            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
-        return self
 
     @property
     def fixed_starts(self) -> Array | None:

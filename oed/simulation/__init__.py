@@ -1,4 +1,4 @@
-"""Is the promised precision what a simulation gives?"""
+"""Is the predicted precision what a simulation gives?"""
 
 from oed.simulation.checks import Check
 from oed.simulation.monte_carlo import Validation, validate

@@ -1,4 +1,4 @@
-"""Statistical tests of a promised covariance against simulated estimates (STATISTICS: bias, size, shape)."""
+"""Statistical tests of a predicted covariance against simulated estimates (STATISTICS: bias, size, shape)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Check:
 
 
 def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
-    """All tests of errors (R, p) against their promised covariance (p, p), at joint level `alpha`."""
+    """All tests of errors (R, p) against their predicted covariance (p, p), at joint level `alpha`."""
     return check_tally(Tally.of(errors, covariance), alpha)
 
 

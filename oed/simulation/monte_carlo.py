@@ -1,18 +1,22 @@
-"""Monte Carlo: simulate noisy experiments, estimate from them, compare with the covariance promised.
+"""Monte Carlo: simulate noisy experiments, estimate from them, compare with the covariance predicted.
 
-What is promised, and how the readings are simulated, is the estimator's; what is tested is the same for all.
+What is predicted, and how the readings are simulated, is the estimator's; what is tested is the same for all.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods import Estimator, EstimatorName, Heading, Loss, make_estimator
+from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
+from oed.estimation.setup.options import Loss
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.moved import Renamed
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -34,25 +38,26 @@ STREAM = 5
 
 
 @dataclass(frozen=True)
-class Validation:
+class Validation(Renamed):
     """Promised against simulated precision; all SI.
 
     Attributes:
-        estimator: what estimated, and promised.
+        estimator: what estimated, and predicted its covariance.
         heading: which headings a position regression used.
         replicates, seed, alpha: of the simulation and its tests.
         parameters: names, (p,).
         true: values simulated with, (p,).
         mean: of the estimates, (p,).
-        promised: covariance by the estimator's formula, (p, p).
+        predicted: covariance by the estimator's formula, (p, p).
         sampled: covariance of the estimates, (p, p).
-        paired_ratio: sampled over promised variance, (p,), each replicate paired with the linear estimate
+        paired_ratio: sampled over predicted variance, (p,), each replicate paired with the linear estimate
             from the same noise, which removes most of the sampling error.
         paired_error: standard error of that ratio, (p,).
         checks: the tests, judged together.
         estimates: the first estimates, (<= 200, p).
     """
 
+    renamed: ClassVar[Mapping[str, str]] = {"promised": "predicted"}
     estimator: EstimatorName
     heading: Heading
     replicates: int
@@ -61,7 +66,7 @@ class Validation:
     parameters: tuple[str, ...]
     true: Array
     mean: Array
-    promised: Array
+    predicted: Array
     sampled: Array
     paired_ratio: Array
     paired_error: Array
@@ -70,7 +75,7 @@ class Validation:
 
     @property
     def passed(self) -> bool:
-        """Whether the promised covariance is right as far as this simulation can tell."""
+        """Whether the predicted covariance is right as far as this simulation can tell."""
         return all(check.passed for check in self.checks)
 
     @property
@@ -78,17 +83,17 @@ class Validation:
         """The outcome in words."""
         if self.passed:
             return (
-                f"In {self.replicates} simulated experiments the estimates scatter as promised: "
+                f"In {self.replicates} simulated experiments the estimates scatter as predicted: "
                 f"all {len(self.checks)} tests passed."
             )
         failed = ", ".join(check.name for check in self.checks if not check.passed)
-        ratios = np.sqrt(np.diag(self.sampled) / np.diag(self.promised))
+        ratios = np.sqrt(np.diag(self.sampled) / np.diag(self.predicted))
         worst = int(np.argmax(np.abs(np.log(ratios))))
-        offset = (self.mean[worst] - self.true[worst]) / math.sqrt(self.promised[worst, worst])
+        offset = (self.mean[worst] - self.true[worst]) / math.sqrt(self.predicted[worst, worst])
         return (
-            f"In {self.replicates} simulated experiments the promise did not hold ({failed}): "
-            f"{self.parameters[worst]} scatters {ratios[worst]:.3g} times as much as promised "
-            f"and is off by {offset:+.2g} promised standard deviations on average."
+            f"In {self.replicates} simulated experiments the prediction did not hold ({failed}): "
+            f"{self.parameters[worst]} scatters {ratios[worst]:.3g} times as much as predicted "
+            f"and is off by {offset:+.2g} predicted standard errors on average."
         )
 
 
@@ -144,10 +149,10 @@ def validate(
         listener.advance()
 
     run_tasks(_simulate, batches, workers, take)
-    found, true, promised = total.result, chosen.true, chosen.promised
-    root, whitened = np.linalg.cholesky(promised), found.tally.whitened
+    found, true, predicted = total.result, chosen.true, chosen.covariance
+    root, whitened = np.linalg.cholesky(predicted), found.tally.whitened
     # E[linear^2] is known exactly, so only the difference of squares is left to chance.
-    ratio = np.diag(chosen.linear_covariance) / np.diag(promised) + found.paired.mean
+    ratio = np.diag(chosen.linear_covariance) / np.diag(predicted) + found.paired.mean
     return Validation(
         estimator=chosen.name,
         heading=heading,
@@ -157,7 +162,7 @@ def validate(
         parameters=chosen.parameters,
         true=true,
         mean=true + root @ whitened.mean,
-        promised=promised,
+        predicted=predicted,
         sampled=root @ whitened.covariance @ root.T,
         paired_ratio=ratio,
         paired_error=np.sqrt(np.diag(found.paired.covariance) / found.paired.count),
@@ -210,7 +215,7 @@ class _Total:
 
 def _simulate(batch: _Batch) -> _Result:
     rng = np.random.default_rng([batch.seed, STREAM, batch.index])
-    estimates, linear = batch.estimator.replicate(rng, batch.size)
-    true, promised = batch.estimator.true, batch.estimator.promised
-    differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(promised)
-    return _Result(Tally.of(estimates - true, promised), Moments.of(differences), estimates[:SHOWN].copy())
+    estimates, linear = batch.estimator.simulate(rng, batch.size)
+    true, predicted = batch.estimator.true, batch.estimator.covariance
+    differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(predicted)
+    return _Result(Tally.of(estimates - true, predicted), Moments.of(differences), estimates[:SHOWN].copy())

@@ -105,7 +105,7 @@ class Levels:
 
 @dataclass
 class Tally:
-    """Errors seen against their promised covariance.
+    """Errors seen against their predicted covariance.
 
     Attributes:
         whitened: moments of L^-1 e with L L' the covariance: zero and identity if it is right.
@@ -121,7 +121,7 @@ class Tally:
 
     @classmethod
     def of(cls, errors: Array, covariance: Array) -> Tally:
-        """That of errors (R, p) and the covariance (p, p) promised of them."""
+        """That of errors (R, p) and the covariance (p, p) predicted of them."""
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), errors.T).T
         nees = np.einsum("ij,ij->i", whitened, whitened)
         size = errors.shape[1]

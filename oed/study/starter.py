@@ -26,7 +26,7 @@ TYPICAL = {
     "y_icr_right": "-25 cm",
     "trailer_length": "60 cm",
 }
-"""Sizes of an everyday robot, for those that are not given."""
+"""Sizes of a typical robot, for those that are not given."""
 ROOM = "3 m x 3 m"
 DURATION = "20 s"
 PILOT = "8 s"
@@ -35,8 +35,8 @@ EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
 """How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
 UNSURE = "5 %"
 """How far the parameters of a robot may be from their nominal values before its first drive."""
-TOLD_APART = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
-"""What to estimate of robots whose parameters no drive tells apart all together."""
+IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
+"""What to estimate of robots whose parameters are not identifiable all together."""
 SENSORS = {
     "poses": (
         "motion capture: position and heading at every sample",
@@ -161,11 +161,11 @@ def _text(
     if choice.runs > 1:
         lines.append(f"  runs: {choice.runs}   # separate drives, each from its own start, designed together")
     lines += _measurement_lines(choice)
-    told = TOLD_APART.get(_kind(choice.robot))
-    if told and choice.sensor != "displacements":
+    identifiable = IDENTIFIABLE.get(_kind(choice.robot))
+    if identifiable and choice.sensor != "displacements":
         lines += [
-            "# No drive tells radii and slips apart: the slips are taken as known.",
-            f"estimate: [{', '.join(told)}]",
+            "# Radii and slips are not identifiable together: the slips are taken as known.",
+            f"estimate: [{', '.join(identifiable)}]",
         ]
     lines += [
         *doubt,
@@ -175,7 +175,7 @@ def _text(
         "criterion: {kind: E, scaling: relative}",
         "solvers:",
         "  - {kind: ipopt, starts: 6, perturbations: 4}",
-        "# Paths people drive every day, made as large as the limits allow, to compare with.",
+        "# Baselines: paths that people drive, made as large as the limits allow, to compare with.",
         f"baselines: {baselines}",
         *log,
         "seed: 0",
@@ -184,7 +184,7 @@ def _text(
 
 
 _PILOT_LINES = (
-    "# How much wider than its wheels' own the track of a skidding robot acts, nobody knows beforehand: this",
+    "# How much wider than its wheels' own the track of a skidding robot acts, nobody knows before: this",
     "# is a short pilot drive that stays in the room for the whole range. Drive it and log it; then",
     "# `oed next DIR LOG --duration '20 s'` designs the real one, for the robot as it is known by then.",
 )
@@ -192,8 +192,10 @@ _PILOT_LINES = (
 
 def _doubt_lines(choice: Choice, model: Model) -> list[str]:
     # How far the robot may be from its numbers, and that the drive is to survive it.
-    told = TOLD_APART.get(_kind(choice.robot))
-    names = [parameter for parameter in model.parameters if told is None or parameter.name in told]
+    identifiable = IDENTIFIABLE.get(_kind(choice.robot))
+    names = [
+        parameter for parameter in model.parameters if identifiable is None or parameter.name in identifiable
+    ]
     amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
     kind = "scenarios" if _skids(choice) else "chance"
     return [

@@ -12,11 +12,13 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
 from oed.bounds import LATTICE
 from oed.estimation import CalibrationOptions, alternative_flaws
-from oed.estimation.methods import EstimatorName, Heading, Loss, estimator_flaws
+from oed.estimation.methods import EstimatorName, Heading, estimator_flaws
+from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw
-from oed.kernel.criteria import CRITERIA, Criterion, E
+from oed.foundation.own.part import OwnCodeError
+from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
@@ -24,11 +26,12 @@ from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.baselines import BaselineName, baseline_flaws
-from oed.robots.limits import LIMITS, Limit
+from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
+from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain
@@ -44,6 +47,7 @@ def _limit_table() -> Any:
         name: (Optional[kind], None)  # noqa: UP045
         for name, kind in LIMITS.items()
     }
+    fields["own"] = (Optional[tuple[Annotated[Limit, OneOf((PythonLimit,))], ...]], None)  # noqa: UP045
     return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
 
 
@@ -87,7 +91,7 @@ AnyPrior = Annotated[
 
 
 class ValidationOptions(Component):
-    """Simulated experiments to compare the promised covariance with; see `oed.validate`."""
+    """Simulated experiments to compare the predicted covariance with; see `oed.validate`."""
 
     replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
     estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
@@ -114,7 +118,7 @@ class StudyFile(Component):
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
     limits: _Limits  # type: ignore[valid-type]
-    criterion: Annotated[Criterion, OneOf(CRITERIA)] = E()
+    criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     baselines: tuple[BaselineName | PathFile, ...] = ()
     bound: bool = False
@@ -180,10 +184,10 @@ class Study:
         return self.file.seed
 
     def require_identifiable(self) -> None:
-        """Refuse a study whose parameters no drive tells apart, or whose drives are not finite.
+        """Refuse a study whose parameters no drive makes identifiable, or whose drives are not finite.
 
         Raises:
-            StudyError: names what is not finite, or every combination that cannot be told, and what to do.
+            StudyError: names what is not finite, or every combination that is not identifiable, with advice.
         """
         try:
             require_identifiable(self.problem)
@@ -213,7 +217,7 @@ def no_records(wanted: PriorRecord, folder: Path) -> Prior:
         ProblemError: always.
     """
     text = f"expected a prior as numbers here, got one of the record {wanted.record}"
-    raise ProblemError([Flaw(("prior", "record"), text)])
+    raise ProblemError.about(("prior", "record"), text)
 
 
 def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
@@ -229,7 +233,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     if not isinstance(source.data, dict):
         raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
     try:
-        file = StudyFile.model_validate(_with_folder(with_preset(source.data), source))
+        file = StudyFile.model_validate(_with_folder(with_preset(source.data), Path(source.file).parent))
     except ProblemError as error:
         raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
     except ValidationError as error:
@@ -244,29 +248,28 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     try:
         file = _with_prior(file, Path(source.file).parent, prior_of)
         problem = _problem(file)
+        flaws += judge_flaws(file, problem)
         flaws += baseline_flaws(problem, file.baselines)
         flaws += trial_flaws(problem, file.physics)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
+    except OwnCodeError as error:
+        flaws = [code_flaw(file, error), *flaws]
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
     return Study(problem, file, source)
 
 
-def _with_folder(data: dict[str, Any], source: Source) -> dict[str, Any]:
-    # A robot of the user's own stands beside the study, or in a folder named relative to it.
-    def found(robot: Any) -> Any:
-        if not isinstance(robot, dict) or robot.get("kind") != "python":
-            return robot
-        folder = Path(source.file).parent / str(robot.get("folder") or "")
-        return {**robot, "folder": str(folder.resolve())}
-
-    placed = {**data, "robot": found(data["robot"])} if "robot" in data else data
-    for key in ("calibration", "physics"):
-        part = placed.get(key)
-        if isinstance(part, dict) and isinstance(part.get("models"), list):
-            placed = {**placed, key: {**part, "models": [found(robot) for robot in part["models"]]}}
+def _with_folder(data: Any, folder: Path) -> Any:
+    # Code of the user's own stands beside the study, or in a folder named relative to it.
+    if isinstance(data, list):
+        return [_with_folder(one, folder) for one in data]
+    if not isinstance(data, dict):
+        return data
+    placed = {key: _with_folder(one, folder) for key, one in data.items()}
+    if data.get("kind") == "python":
+        placed["folder"] = str((folder / str(data.get("folder") or "")).resolve())
     return placed
 
 
@@ -279,6 +282,9 @@ def _with_prior(file: StudyFile, folder: Path, prior_of: PriorOf) -> StudyFile:
 
 def _problem(file: StudyFile) -> Problem:
     assert not isinstance(file.prior, PriorRecord)
+    flaws = measurement_flaws(file)
+    if flaws:
+        raise ProblemError(flaws)
     return Problem(
         model=file.robot,
         design=file.trajectory,
@@ -294,7 +300,7 @@ def _problem(file: StudyFile) -> Problem:
 
 
 def _name_flaws(file: StudyFile) -> list[Flaw]:
-    # Results are told apart by their names, and saved in files named after them.
+    # Results are known by their names, and saved in files named after them.
     entries: list[tuple[tuple[str | int, ...], str]] = [
         (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
     ]
@@ -347,8 +353,8 @@ def _validation_flaws(file: StudyFile) -> list[Flaw]:
 
 
 def _limits(file: StudyFile) -> tuple[Limit, ...]:
-    given = (getattr(file.limits, name) for name in LIMITS)
-    return tuple(limit for limit in given if limit is not None)
+    given = [getattr(file.limits, name) for name in LIMITS]
+    return (*(limit for limit in given if limit is not None), *(getattr(file.limits, "own", None) or ()))
 
 
 @cache

@@ -24,6 +24,11 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     """One flaw per place in the file, in the order of the lines.
 
     Where a value fits none of several forms, the reasons are joined.
+
+    Args:
+        error: of the study's classes.
+        root: the class of the whole.
+        source: where the keys stand.
     """
     reasons: dict[tuple[int, int, str], list[str]] = {}
     details = error.errors(include_url=False)

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from oed.foundation.errors import FileFlaw, StudyError
-from oed.foundation.files import read_text
+from oed.foundation.files import text_of
 
 KeyPath = tuple[str | int, ...]
 
@@ -56,7 +56,13 @@ class Source(ABC):
         """
 
     def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
-        """A flaw at `path`; `missing` is the name of a key that should stand there."""
+        """A flaw at `path`; `missing` is the name of a key that should stand there.
+
+        Args:
+            path: of the key.
+            message: what is wrong.
+            missing: name of a key that should stand there.
+        """
         found, line, column = self.place(path)
         parts = [*found, missing] if missing else list(found)
         return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
@@ -78,6 +84,11 @@ class PlainSource(Source):
 
 def plain_source(file: str, text: str, data: Any) -> PlainSource:
     """Data that is part of something else, as the source of a study.
+
+    Args:
+        file: name of the file, for errors.
+        text: that the study was written as.
+        data: what it says, plain.
 
     Raises:
         StudyError: texts with characters that no study has.
@@ -116,7 +127,7 @@ class YamlSource(Source):
     root: yaml.Node | None
 
     def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
-        """Of the last of keys given twice, as YAML has it."""
+        """The key's own place; that of the last one where a key is given twice, as YAML has it."""
         node, found = self.root, []
         mark = node.start_mark if node is not None else None
         for part in path:
@@ -241,19 +252,8 @@ def read_yaml(file: str | Path) -> YamlSource:
     Raises:
         StudyError: no such file, not text, not YAML, a key given twice, or out of all bounds.
     """
-    name = str(file)
-    try:
-        # No character has more than four bytes.
-        text = read_text(file, most=4 * CHARACTERS)
-    except FileNotFoundError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "no such file")]) from None
-    except IsADirectoryError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "expected a file, got a folder")]) from None
-    except OSError as error:
-        raise StudyError([FileFlaw(name, 0, 0, "", f"cannot be read: {error.strerror}")]) from None
-    except UnicodeDecodeError:
-        raise StudyError([FileFlaw(name, 0, 0, "", "cannot be read: not UTF-8 text")]) from None
-    return parse_yaml(text, name)
+    # No character has more than four bytes.
+    return parse_yaml(text_of(file, StudyError, most=4 * CHARACTERS), str(file))
 
 
 def parse_yaml(text: str, name: str) -> YamlSource:
@@ -263,7 +263,7 @@ def parse_yaml(text: str, name: str) -> YamlSource:
         StudyError: not YAML, a key given twice, or out of all bounds.
     """
     if len(text) > CHARACTERS:
-        raise StudyError([FileFlaw(name, 0, 0, "", f"longer than {CHARACTERS} characters: no study")])
+        raise StudyError.about(name, f"longer than {CHARACTERS} characters: no study")
     try:
         root, flaws, data = _parsed(text, name)
     except yaml.MarkedYAMLError as error:

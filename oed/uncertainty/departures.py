@@ -24,7 +24,7 @@ from oed.uncertainty.uncertainty import given_spread
 Array = npt.NDArray[np.float64]
 
 LEVEL = 0.95
-"""Of the interval of a probability."""
+"""Confidence of the interval of a probability."""
 BATCH = 500
 """Robots simulated in one call."""
 WORST = 4
@@ -47,7 +47,7 @@ class _Robots:
         return _Robots(self.trajectory, self.parameters[which], self.starts[which])
 
 
-def leaving(
+def violation_probability(
     problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
 ) -> Leaving:
     """Simulate robots drawn from a problem's uncertainty on one drive.
@@ -84,7 +84,13 @@ def leaving(
 
 
 def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
-    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,)."""
+    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,).
+
+    Args:
+        problem: with path limits.
+        trajectory: the drive, as commanded.
+        values: of the uncertain quantities, (K, q).
+    """
     if not path_limits(problem):
         return np.zeros(len(values), dtype=bool)
     excess, _ = _excess(problem, trajectory, values)
@@ -92,7 +98,13 @@ def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDA
 
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
-    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q)."""
+    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q).
+
+    Args:
+        problem: whose robots drive.
+        trajectory: the drive, as commanded.
+        values: of the uncertain quantities, (K, q).
+    """
     spread = given_spread(problem.uncertain_system)
     function = _poses(problem, trajectory.samples, trajectory.runs)
     starts = trajectory.starts + spread.shifts(values)
@@ -205,7 +217,7 @@ def _exceeded(
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
-    # Of all values. `mmax` leaves out what is no number: one anywhere keeps no limit.
+    # Of all values. `mmax` ignores what is no number: one anywhere satisfies no limit.
     numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
     return ca.if_else(numbers, ca.mmax(values), np.inf)
 

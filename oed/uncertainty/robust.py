@@ -32,9 +32,7 @@ ADDED = 2
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )
-OTHER_PARAMETERS = (
-    "the criterion of other robots is of their own parameters: leave out `estimate`, or be nominal"
-)
+OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: omit `estimate`, or be nominal"
 
 
 class Robust(Tightening):

@@ -154,7 +154,13 @@ class Spread:
         return np.asarray(np.where(self.uniform, farther, reach * farther))
 
     def draws(self, count: int, seed: int, stream: int = 0) -> Array:
-        """Random values (count, q); the first of more, and independent of those of another stream."""
+        """Random values (count, q); the first of more, and independent of those of another stream.
+
+        Args:
+            count: how many.
+            seed: of the draws.
+            stream: independent of other streams of the seed.
+        """
         flat, bell = (np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1))
         values = flat.uniform(self.low, self.high, (count, len(self.names)))
         factor, normal = np.linalg.cholesky(self.covariance), ~self.uniform

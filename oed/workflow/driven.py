@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.bounds import bound, bound_on
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.foundation.work.folders import in_order
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -65,8 +65,8 @@ class DrivenPaths:
         paths: part by part, in order.
         best: name and objective of the best design known, or None.
         bound: what the objective of no drive that satisfies the limits exactly exceeds, or None.
-        robustness: how many robots leave the limits on them, as a record has it; None where the study keeps
-            nothing in reserve.
+        robustness: how many robots violate the limits on them, as a record has it; None where the study has
+            no back-off.
         findings: by the name of the log, what was found in it.
     """
 
@@ -206,8 +206,7 @@ def _record_of(study: Study, designs: str | Path | None) -> Record | None:
     if designs is None or not (in_order(designs) / FILE).is_file():
         return None
     record, own = load_record(designs), study.echo()
-    theirs = record.data["study"]
-    return record if all(theirs.get(key) == own.get(key) for key in SAME) else None
+    return record if all(record.echo.get(key) == own.get(key) for key in SAME) else None
 
 
 def _worth(
@@ -279,5 +278,5 @@ def _moving(log: Log, model: System) -> tuple[float, float]:
     speeds = np.abs(np.diff(log.integrals[:, driving], axis=0) / steps[:, None]).max(axis=1)
     rows = np.flatnonzero(speeds > MOVING * speeds.max())
     if not len(rows):
-        raise LogError([FileFlaw(log.file, 0, 0, "", "the robot never moves")])
+        raise LogError.about(log.file, "the robot never moves")
     return float(log.input_times[rows[0]]), float(log.input_times[rows[-1] + 1])

@@ -11,14 +11,14 @@ from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
-from oed.records.calibration_record import FORMAT, EstimateRecord
+from oed.records.calibration_record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.runner import package_version, provenance
 from oed.workflow.saving import save_estimate
 
 
 class _Stages:
-    """Stages of the work, each told as begun when the one before is done."""
+    """Stages of the work, each reported as begun when the one before is done."""
 
     def __init__(self, listener: Progress) -> None:
         self._listener, self._begun = listener, False
@@ -50,7 +50,7 @@ def estimate(
         apart: files that only dead reckoning is tried on.
         out: folder for estimate.json; nothing is written without it.
         seed: of the bootstrap, instead of the study's.
-        progress: told how far the work is.
+        progress: informed how far the work is.
 
     Raises:
         LogError: logs that cannot be read, do not fit the robot, or are given twice.
@@ -64,13 +64,12 @@ def estimate(
     told("reading logs")
     kept, other = _read(study, logs), _read(study, apart) if apart else ()
     try:
-        found = calibrate(study.problem, kept, study.calibration, apart=other, seed=chosen, told=told)
+        found = calibrate(study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=told)
     except ProblemError as error:
         raise study.error(error.flaws) from None
     told.done()
-    made = estimate_of(
+    record = estimate_of(
         found,
-        format=FORMAT,
         oed_version=package_version("oed"),
         study=study.echo(),
         study_text=study.text,
@@ -78,7 +77,6 @@ def estimate(
         seed=chosen,
         method=study.calibration.method,
     )
-    record = EstimateRecord(made.plain())
     if out is not None:
         save_estimate(record, out)
     return record

@@ -1,10 +1,8 @@
-"""Simulated experiments with a study's drives: do estimates scatter as promised, and what does slip do?"""
+"""Simulated experiments with a study's drives: do estimates scatter as predicted, and what does slip do?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,6 +13,7 @@ from oed.records.outcomes import validation_of
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredValidation
+from oed.records.stored.trial import StoredTrial
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import Study, ValidationOptions
@@ -23,7 +22,15 @@ from oed.study.study import Study, ValidationOptions
 def simulated(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
 ) -> StoredValidation | None:
-    """A record's `validation`; None for a study that does not ask for one."""
+    """A record's `validation`; None for a study that does not ask for one.
+
+    Args:
+        study: with the key `validation`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     options = study.file.validation
     return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
 
@@ -36,6 +43,12 @@ def validation_options(
     heading: str | None = None,
 ) -> ValidationOptions:
     """The simulation that a record's study asks for (or the default one), with what is given instead.
+
+    Args:
+        saved: the record.
+        replicates: simulated experiments.
+        estimators: their names.
+        heading: which headings the estimators use.
 
     Raises:
         UserMistake: fewer than 100 replicates.
@@ -66,7 +79,7 @@ def validated(
         options: of the simulation.
         seed: of the noise; None for the record's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
+        progress: informed how far the work is.
         trust: whether Python code that the record names may be run.
 
     Raises:
@@ -81,7 +94,7 @@ def validated(
     ]
     chosen = saved.seed if seed is None else seed
     outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return replace(saved, data={**saved.data, "validation": outcome.plain()})
+    return saved.with_validation(outcome)
 
 
 def _simulated(
@@ -112,18 +125,27 @@ def _simulated(
                     progress=progress,
                 )
             except ProblemError:
-                # A drive that tells too little without the prior, or without what the criterion leaves out.
+                # Without the prior, or what the criterion ignores, a drive may make too little identifiable.
                 continue
             entries.append(validation_of(solution.name, result))
-    return StoredValidation.model_construct(**options.model_dump(mode="json"), seed=seed, results=entries)
+    return StoredValidation.of(options, seed=seed, results=entries)
 
 
 def driven_in_physics(
     study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> dict[str, Any] | None:
-    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none."""
+) -> StoredTrial | None:
+    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none.
+
+    Args:
+        study: with the key `physics`.
+        solutions: whose drives are simulated.
+        seed: of every random draw.
+        progress: informed how far the work is.
+        workers: processes, or a cluster; does not change the result.
+    """
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None
     known = solutions[0] if study.solvers else None
-    return run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    found = run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    return StoredTrial.model_validate(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from oed.foundation.component import OneOf
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
@@ -21,6 +22,7 @@ from oed.records.calibration_record import EstimateRecord, estimate_files
 from oed.records.record import ESTIMATE, FILE, Record, pages
 from oed.records.recorded_study import TRUST, recorded_study
 from oed.records.stored.estimate import Estimated
+from oed.robots.models import MODELS
 from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
@@ -37,6 +39,31 @@ STUDY, SUMMARY = "next.yaml", "next.json"
 
 
 @dataclass(frozen=True)
+class Precision:
+    """What is known of a parameter; SI, None where there is no such number.
+
+    Attributes:
+        name, unit, value: of its estimate.
+        now: its standard error.
+        size: what relative errors of it refer to.
+        wanted: the standard error to be reached.
+        next: the one predicted after the next drive.
+    """
+
+    name: str
+    unit: str | None
+    value: float | None
+    now: float | None
+    size: float | None
+    wanted: float | None
+    next: float | None
+
+    def relative(self, error: float | None) -> float:
+        """An error in units of what is wanted, else of the parameter's size."""
+        return float(error or 0.0) / float(self.wanted or self.size or 1.0)
+
+
+@dataclass(frozen=True)
 class NextDrive:
     """What to do after the drives so far.
 
@@ -44,8 +71,7 @@ class NextDrive:
         estimate: from the logs.
         study: the study of the next drive, None where none is needed.
         record: of its design.
-        precision: by parameter: name, unit, value, standard error now, the one wanted, the one predicted
-            after the next drive; SI, None where there is none.
+        precision: of each parameter.
         gain: share by which the worst standard error falls, in units of what is wanted or of the value.
         stop: whether to stop driving.
         reason: why, or why not.
@@ -55,7 +81,7 @@ class NextDrive:
     estimate: EstimateRecord
     study: Study | None
     record: Record | None
-    precision: tuple[Mapping[str, Any], ...]
+    precision: tuple[Precision, ...]
     gain: float | None
     stop: bool
     reason: str
@@ -69,7 +95,7 @@ class NextDrive:
             "stop": self.stop,
             "reason": self.reason,
             "gain": self.gain,
-            "precision": [dict(entry) for entry in self.precision],
+            "precision": [asdict(one) for one in self.precision],
             "design": best,
         }
 
@@ -87,7 +113,7 @@ def next_drive(
     progress: Progress | None = None,
     trust: bool = False,
 ) -> NextDrive:
-    """Estimate from logs; then design the drive that adds most to what they tell, or say that it is enough.
+    """Estimate from logs; then design the drive that adds most information, or say that it is enough.
 
     Args:
         saved: record of the design that was driven. Where its study has a prior, that counts: logs that made
@@ -100,7 +126,7 @@ def next_drive(
         out: folder for the next study, its record and designs, and the estimate; nothing is written without.
         seed: of every random draw, instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
+        progress: informed how far the work is.
         trust: whether Python code that the record names may be run, and other files that it names be read.
 
     Raises:
@@ -153,7 +179,9 @@ def _decided(
     if not predicted:
         reason = "no feasible drive was found; the record says which limit is in the way"
         return NextDrive(found, study, record, precision, None, False, reason)
-    now, then = _worst(precision, "now"), _worst(precision, "next")
+    # Of all of them where nothing is wanted.
+    aimed = [one for one in precision if one.wanted is not None] or precision
+    now, then = max(one.relative(one.now) for one in aimed), max(one.relative(one.next) for one in aimed)
     gain = 1 - then / now
     stop = gain < least_gain
     reason = f"another drive takes {gain:.1%} off the worst standard error"
@@ -216,8 +244,8 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
     robot = robot_of(study.problem.model).with_values(values)
-    data["robot"] = json.loads(robot.model_dump_json(exclude_none=True))
-    data["prior"] = {"parameters": list(values), "covariance": found.data["covariance"]}
+    data["robot"] = OneOf(MODELS).as_data(robot)
+    data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
     _stretch(data["trajectory"], duration)
@@ -227,7 +255,7 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
 
 
 def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:
-    # What the logs told is uncertain no longer as the study said, but as the prior now says.
+    # What the logs made known is uncertain no longer as the study said, but as the prior now says.
     said = study.problem.uncertainty
     data.pop("uncertainty", None)
     left = said.without(values, study.problem.model) if isinstance(said, Uncertainty) else None
@@ -255,49 +283,42 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
     """Standard errors after the best drive, what is known now included.
 
     The design takes noise for white. Where error bars are wider than F^-1 makes them, the next drive will
-    tell as much less as these logs did.
+    have as much less information as these logs had.
     """
     best = record.best
     if best is None or not best.covariances:
         return {}
-    names, known = list(found.values), np.array(found.data["covariance"], dtype=float)
-    told = np.zeros_like(known)
+    names, known = list(found.values), np.array(found.covariance, dtype=float)
+    gained = np.zeros_like(known)
     for one in best.covariances:
         places = [names.index(name) for name in one.parameters]
         own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
-        told[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
-    after = np.linalg.inv(np.linalg.inv(known) + told / _excess(found))
+        gained[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
+    after = np.linalg.inv(np.linalg.inv(known) + gained / _excess(found))
     return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
 
 
 def _excess(found: EstimateRecord) -> float:
     # How many times the variances are what F^-1 says.
-    pairs = [(_own_error(one), (one.standard_errors or {}).get("information")) for one in found.parameters]
+    pairs = [(_own_error(one), one.error("information")) for one in found.parameters]
     return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
 
 
 def _precision(
     found: EstimateRecord, wanted: Mapping[str, float], predicted: Mapping[str, float]
-) -> tuple[Mapping[str, Any], ...]:
+) -> tuple[Precision, ...]:
     return tuple(
-        {
-            "name": one.name,
-            "unit": one.unit,
-            "value": one.value,
-            "now": one.standard_error,
-            "size": one.size,
-            "wanted": wanted.get(one.name),
-            "next": predicted.get(one.name),
-        }
+        Precision(
+            name=one.name,
+            unit=one.unit,
+            value=one.value,
+            now=one.standard_error,
+            size=one.size,
+            wanted=wanted.get(one.name),
+            next=predicted.get(one.name),
+        )
         for one in found.parameters
     )
-
-
-def _worst(precision: Sequence[Mapping[str, Any]], when: str) -> float:
-    # In units of what is wanted; of the parameters' sizes where nothing is.
-    aimed = [entry for entry in precision if entry["wanted"] is not None] or precision
-    sizes = [entry["wanted"] or entry["size"] for entry in aimed]
-    return max(float(entry[when]) / float(size) for entry, size in zip(aimed, sizes, strict=True))
 
 
 def _saved(found: NextDrive, folder: RunFolder) -> NextDrive:

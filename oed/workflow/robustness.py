@@ -12,14 +12,13 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import Progress, Workers, solve
-from oed.records.numbers import finite, rounded
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving, path_limits, paths, violated
+from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
-PLAIN = "Searched with nothing in reserve for other robots than the nominal one, for comparison."
+PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -32,6 +31,12 @@ def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress
     """What the study's first search finds without tightened limits, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.
+
+    Args:
+        study: a robust one.
+        seed: of every random draw.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far the work is.
     """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust) or not robust.compare or not study.solvers:
@@ -48,19 +53,26 @@ def _scored(problem: Problem, solution: Solution) -> Any:
 
 
 def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
-    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: to be verified.
+        seed: of every random draw.
+        progress: informed how far the work is.
+    """
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust):
         return list(solutions)
     progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
-    told = []
+    scored = []
     for solution in solutions:
         if solution.trajectory is not None and solution.leaving is None:
-            found = leaving(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=seed)
             solution = replace(solution, leaving=found)
-        told.append(solution)
+        scored.append(solution)
         progress.advance()
-    return told
+    return scored
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
@@ -80,16 +92,20 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
 
 
 def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> StoredRobustness | None:
-    """A record's `robustness`, of solutions that were tried; None for a study that is not robust."""
+    """A record's `robustness`, of solutions that were tried; None for a study that is not robust.
+
+    Args:
+        study: of the solutions.
+        solutions: with their violation probabilities.
+        seed: of the paths that are shown.
+    """
     problem, robust = study.problem, study.problem.robust
     spread = spread_of(problem.uncertain_system)
     if not isinstance(robust, Robust) or spread is None:
         return None
     drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
-    return StoredRobustness.model_construct(
-        kind=robust.kind,
-        confidence=robust.confidence,
-        objective=robust.objective,
+    return StoredRobustness.of(
+        robust,
         limits=[limit.name for limit in path_limits(problem)],
         uncertain=_uncertain(spread),
         results=[_tried(solution) for solution in drives],
@@ -100,34 +116,19 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> Stored
 def _uncertain(spread: Spread) -> list[Uncertain]:
     columns = (spread.names, spread.units, spread.nominal, spread.low, spread.high, spread.uniform)
     return [
-        Uncertain.model_construct(
-            name=name,
-            unit=unit,
-            nominal=float(nominal),
-            low=float(low),
-            high=float(high),
-            uniform=bool(uniform),
-        )
+        Uncertain.of(name=name, unit=unit, nominal=nominal, low=low, high=high, uniform=uniform)
         for name, unit, nominal, low, high, uniform in zip(*columns, strict=True)
     ]
 
 
 def _tried(solution: Solution) -> Tried:
-    evaluation, found, robust = solution.evaluation, solution.leaving, solution.robust
-    assert evaluation is not None
-    assert found is not None
-    return Tried.model_construct(
+    robust = solution.robust if isinstance(solution.robust, Robust) else None
+    return Tried.of(
+        solution.leaving,
+        solution.evaluation,
         name=solution.name,
-        probability=found.probability,
-        interval=list(found.interval),
-        draws=found.draws,
-        seed=found.seed,
-        by_limit=dict(found.by_limit),
-        farthest=finite(found.farthest),
-        checked_at_points=list(found.checked_at_points),
-        objective=finite(evaluation.objective),
-        reserve=robust.reach if isinstance(robust, Robust) else None,
-        kept=len(robust.kept) if isinstance(robust, Robust) else None,
+        reserve=None if robust is None else robust.reach,
+        kept=None if robust is None else len(robust.kept),
     )
 
 
@@ -142,9 +143,5 @@ def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[
         each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
         beyond = violated(problem, solution.trajectory, values)
-        bundles.append(
-            Paths.model_construct(
-                name=solution.name, leaves=beyond.tolist(), paths=rounded(each[:, :, chosen], 4)
-            )
-        )
+        bundles.append(Paths.of(name=solution.name, leaves=beyond, paths=each[:, :, chosen]))
     return bundles

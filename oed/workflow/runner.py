@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 from oed.bounds import LATTICE, Certificate, bound
 from oed.foundation.errors import NotFinite
@@ -21,14 +20,15 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status, scored, unscored
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
-from oed.records.numbers import finite, finite_data
 from oed.records.outcomes import certificate_of, result_of
 from oed.records.path_file import trajectory_csv
 from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
-from oed.records.record import FILE, FORMAT, Record
+from oed.records.record import FILE, Record
 from oed.records.stored.certificate import StoredCertificate
+from oed.records.stored.door import FORMAT
 from oed.records.stored.simulation import StoredValidation
-from oed.records.stored.study_record import Provenance
+from oed.records.stored.study_record import Provenance, StudyRecord
+from oed.records.stored.trial import StoredTrial
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, Study
@@ -39,7 +39,7 @@ from oed.workflow.studies import own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
-ON_THE_SPOT = 0.01
+IN_PLACE = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
@@ -64,8 +64,8 @@ def run(
             take the place of any: it is kept beside. The record says where it is.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far the work is.
-        search_only: leave out all but the searches.
+        progress: informed how far the work is.
+        search_only: do nothing but the searches.
 
     Raises:
         UserMistake: `out` cannot be written to, or another process is writing there.
@@ -94,11 +94,11 @@ class _Run:
     solutions: list[Solution] = field(default_factory=list)
     certificate: Certificate | None = None
     validation: StoredValidation | None = None
-    physics: dict[str, Any] | None = None
+    physics: StoredTrial | None = None
     interrupted: bool = False
 
     def everything(self) -> None:
-        """All that the study asks for; an interrupt leaves what is done."""
+        """All that the study asks for; an interrupt keeps what is done."""
         if self.study.file.physics is not None:
             require_ready(self.study.problem, self.study.file.physics)
         self.search()
@@ -129,7 +129,7 @@ class _Run:
         work = (self.study, self.solutions, self.seed, self.progress, self.workers)
         self.validation = simulated(*work)
         self.physics = driven_in_physics(*work)
-        self.interrupted = self.physics is not None and self.physics["interrupted"]
+        self.interrupted = self.physics is not None and self.physics.interrupted
 
     def _keep(self, solutions: Sequence[Solution]) -> None:
         self.folder.keep(lambda: self._files(solutions, self._record(solutions, interrupted=True)))
@@ -164,10 +164,10 @@ def search(
     found: Callable[[Sequence[Solution]], None] | None = None,
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
-    ended them early, with what had been found by then. `found` is told all solutions after each search.
+    ended them early, with what had been found by then. `found` gets all solutions after each search.
 
     Raises:
-        StudyError: parameters that no drive tells apart.
+        StudyError: parameters that no drive makes identifiable.
     """
     study.require_identifiable()
     done: dict[str, Solution] = {}
@@ -218,7 +218,7 @@ def record(
     named: bool = False,
     certificate: Certificate | None = None,
     validation: StoredValidation | None = None,
-    physics: dict[str, Any] | None = None,
+    physics: StoredTrial | None = None,
     interrupted: bool = False,
 ) -> Record:
     """The record of solutions, written to `out` where given, with their trajectories.
@@ -231,37 +231,40 @@ def record(
         result_of(solution, file, _judged(study, judges, solution))
         for solution, file in zip(solutions, files, strict=True)
     ]
-    made = Record(
-        finite_data(
-            {
-                "format": FORMAT,
-                "oed_version": package_version("oed"),
-                "study": study.echo(),
-                "study_text": study.text,
-                "seed": seed,
-                "inputs": input_table(study.problem),
-                "states": state_table(study.problem),
-                "parameters": parameter_table(study.problem),
-                "nuisances": nuisance_table(study.problem),
-                "results": results,
-                "best": None if best is None else best.name,
-                "certificate": None if certificate is None else certified(study, certificate, solutions),
-                "robustness": robustness(study, solutions, seed),
-                "validation": validation,
-                "physics": physics,
-                "interrupted": interrupted,
-                "notes": _notes(certificate, interrupted),
-                "provenance": provenance(),
-            }
-        ),
-        asked=study.file,
+    problem = study.problem
+    made = StudyRecord.of(
+        format=FORMAT,
+        oed_version=package_version("oed"),
+        study=study.echo(),
+        study_text=study.text,
+        seed=seed,
+        inputs=input_table(problem),
+        states=state_table(problem),
+        parameters=parameter_table(problem),
+        nuisances=nuisance_table(problem),
+        results=results,
+        best=None if best is None else best.name,
+        certificate=None if certificate is None else certified(study, certificate, solutions),
+        robustness=robustness(study, solutions, seed),
+        validation=validation,
+        physics=physics,
+        interrupted=interrupted,
+        notes=_notes(certificate, interrupted),
+        provenance=provenance(),
     )
+    saved = Record(made.plain(), asked=study.file)
     with run_folder(out) as folder:
-        return folder.finish(made, record_files(study, solutions, made))
+        return folder.finish(saved, record_files(study, solutions, saved))
 
 
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
-    """The files of a record and of its solutions' trajectories, by name; the most important first."""
+    """The files of a record and of its solutions' trajectories, by name; the most important first.
+
+    Args:
+        study: of the solutions.
+        solutions: whose trajectories are saved.
+        made: the record.
+    """
     drives = {
         _file(one): trajectory_csv(study.problem, one.trajectory, one.evaluation.states)
         for one in solutions
@@ -298,7 +301,7 @@ def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -
             if same
             else evaluate(replace(problem, criterion=criterion), trajectory).objective
         )
-        values[name] = finite(value)
+        values[name] = value
     return values
 
 
@@ -309,7 +312,13 @@ def _file(solution: Solution) -> str:
 def certified(
     study: Study, certificate: Certificate, solutions: Sequence[Solution]
 ) -> StoredCertificate | None:
-    """A certificate with its gap to the best feasible of these solutions."""
+    """A certificate with its gap to the best feasible of these solutions.
+
+    Args:
+        study: that was bounded.
+        certificate: of its problem.
+        solutions: the drives known.
+    """
     samples = study.problem.design.all_samples
     # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
     found = [
@@ -347,13 +356,13 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
 def _baselines(
     study: Study, paths: dict[str, Trajectory], best: Solution | None, seed: int, progress: Progress
 ) -> list[Solution]:
-    # Every everyday path as large as it can be, and again with the best design's length, as in the paper.
+    # Every baseline as large as it can be, and again with the best design's length, as in the paper.
     asked = study.file.baselines
     if not asked:
         return []
-    progress.begin("score everyday paths", len(asked))
+    progress.begin("score baselines", len(asked))
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
-    if length is not None and length < ON_THE_SPOT:
+    if length is not None and length < IN_PLACE:
         length = None
     found: list[Solution] = []
     for path in asked:

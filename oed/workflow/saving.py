@@ -47,7 +47,7 @@ class RunFolder:
     def keep(self, files: Callable[[], Files]) -> None:
         """Keep what is done by now, lest the process be killed."""
         if self.draft is not None:
-            # What does not fit now will be told at the end.
+            # What does not fit now is named at the end.
             with suppress(OedError):
                 self.draft.write(files())
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import RADIUS, TRACK, make_problem
+from builders import RADIUS, TRACK, problem_of
 from test_soundness import check
 
 from oed.bounds import NOTHING, bound
@@ -25,8 +25,8 @@ LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
 CORNER = "every position in a corner of the room"
 
 
-def problem_of(estimate: tuple[str, ...] | None = None, **effects: Any) -> Problem:
-    return make_problem(
+def slip_problem(estimate: tuple[str, ...] | None = None, **effects: Any) -> Problem:
+    return problem_of(
         model=SkidSteerSlip(**SIZES, **effects),
         design=DesignSpace(duration=5, samples=24, rest_to_rest=False),
         limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20), Rectangle(x=(-1, 1), y=(-1, 1))),
@@ -43,7 +43,7 @@ def problem_of(estimate: tuple[str, ...] | None = None, **effects: Any) -> Probl
     ids=["all", *EFFECTS, "none"],
 )
 def test_no_drive_beats_the_bound(effects: dict[str, float]):
-    problem = problem_of(**effects)
+    problem = slip_problem(**effects)
     certificate = bound(problem)
     assert any(CORNER in one.method for one in certificate.bounds)
     # How fast it may be is known of the differential drive alone.
@@ -53,22 +53,22 @@ def test_no_drive_beats_the_bound(effects: dict[str, float]):
 
 @pytest.mark.parametrize("effects", [EFFECTS, {"track_per_curvature": 0.05}], ids=["all", "curvature"])
 def test_what_was_proved_of_three_lengths_is_not_claimed_of_more(effects: dict[str, float]):
-    problem = problem_of(LENGTHS, **effects)
+    problem = slip_problem(LENGTHS, **effects)
     certificate = bound(problem)
     assert (certificate.upper_bound, certificate.method, certificate.bounds) == (np.inf, NOTHING, ())
     assert top_speeds(problem) is None
 
 
 def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
-    problem = problem_of(yaw_lag=0.4)
+    problem = slip_problem(yaw_lag=0.4)
     assert scales_lengths(problem, LENGTHS)
     assert not scales_lengths(problem, LENGTHS[:2])
     assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
 
 
 def test_no_effects_leave_the_differential_drives_bounds():
-    slip, plain = problem_of(), problem_of()
-    plain = make_problem(**{**vars_of(plain), "model": DifferentialDrive(**SIZES)})
+    slip, plain = slip_problem(), slip_problem()
+    plain = problem_of(**{**vars_of(plain), "model": DifferentialDrive(**SIZES)})
     assert bound(slip).upper_bound == pytest.approx(bound(plain).upper_bound)
 
 

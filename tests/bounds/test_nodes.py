@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from builders import make_problem
+from builders import problem_of
 
 from oed.bounds import bound, speed_lattice
 from oed.bounds.speed_lattice import LatticeProgram, SpeedLimits, lattice_bound, usual_planes
@@ -21,7 +21,7 @@ HARD = SpeedLimits(12, np.array([[-3.0, 8.0], [-3.0, 8.0]]), 1.1, 0.55)
 
 
 def sampled() -> Problem:
-    return make_problem(
+    return problem_of(
         design=DesignSpace(duration=2, samples=20),
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(-3, 8)), WheelAcceleration(bounds=11)),

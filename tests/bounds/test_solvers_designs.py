@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, make_problem
+from builders import ACCELERATION, BOX, problem_of
 
-from oed.bounds import bound
+from oed.bounds import Certificate, bound
 from oed.kernel.criteria import E
 from oed.kernel.problem import Problem
 from oed.optimize import Genetic, Ipopt, Solver, solve
@@ -21,27 +23,33 @@ SOLVERS: dict[str, Solver] = {
 UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=0.18)
 NOISE = {"position": 0.01, "heading": 0.02}
 PROBLEMS: dict[str, Problem] = {
-    "segments": make_problem(),
-    "relative": make_problem(model=UNEQUAL, measurement=Displacements(noise=NOISE), criterion=E()),
-    "samples": make_problem(measurement=Displacements(segments="samples")),
-    "forward": make_problem(
+    "segments": problem_of(),
+    "relative": problem_of(model=UNEQUAL, measurement=Displacements(noise=NOISE), criterion=E()),
+    "samples": problem_of(measurement=Displacements(segments="samples")),
+    "forward": problem_of(
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(0, 7)), ACCELERATION, BOX),
     ),
-    "heading": make_problem(measurement=Displacements(regressor="heading")),
-    "joint": make_problem(measurement=Poses(noise=NOISE), criterion=E()),
-    "coefficients": make_problem(
+    "heading": problem_of(measurement=Displacements(regressor="heading")),
+    "joint": problem_of(measurement=Poses(noise=NOISE), criterion=E()),
+    "coefficients": problem_of(
         measurement=Poses(noise=NOISE), criterion=E(), estimate=("c11", "c12", "c21", "c22")
     ),
-    "fast": make_problem(limits=(WheelSpeed(bounds=30), ACCELERATION, BOX)),
+    "fast": problem_of(limits=(WheelSpeed(bounds=30), ACCELERATION, BOX)),
 }
+
+
+@cache
+def bounded(problem: Problem) -> Certificate:
+    """Both solvers' designs are held against the same bound."""
+    return bound(problem, time_limit=0.5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS.keys())
 @pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
 def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
-    certificate = bound(problem, time_limit=1.0)
+    certificate = bounded(problem)
     found = solve(problem, solver, seed=3, workers=1)
     assert np.isfinite(certificate.upper_bound)
     assert found.evaluation is not None
@@ -55,7 +63,7 @@ def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
 def test_the_order_of_the_parameters_does_not_matter() -> None:
     measurement = Displacements(noise=NOISE)
     values = [
-        bound(make_problem(model=UNEQUAL, measurement=measurement, criterion=E(), estimate=names)).upper_bound
+        bound(problem_of(model=UNEQUAL, measurement=measurement, criterion=E(), estimate=names)).upper_bound
         for names in (("c21", "c22"), ("c22", "c21"))
     ]
     assert values[0] == pytest.approx(values[1], rel=1e-12)

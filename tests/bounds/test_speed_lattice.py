@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from builders import make_problem
+from builders import problem_of
 
 from oed.bounds import bound
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice, lattice_bound
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.models import TractorTrailer
@@ -235,7 +234,7 @@ def test_the_lattice_holds_all_bounds_and_steps_from_them() -> None:
 @pytest.mark.parametrize(("integration", "loss"), [("midpoint", 3e-4), ("arc", 0.03)])
 def test_the_certificate_hands_back_a_drive_of_its_own_value(integration: Any, loss: float) -> None:
     """Arcs tell a little less than chords of full length."""
-    problem = make_problem(
+    problem = problem_of(
         design=DesignSpace(duration=4, samples=40, integration=integration),
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20)),
@@ -251,9 +250,12 @@ def test_the_certificate_hands_back_a_drive_of_its_own_value(integration: Any, l
 
 
 def test_the_lattices_drive_of_a_robot_with_further_states() -> None:
-    problem = make_problem(
+    problem = problem_of(
         model=TractorTrailer(wheel_radius=0.05, track=0.2, trailer_length=0.4),
-        design=DesignSpace(duration=1, samples=8, spline=Spline(coefficients=6), start="free"),
+        duration=1,
+        samples=8,
+        coefficients=6,
+        start="free",
         measurement=Displacements(segments="samples", noise_model="increments"),
         limits=(WheelSpeed(bounds=5), WheelAcceleration(bounds=20)),
     )

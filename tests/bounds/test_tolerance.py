@@ -8,13 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, SPEED, make_problem, random_drive
+from builders import ACCELERATION, BOX, SPEED, problem_of, random_drive
 from drives import KINDS, wanted_speeds, within_limits
 
 from oed.bounds import LATTICE, bound
 from oed.bounds.motion import largest_rates, room
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.kernel.limit import BareLimit, Rows
@@ -80,7 +79,7 @@ EVERY_LIMIT = (
 @pytest.mark.parametrize("seed", range(3))
 def test_every_margin_grows_by_the_tolerance(seed: int):
     """So a drive is feasible if and only if it satisfies the widened limits exactly."""
-    problem = make_problem(limits=EVERY_LIMIT)
+    problem = problem_of(limits=EVERY_LIMIT)
     drive = replace(random_drive(problem, seed), start=np.array([0.001, 0.0, 0.0]))
     plain = evaluate(problem, drive).margins
     wider = evaluate(problem.widened(TOLERANCE), drive).margins
@@ -95,7 +94,7 @@ def test_bounds_of_inputs_are_widened_as_their_rows_are():
         WheelAcceleration(bounds=(-30, 10)),
         RevolutionsPerMinute(bounds=60),
     )
-    problem = make_problem(limits=limits).widened(0.1)
+    problem = problem_of(limits=limits).widened(0.1)
     assert problem.input_bounds[1] == pytest.approx([-3.8, 8.8])
     # Of the first input the smaller of 2 pi rad/s, given as 60 a minute, widened by at least a tenth.
     assert problem.input_bounds[0, 1] >= 1.1 * 2 * np.pi
@@ -108,7 +107,7 @@ SHARP = Polygon(points=((0, 0), (2, -0.1), (2, 0.3)))
 @pytest.mark.parametrize("area", [BOX, Circle(radius=0.9), SHARP], ids=["box", "circle", "sharp"])
 def test_a_widened_room_holds_every_point_that_is_tolerated(area: Any):
     rng = np.random.default_rng(0)
-    problem = make_problem(limits=(SPEED, area), design=DesignSpace(duration=10, samples=40, start="free"))
+    problem = problem_of(limits=(SPEED, area), design=DesignSpace(duration=10, samples=40, start="free"))
     for share in (0.02, 0.3):
         x_min, x_max, y_min, y_max = room(problem.widened(share))
         points = rng.uniform(-4, 4, (20000, 2))
@@ -135,10 +134,11 @@ ALL_BUT = TOLERANCE * (1 - 1e-6)
 @pytest.fixture(scope="module")
 def hundred() -> Any:
     """The per-sample form of 100 samples, and its certificate."""
-    problem = make_problem(
-        design=DesignSpace(
-            duration=10, samples=100, spline=Spline(coefficients=30), start="free", integration="midpoint"
-        ),
+    problem = problem_of(
+        samples=100,
+        coefficients=30,
+        start="free",
+        integration="midpoint",
         measurement=Displacements(segments="samples"),
         limits=(SPEED, ACCELERATION),
     )
@@ -193,18 +193,18 @@ def test_gaps_are_never_negative(hundred):
         found = scored_drive(problem, (1 + excess) * certificate.drive.inputs)
         data = certificate_of(certificate, found, LATTICE, None)
         assert found.feasible
-        assert 0 <= data["gap"] < 0.005
-        assert (data["gap_to"] == data["upper_bound"]) == (excess == 0.0)
-        assert data["gap"] == pytest.approx(data["gap_to"] / found.objective - 1)
-        assert data["widened"]["tolerance"] == TOLERANCE
-        assert "exactly" in data["assumptions"][-2]
-        assert "tolerates" in data["widened"]["assumptions"][-2]
+        assert 0 <= data.gap < 0.005
+        assert (data.gap_to == data.upper_bound) == (excess == 0.0)
+        assert data.gap == pytest.approx(data.gap_to / found.objective - 1)
+        assert data.widened.tolerance == TOLERANCE
+        assert "exactly" in data.assumptions[-2]
+        assert "tolerates" in data.widened.assumptions[-2]
 
 
 def test_positions_and_starts_within_the_tolerance():
     """Poses of a path along the room's diagonal, moved beyond its corners and away from its start."""
     poses = Poses(noise=AbsoluteNoise(position=0.01, heading=0.02))
-    problem = make_problem(
+    problem = problem_of(
         measurement=poses,
         design=DesignSpace(duration=8, samples=24, rest_to_rest=False, start={"x": -1, "y": -1}),
         limits=(WheelSpeed(bounds=10), BOX),
@@ -220,9 +220,9 @@ def test_positions_and_starts_within_the_tolerance():
 
 
 def test_drives_of_several_runs_are_held_against_their_bound():
-    problem = make_problem(design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), runs=2))
+    problem = problem_of(runs=2)
     drive = random_drive(problem, 1, 0.5)
     assert evaluate(problem, drive).feasible
     found = certified(SimpleNamespace(problem=problem), bound(problem), [scored(problem, drive, "mine")])
-    assert found["best"] == evaluate(problem, drive).objective
-    assert found["gap"] > 0
+    assert found.best == evaluate(problem, drive).objective
+    assert found.gap > 0

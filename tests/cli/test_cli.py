@@ -270,7 +270,7 @@ class TestRun:
         assert "genetic: Searched" in out
         assert "report: there" in out
         assert not (folder / "reports").exists()
-        assert load_record(folder / "there").best["name"] == "genetic"
+        assert load_record(folder / "there").best.name == "genetic"
 
     def test_an_interrupt_while_the_report_is_written(self, capsys, folder: Path, monkeypatch):
         def strike(*_: object) -> None:
@@ -357,7 +357,7 @@ class TestEvaluate:
         (folder / "robust.yaml").write_text(text.replace("[-1 m, 1 m]", "[-3 cm, 3 cm]") + robust)
         _, out, _ = call(capsys, "evaluate", "robust.yaml", "path.csv")
         assert "of 400 simulated robots leave the limits" in out
-        assert re.search(r"exceeds workspace by [\d.]+ \(SI\), reserve for other robots included", out)
+        assert re.search(r"exceeds workspace by [\d.]+ \(SI\), back-off for other robots included", out)
         assert "wheel_speed by" not in out
 
     def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from builders import make_problem
+from builders import input_limits, problem_of
 
 from oed.estimation import CalibrationOptions
 from oed.estimation.methods.fit import Fit
@@ -22,9 +22,7 @@ from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.layout import Layout, cut
 from oed.estimation.setup.unknowns import Unknowns
 from oed.kernel.criteria import E
-from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.robots.limits import SteeringAngle, WheelSpeed
 from oed.robots.models import DifferentialDrive, Model
 from oed.robots.sensors import Poses
 from oed.robots.sensors.poses import AbsoluteNoise
@@ -284,13 +282,14 @@ def heading_times(log: Log, factor: float) -> Log:
     return replace(log, poses=log.poses * factors)
 
 
-def problem_of(model: Model = ROBOT, **keys: Any) -> Problem:
-    """A problem about a robot; its drive does not matter."""
-    largest = {"wheel_speed": WheelSpeed(bounds=10), "steering_angle": SteeringAngle(bounds=0.5)}
-    limits = tuple(largest[name] for name in dict.fromkeys(entry.quantity for entry in model.inputs))
-    measurement = Poses(noise=AbsoluteNoise(position=0.002, heading=0.005), initial_pose="unknown")
-    parts = {"model": model, "limits": limits, "measurement": measurement, "criterion": E()}
-    return make_problem(**{**parts, **keys})
+logged_problem = partial(
+    problem_of,
+    model=ROBOT,
+    limits=input_limits,
+    measurement=Poses(noise=AbsoluteNoise(position=0.002, heading=0.005), initial_pose="unknown"),
+    criterion=E(),
+)
+"""A problem about a robot; its drive does not matter."""
 
 
 def options(**keys: Any) -> CalibrationOptions:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated import ROBOT, TRUTH, by_name, course, log_of, options, problem_of, several, truth_of
+from simulated import ROBOT, TRUTH, by_name, course, log_of, logged_problem, options, several, truth_of
 
 from oed.estimation import Calibration, calibrate
 from oed.estimation.setup.noise import specified_noise
@@ -28,7 +28,7 @@ TRUE = np.array([*TRUTH.values()])
 
 
 def found_by(logs=(LOG,), problem=None, **keys) -> Calibration:
-    return calibrate(problem or problem_of(), logs, options(**{"segment": "log", **keys}))
+    return calibrate(problem or logged_problem(), logs, options(**{"segment": "log", **keys}))
 
 
 def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
@@ -38,7 +38,7 @@ def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
 
 class TestOptions:
     def test_defaults(self):
-        found = calibrate(problem_of(), [LOG])
+        found = calibrate(logged_problem(), [LOG])
         assert within(found)
         assert found.covariances[0].name == "information"
         assert found.segmenting is not None
@@ -66,13 +66,13 @@ class TestOptions:
     @pytest.mark.slow
     def test_noise_as_stated(self):
         found = found_by(noise="stated")
-        assert dict(found.fit.noises) == specified_noise(problem_of().measurement)
+        assert dict(found.fit.noises) == specified_noise(logged_problem().measurement)
         assert within(found)
 
     def test_noise_that_is_not_stated(self):
         heading = Poses(quantities=("heading",), noise=AbsoluteNoise(heading=0.01))
-        problem = problem_of(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
-        with pytest.raises(ProblemError, match=r"calibration\.noise: .*states no noise of x, y; use noise"):
+        problem = logged_problem(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
+        with pytest.raises(ProblemError, match=r"calibration\.noise: .*no noise of x, y; use noise"):
             found_by(problem=problem, noise="stated")
 
     def test_every_sensor_states_the_noise_of_what_it_reads(self):
@@ -80,7 +80,7 @@ class TestOptions:
         both = Several(sensors=(Poses(noise=STATED), TrailerAngle(noise=0.004)))
         quantities = ("x", "y", "heading", "trailer_angle")
         log = log_of(course(model, np.array(model.nominal), seconds=4.0), noise=NOISE, quantities=quantities)
-        found = found_by([log], problem_of(model, measurement=both), noise="stated")
+        found = found_by([log], logged_problem(model=model, measurement=both), noise="stated")
         assert found.fit.noises["trailer_angle"] == Noise(0.004)
         judged = {one.about for one in found.diagnostics if one.name == "stated_noise"}
         assert judged == {"position", "heading", "trailer_angle"}
@@ -88,8 +88,8 @@ class TestOptions:
     @pytest.mark.slow
     def test_block(self):
         short, long = (found_by(MANY, segment=0.5, block=size, replicates=100) for size in (0.5, 3.0))
-        assert short.covariances[0].freedom == 59
-        assert long.covariances[0].freedom == 9
+        assert short.covariances[0].degrees == 59
+        assert long.covariances[0].degrees == 9
 
     @pytest.mark.slow
     @pytest.mark.parametrize("seconds", [1e-3, 0.15, 1.7, 1e3])
@@ -121,14 +121,14 @@ class TestOptions:
     @pytest.mark.slow
     def test_estimate_of_one_parameter(self):
         log = log_of(course(ROBOT, truth_of(ROBOT, track=0.22), seconds=6.0), noise=NOISE)
-        found = found_by([log], problem_of(estimate=("track",)))
+        found = found_by([log], logged_problem(estimate=("track",)))
         assert found.parameters == ("track",)
         assert within(found, np.array([0.22]))
 
     @pytest.mark.slow
     def test_coefficients_hide_the_sensors_side(self):
-        found = found_by(problem=problem_of(estimate=("c11", "c12", "c21", "c22")))
-        assert found.notes == ("sensor_y cannot be told from the parameters: taken as the study has it",)
+        found = found_by(problem=logged_problem(estimate=("c11", "c12", "c21", "c22")))
+        assert found.notes == ("sensor_y cannot be separated from the parameters: taken as the study has it",)
         assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
         right, left, track = TRUE
         yaw = np.array([right, -left]) / track
@@ -155,13 +155,13 @@ class TestOptions:
     def test_a_lever_arm_that_the_study_gives(self):
         measurement = Poses(noise=STATED, lever_arm=LeverArm(x=0.1, y=-0.05))
         assert specified_mount(measurement).sits == (0.1, -0.05, 0.0)
-        found = found_by(problem=problem_of(measurement=measurement))
+        found = found_by(problem=logged_problem(measurement=measurement))
         assert found.fit.unknowns.place == ("sensor_heading",)
         assert within(found)
 
     @pytest.mark.slow
     def test_a_prior(self):
-        problem = problem_of(prior=Prior(standard_deviations={"track": "1 um"}))
+        problem = logged_problem(prior=Prior(standard_deviations={"track": "1 um"}))
         found = found_by(problem=problem)
         assert by_name(found.fit)["track"] == pytest.approx(0.2, abs=1e-4)
         assert found.standard_deviations["track"] == pytest.approx(1e-6, rel=0.01)
@@ -175,36 +175,36 @@ class TestOddLogs:
     @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
     def test_a_robot_at_rest(self, noise):
         log = log_of(course(inputs=np.zeros((60, 2)), seconds=6), noise=noise)
-        found = calibrate(problem_of(), [log])
+        found = calibrate(logged_problem(), [log])
         assert found.values == pytest.approx(ROBOT.nominal, rel=1e-6)
-        assert all(name in " ".join(found.untold) for name in TRUTH)
+        assert all(name in " ".join(found.weak_directions) for name in TRUTH)
         assert np.sqrt(np.diag(found.covariance)) == pytest.approx(ROBOT.nominal, rel=0.05)
 
     def test_headings_that_never_change(self):
         log = log_of(course(ROBOT, truth_of(ROBOT), start=(0, 0, 0), inputs=np.full((60, 2), 3.0), seconds=6))
         found = found_by([log])
         assert np.isfinite(found.values).all()
-        assert any("track" in text for text in found.untold)
+        assert any("track" in text for text in found.weak_directions)
 
     def test_two_poses(self):
         for rows in ([0, 50], [40, 41]):
             log = log_of(course(seconds=6.0), noise=NOISE, rows=np.array(rows))
             with pytest.raises(LogError, match="log more poses"):
-                calibrate(problem_of(), [log])
+                calibrate(logged_problem(), [log])
 
     def test_a_log_that_hardly_overlaps_its_poses(self):
         late = replace(LOG, pose_times=LOG.pose_times + 5.5)
-        assert np.isfinite(calibrate(problem_of(), [late]).values).all()
+        assert np.isfinite(calibrate(logged_problem(), [late]).values).all()
 
     def test_clocks_that_never_meet(self):
         late = replace(LOG, pose_times=LOG.pose_times + 100)
         with pytest.raises(LogError, match=r"drive\.csv: no poses while the wheels are logged"):
-            calibrate(problem_of(), [late])
+            calibrate(logged_problem(), [late])
 
     def test_logs_of_different_quantities(self):
         other = log_of(course(seed=1), quantities=("x", "y"), name="other")
         with pytest.raises(LogError, match=r"other\.csv: holds x, y, drive x, y, heading"):
-            calibrate(problem_of(), [LOG, other])
+            calibrate(logged_problem(), [LOG, other])
 
     @pytest.mark.slow
     def test_positions_alone(self):
@@ -218,10 +218,10 @@ class TestOddLogs:
         log = log_of(course(seconds=6.0), noise=NOISE, quantities=("heading",))
         found = found_by([log])
         assert found.fit.unknowns.place == ()
-        assert "apart" in " ".join(found.untold)
-        assert found.left_out == ()
+        assert "apart" in " ".join(found.weak_directions)
+        assert found.cross_validation == ()
 
     def test_dead_reckoning_apart_needs_positions(self):
         heading = log_of(course(seed=1), quantities=("heading",), name="apart")
         with pytest.raises(LogError, match=r"apart\.csv: dead reckoning needs positions"):
-            calibrate(problem_of(), [LOG], options(segment="log"), apart=[heading])
+            calibrate(logged_problem(), [LOG], options(segment="log"), test_logs=[heading])

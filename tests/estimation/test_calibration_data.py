@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated import TRUTH, course, log_of, options, problem_of, several
+from simulated import TRUTH, course, log_of, logged_problem, options, several
 
 from oed.estimation import Calibration, calibrate
-from oed.records.calibration_outcome import PATHS, estimate_of, mean_numbers
+from oed.records.calibration_outcome import PATHS, estimate_of, mean_errors
 from oed.records.calibration_record import EstimateRecord, load_estimate
 from oed.workflow.saving import save_estimate
 
@@ -26,7 +26,7 @@ def plain(value) -> bool:
 def calibration() -> Calibration:
     logs = several(3, seconds=8.0, noise=NOISE, place=(0.1, 0.0, 0.0))
     apart = [log_of(course(seed=9, seconds=8.0), noise=NOISE, place=(0.1, 0.0, 0.0), name="apart")]
-    return calibrate(problem_of(), logs, options(segment=2.0, replicates=100, block=2.0), apart=apart)
+    return calibrate(logged_problem(), logs, options(segment=2.0, replicates=100, block=2.0), test_logs=apart)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def data(calibration: Calibration) -> dict:
 
 class TestData:
     def test_json_holds_it(self, data: dict, tmp_path: Path):
-        record = EstimateRecord({"format": 1, **data})
+        record = EstimateRecord.model_validate({"format": 1, **data})
         path = save_estimate(record, tmp_path / "new")
         assert path == tmp_path / "new" / "estimate.json"
         assert "NaN" not in path.read_text()
@@ -52,7 +52,7 @@ class TestData:
             assert (high - low) / 2 == pytest.approx(data["half_width"] * entry["standard_error"])
             assert abs(entry["value"] - TRUTH[entry["name"]]) < high - low
             assert set(entry["standard_errors"]) == {"information", "sandwich", "bootstrap"}
-        assert EstimateRecord(data).values == dict(zip(TRUTH, calibration.values, strict=True))
+        assert EstimateRecord.model_validate(data).values == dict(zip(TRUTH, calibration.values, strict=True))
 
     def test_correlation_is_the_covariances(self, data: dict):
         covariance, correlation = np.array(data["covariance"]), np.array(data["correlation"])
@@ -71,7 +71,7 @@ class TestData:
         monkeypatch.setattr("oed.records.calibration_outcome.POINTS", 10)
         monkeypatch.setattr("oed.records.calibration_outcome.RESIDUALS", 50)
         logs = several(14, seconds=2.5, noise=NOISE)
-        found = estimate_of(calibrate(problem_of(), logs, options(segment="log"))).plain()
+        found = estimate_of(calibrate(logged_problem(), logs, options(segment="log"))).plain()
         assert len(found["paths"]) == PATHS
         for path in found["paths"]:
             assert len({len(values) for name, values in path.items() if name not in ("log", "role")}) == 1
@@ -87,15 +87,15 @@ class TestData:
         ]
 
     def test_means(self, calibration: Calibration, data: dict):
-        one = calibration.left_out[0]
-        assert mean_numbers(one.after)["rmse_position"] == one.after[0].rmse_position
+        one = calibration.cross_validation[0]
+        assert mean_errors(one.after).rmse_position == one.after[0].rmse_position
         assert data["left_out"][0]["mean"]["after"]["length"] == one.after[0].length
 
     @pytest.mark.slow
     @pytest.mark.parametrize("quantities", [("heading",), ("x", "y")])
     def test_of_some_quantities_alone(self, quantities):
         logs = several(2, seconds=5.0, noise=NOISE, quantities=quantities)
-        found = estimate_of(calibrate(problem_of(), logs, options(segment="log"))).plain()
+        found = estimate_of(calibrate(logged_problem(), logs, options(segment="log"))).plain()
         assert plain(found)
         assert [entry["about"] for entry in found["noise"]] == [
             "position" if quantities == ("x", "y") else "heading"
@@ -103,4 +103,4 @@ class TestData:
 
     def test_of_a_robot_at_rest(self):
         log = log_of(course(inputs=np.zeros((50, 2)), seconds=5))
-        assert plain(estimate_of(calibrate(problem_of(), [log, log], options(segment="log"))).plain())
+        assert plain(estimate_of(calibrate(logged_problem(), [log, log], options(segment="log"))).plain())

@@ -17,9 +17,9 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     loosely,
     options,
-    problem_of,
     search_of,
     several,
     truth_of,
@@ -35,12 +35,12 @@ from oed.estimation.assessment.covariance import (
     information,
     sandwich,
 )
+from oed.estimation.assessment.cross_validation import cross_validated, values_without
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
-from oed.estimation.assessment.left_out import leave_out, values_without
-from oed.estimation.assessment.untold import untold
+from oed.estimation.assessment.weak_directions import weak_directions
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
-from oed.estimation.methods.segmenting import longest_without_drift, spread
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
+from oed.estimation.methods.segment_length import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.robots.models import SkidSteer, SkidSteerSlip
 from oed.robots.sensors.logged import Noise
@@ -132,7 +132,7 @@ class TestBootstrap:
         for _ in range(30):
             chosen = [LOGS[index] for index in rng.integers(6, size=6)]
             named = [replace(log, name=str(place)) for place, log in enumerate(chosen)]
-            found.append(fit_of(named, stated=whole.noises).values)
+            found.append(fit_of(named, specified=whole.noises).values)
         own = bootstrap(whole, blocks_of(whole, None), 2000, np.random.default_rng(0)).deviations
         assert own == pytest.approx(np.sqrt(6 / 5) * np.std(found, axis=0, ddof=1), rel=0.5)
 
@@ -158,7 +158,9 @@ class TestKnownBefore:
         blocks, rng = blocks_of(fit, None), np.random.default_rng(0)
         for one in (information(fit), sandwich(fit, blocks), bootstrap(fit, blocks, 300, rng)):
             assert one.deviations[0] / 0.05 > 0.03, one.name
-            assert any("wheel_radius" in text or "slip" in text for text in untold(fit, one.matrix)), one.name
+            assert any(
+                "wheel_radius" in text or "slip" in text for text in weak_directions(fit, one.matrix)
+            ), one.name
 
     @pytest.mark.parametrize("size", [1e-5, 1e-4])
     def test_a_strong_prior_is_not_made_stronger(self, size: float):
@@ -174,12 +176,12 @@ class TestInverse:
         rng = np.random.default_rng(0)
         root = rng.normal(size=(5, 5)) * np.logspace(-3, 3, 5)
         matrix = root.T @ root
-        assert inverse_of_told(matrix) @ matrix == pytest.approx(np.eye(5), abs=1e-6)
+        assert inverse_of_identifiable(matrix) @ matrix == pytest.approx(np.eye(5), abs=1e-6)
 
     def test_leaves_out_what_is_not_told(self):
         direction = np.array([1.0, 2.0])
         matrix = np.outer(direction, direction)
-        found = inverse_of_told(matrix)
+        found = inverse_of_identifiable(matrix)
         assert matrix @ found @ matrix == pytest.approx(matrix)
         assert np.linalg.matrix_rank(found) == 1
 
@@ -193,9 +195,13 @@ class TestNoise:
     @given(seed=st.integers(0, 10**6), size=st.floats(1e-4, 10.0))
     def test_is_that_of_the_residuals(self, seed: int, size: float):
         rng = np.random.default_rng(seed)
-        residuals, freedom, speeds = size * rng.normal(size=2000), np.full(2000, 0.9), rng.uniform(0, 1, 2000)
+        residuals, shares, speeds = (
+            size * rng.normal(size=2000),
+            np.full(2000, 0.9),
+            rng.uniform(0, 1, 2000),
+        )
         for robust in (False, True):
-            found = estimated(np.sqrt(0.9) * residuals, freedom, speeds, speeds, robust=robust, grows=False)
+            found = estimated(np.sqrt(0.9) * residuals, shares, speeds, speeds, robust=robust, grows=False)
             assert found.per_speed == 0
             assert found.at_rest == pytest.approx(size, rel=0.12)
 
@@ -222,19 +228,19 @@ class TestNoise:
 
     def test_the_greatest_likelihood_is_scipys(self):
         rng = np.random.default_rng(3)
-        rates, freedom = rng.uniform(0, 1, (2, 800)), rng.uniform(0.5, 1, 800)
+        rates, shares = rng.uniform(0, 1, (2, 800)), rng.uniform(0.5, 1, 800)
         squares = (0.01 * rng.normal(size=800)) ** 2 * (1 + 3 * rates[0] ** 2 + 2 * rates[1] ** 2)
-        found, noise = greatest(squares, freedom, rates, 0.02, (0, 1))
+        found, noise = greatest(squares, shares, rates, 0.02, (0, 1))
 
         def surprise(sizes: np.ndarray) -> float:
             variance = sizes[0] ** 2 + (sizes[1] * rates[0]) ** 2 + (sizes[2] * rates[1]) ** 2
-            return -2 * float((freedom * norm.logpdf(np.sqrt(squares), scale=np.sqrt(variance))).sum())
+            return -2 * float((shares * norm.logpdf(np.sqrt(squares), scale=np.sqrt(variance))).sum())
 
         wanted = minimize(surprise, [0.02] * 3, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-9})
         assert np.abs(wanted.x) == pytest.approx(
             [noise.at_rest, noise.per_speed, noise.per_yaw_rate], rel=1e-3
         )
-        constant = freedom.sum() * np.log(2 * np.pi * 0.02**2)
+        constant = shares.sum() * np.log(2 * np.pi * 0.02**2)
         assert found + constant == pytest.approx(wanted.fun, abs=1e-4)
 
     def test_constant_noise_is_not_made_to_grow(self):
@@ -298,7 +304,7 @@ class TestLeftOut:
     @pytest.mark.parametrize("fold", [[0], [2, 3]])
     def test_values_are_those_of_another_fit(self, fit: Fit, fold: list[int]):
         kept = [log for place, log in enumerate(LOGS) if place not in fold]
-        wanted = fit_of(kept, seconds=2.0, known=KNOWN, stated=fit.noises).values
+        wanted = fit_of(kept, seconds=2.0, known=KNOWN, specified=fit.noises).values
         found = values_without(fit, np.array(fold))
         moved = np.sqrt(np.diag(fit.inverse))
         assert (found - wanted) / moved == pytest.approx(np.zeros(3), abs=0.03)
@@ -307,22 +313,22 @@ class TestLeftOut:
     def test_with_a_prior_that_pulls(self):
         known = Knowledge(np.diag([0.0, 0.0, 1e8]), np.array([0.05, 0.05, 0.2]))
         fit = fit_of(LOGS, known=known)
-        wanted = fit_of(LOGS[1:], known=known, stated=fit.noises).values
+        wanted = fit_of(LOGS[1:], known=known, specified=fit.noises).values
         found = values_without(fit, np.array([0]))
         assert (found - wanted) / np.sqrt(np.diag(fit.inverse)) == pytest.approx(np.zeros(3), abs=0.1)
 
     def test_each_log_is_reckoned_by_the_others(self):
         fit = fit_of(LOGS)
-        found = leave_out(fit)
+        found = cross_validated(fit)
         assert [one.names for one in found] == [(log.name,) for log in LOGS]
         for one in found:
             assert one.after[0].rmse_position < one.before[0].rmse_position
-        assert leave_out(fit_of(LOGS[:1])) == ()
+        assert cross_validated(fit_of(LOGS[:1])) == ()
 
     @pytest.mark.slow
     def test_many_logs_are_left_out_in_parts(self):
         logs = several(14, seconds=3.0, noise=NOISE)
-        found = leave_out(fit_of(logs))
+        found = cross_validated(fit_of(logs))
         assert len(found) == 12
         assert [name for one in found for name in one.names] == [log.name for log in logs]
 
@@ -332,19 +338,19 @@ class TestUntold:
     def of(inputs: np.ndarray | None) -> tuple[str, ...]:
         log = log_of(course(ROBOT, np.array(ROBOT.nominal), inputs=inputs, seconds=20.0), noise=NOISE)
         fit = fit_of([log], known=KNOWN)
-        return untold(fit, fit.inverse)
+        return weak_directions(fit, fit.inverse)
 
     def test_of_a_rich_drive_is_nothing(self):
-        assert not any("do not tell" in text for text in self.of(None))
+        assert not any("do not identify" in text for text in self.of(None))
 
     def test_of_a_straight_line_is_the_track(self):
         assert self.of(np.full((200, 2), 4.0)) == (
-            "the logs do not tell track: fix it (leave it out of `estimate`) or give a `prior`",
+            "the logs do not identify track: fix it (leave it out of `estimate`) or give a `prior`",
         )
 
     def test_of_a_circle_in_one_direction_is_a_combination(self):
         (text,) = self.of(np.tile([4.0, 2.0], (200, 1)))
-        assert text.startswith("the logs do not tell wheel_radius_right, wheel_radius_left and track apart")
+        assert text.startswith("the logs do not identify wheel_radius_right, wheel_radius_left and track")
         assert "hardly shows" in text
 
     def test_of_a_robot_at_rest_is_everything(self):
@@ -353,14 +359,14 @@ class TestUntold:
 
     def test_pairs_that_are_only_told_together(self, fit: Fit):
         tied = np.array([[1.0, 0.998, 0.0], [0.998, 1.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-8
-        (text,) = untold(fit, tied)
+        (text,) = weak_directions(fit, tied)
         assert text.startswith(
-            "wheel_radius_right and wheel_radius_left are told only together (correlation +0.998)"
+            "wheel_radius_right and wheel_radius_left are identifiable only together (correlation +0.998)"
         )
 
 
-def verdicts(fit: Fit, stated=None) -> dict[tuple[str, str], Diagnostic]:
-    return {(one.name, one.about): one for one in diagnostics(fit, stated or {})}
+def verdicts(fit: Fit, specified=None) -> dict[tuple[str, str], Diagnostic]:
+    return {(one.name, one.about): one for one in diagnostics(fit, specified or {})}
 
 
 class TestDiagnostics:
@@ -397,9 +403,9 @@ class TestDiagnostics:
 
     @pytest.mark.parametrize(("factor", "passes"), [(1.0, True), (1.3, False), (0.7, False)])
     def test_stated_noise_is_judged(self, factor: float, passes: bool):
-        stated = {"position": Noise(NOISE[0] / factor), "heading": Noise(NOISE[1] / factor)}
-        found = verdicts(fit_of(LOGS), stated)
-        for about in stated:
+        specified = {"position": Noise(NOISE[0] / factor), "heading": Noise(NOISE[1] / factor)}
+        found = verdicts(fit_of(LOGS), specified)
+        for about in specified:
             assert found["stated_noise", about].passed is passes
             assert found["stated_noise", about].statistic == pytest.approx(factor, rel=0.06)
 
@@ -525,7 +531,7 @@ class TestMonteCarlo:
 
 
 def test_by_name_is_what_calibrate_gives():
-    found = calibrate(problem_of(), LOGS[:2], options(segment="log"))
+    found = calibrate(logged_problem(), LOGS[:2], options(segment="log"))
     assert {name: by_name(found.fit)[name] for name in found.parameters} == pytest.approx(
         dict(zip(found.parameters, found.values, strict=True))
     )

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated import ROBOT, TRUTH, arcs, course, log_of, readings, truth_of, twists_of
 
-from oed.estimation import Reckoning, reckoned
+from oed.estimation import DeadReckoning, dead_reckoned
 
 DRIVE = course(seconds=15.0)
 NOMINAL, TRUE = np.array(ROBOT.nominal), np.array([*TRUTH.values()])
@@ -19,8 +19,8 @@ PLACE = np.array([0.1, -0.04, 0.3])
 LOG = log_of(DRIVE, place=PLACE, noise=(0.002, 0.004))
 
 
-def reckon(log=LOG, parameters=NOMINAL, place=PLACE, offset: float = 0.0) -> Reckoning:
-    return reckoned(ROBOT, log, parameters, place, offset)
+def reckon(log=LOG, parameters=NOMINAL, place=PLACE, offset: float = 0.0) -> DeadReckoning:
+    return dead_reckoned(ROBOT, log, parameters, place, offset)
 
 
 def path_of(parameters: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from oed.estimation.methods.gauss_newton import LeastSquares, downhill
+from oed.estimation.methods.gauss_newton import SHARES, LeastSquares, Rows, downhill
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.setup.options import Loss
 
@@ -27,7 +27,7 @@ def decay_slopes(values: np.ndarray) -> np.ndarray:
 
 
 def decay_rows(measured: np.ndarray):
-    return lambda values: ((measured - decay(values)) / NOISE, decay_slopes(values) / NOISE)
+    return lambda values, _: Rows.of((measured - decay(values)) / NOISE, decay_slopes(values) / NOISE)
 
 
 def readings(outliers: int = 0) -> np.ndarray:
@@ -43,12 +43,12 @@ def test_linear_readings_and_knowledge_in_closed_form():
     # Of rank 2: nothing is known along one direction.
     root = rng.standard_normal((2, 3))
     known = Knowledge(root.T @ root, np.array([1.0, -2.0, 0.5]))
-    search = LeastSquares(lambda values: (measured - design @ values, design), np.ones(3), known)
-    found, arrived = search.solved(np.full(3, 10.0))
+    search = LeastSquares(np.ones(3), known)
+    found = search.solved(lambda values, _: Rows.of(measured - design @ values, design), np.full(3, 10.0))
     normal = design.T @ design + known.information
     expected = np.linalg.solve(normal, design.T @ measured + known.information @ known.centre)
-    assert arrived
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    assert found.arrived
+    np.testing.assert_allclose(found.values, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -58,41 +58,40 @@ def test_linear_readings_and_knowledge_in_closed_form():
 )
 def test_robust_losses_are_scipys(loss: Loss, start: tuple[float, ...]):
     measured = readings(outliers=6)
-    search = LeastSquares(decay_rows(measured), np.abs(TRUE), Knowledge.nothing(3), loss, close=1e-12)
-    found, arrived = search.solved(np.array(start))
+    search = LeastSquares(np.abs(TRUE), Knowledge.nothing(3), loss, close=1e-12)
+    found = search.solved(decay_rows(measured), np.array(start))
     best = least_squares(
         lambda values: (decay(values) - measured) / NOISE, TRUE, loss=loss, xtol=1e-15, ftol=1e-15, gtol=1e-12
     )
-    assert arrived
-    np.testing.assert_allclose(found, best.x, atol=1e-6)
+    assert found.arrived
+    np.testing.assert_allclose(found.values, best.x, atol=1e-6)
 
 
 def test_what_nothing_tells_stays_where_it_was():
     # Only the sum of the first two is read.
     design = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, 1.0, 1.0]])
-    search = LeastSquares(
-        lambda values: (np.array([3.0, 2.0, 4.0]) - design @ values, design), np.ones(3), Knowledge.nothing(3)
+    measured = np.array([3.0, 2.0, 4.0])
+    found = LeastSquares(np.ones(3), Knowledge.nothing(3)).solved(
+        lambda values, _: Rows.of(measured - design @ values, design), np.array([0.5, -0.5, 0.0])
     )
-    found, arrived = search.solved(np.array([0.5, -0.5, 0.0]))
-    assert arrived
-    np.testing.assert_allclose(found, [2.0, 1.0, 1.0], atol=1e-12)
+    assert found.arrived
+    np.testing.assert_allclose(found.values, [2.0, 1.0, 1.0], atol=1e-12)
 
 
 def test_held_at_a_corner_of_a_clock_the_others_go_on():
     # Misfit |clock| has its least where no slope is 0; the line beside it is found all the same.
-    def rows(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rows(values: np.ndarray, _: np.ndarray) -> Rows:
         line, clock = values
         corner = 100.0 * (1 + abs(clock))
         slope = -100.0 * (1.0 if clock >= 0 else -1.0)
         residuals = np.concatenate([[corner], 2.0 - line * np.ones(5)])
         slopes = np.zeros((6, 2))
         slopes[0, 1], slopes[1:, 0] = slope, 1.0
-        return residuals, slopes
+        return Rows.of(residuals, slopes)
 
-    search = LeastSquares(rows, np.ones(2), Knowledge.nothing(2), clocks=1)
-    found, arrived = search.solved(np.array([0.0, 0.0]))
-    assert arrived
-    np.testing.assert_allclose(found, [2.0, 0.0], atol=1e-9)
+    found = LeastSquares(np.ones(2), Knowledge.nothing(2), clocks=1).solved(rows, np.array([0.0, 0.0]))
+    assert found.arrived
+    np.testing.assert_allclose(found.values, [2.0, 0.0], atol=1e-9)
 
 
 class Hill:
@@ -100,7 +99,7 @@ class Hill:
         self.misfit = misfit
 
 
-def test_steps_are_halved_until_they_lead_downhill():
+def test_steps_are_shortened_until_they_lead_downhill():
     tried = []
 
     def after(share: float) -> Hill:
@@ -108,6 +107,41 @@ def test_steps_are_halved_until_they_lead_downhill():
         return Hill(1.0 + share - 0.2)
 
     here = Hill(1.0)
-    assert downhill(here, after).misfit == pytest.approx(0.925)
+    found, vain = downhill(here, after, SHARES)
+    assert (found.misfit, vain) == (pytest.approx(0.925), 3)
     assert tried == [1.0, 0.5, 0.25, 0.125]
-    assert downhill(here, lambda share: Hill(2.0)) is here
+    assert downhill(here, lambda share: Hill(2.0), SHARES[2:]) == (here, len(SHARES) - 2)
+
+
+@pytest.mark.parametrize("start", [(0.1, 8.0, 0.0), (100.0, 0.1, -100.0)])
+def test_far_off_steps_are_damped(start: tuple[float, ...]):
+    # Halved steps end where a decay is over at once, or nearly a line.
+    found = LeastSquares(np.abs(TRUE), Knowledge.nothing(3), close=1e-12).solved(
+        decay_rows(readings()), np.array(start)
+    )
+    assert found.arrived
+    np.testing.assert_allclose(decay(found.values), decay(TRUE), atol=2 * NOISE)
+
+
+def test_starts_of_segments_are_found_as_if_they_were_common():
+    # Two decays that begin at levels of their own, which nobody asks for.
+    rng = np.random.default_rng(2)
+    measured = np.stack([decay(TRUE), decay(TRUE) + 1.5]) + NOISE * rng.standard_normal((2, len(TIMES)))
+    known = Knowledge(np.diag([0.0, 4.0]), np.array([0.0, 0.6]))
+
+    def apart(values: np.ndarray, levels: np.ndarray) -> Rows:
+        predicted = decay(np.array([*values, 0.0])) + levels
+        slopes = np.broadcast_to(decay_slopes(np.array([*values, 0.0]))[:, :2], (2, len(TIMES), 2))
+        return Rows((measured - predicted) / NOISE, slopes / NOISE, np.ones((2, len(TIMES), 1)) / NOISE)
+
+    def together(values: np.ndarray, _: np.ndarray) -> Rows:
+        residuals, slopes, own = apart(values[:2], values[2:, None])
+        levels = np.kron(np.eye(2), own[0])
+        return Rows.of(residuals.ravel(), np.hstack([slopes.reshape(-1, 2), levels]))
+
+    found = LeastSquares(np.ones(2), known, close=1e-12).solved(apart, np.array([2.0, 1.0]), np.zeros((2, 1)))
+    wide = Knowledge(np.diag([0.0, 4.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.0, 0.0]))
+    expected = LeastSquares(np.ones(4), wide, close=1e-12).solved(together, np.array([2.0, 1.0, 0.0, 0.0]))
+    assert found.arrived
+    assert expected.arrived
+    np.testing.assert_allclose([*found.values, *found.starts.ravel()], expected.values, rtol=1e-9)

@@ -16,9 +16,9 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     loosely,
     options,
-    problem_of,
     readings,
     several,
     truth_of,
@@ -42,7 +42,9 @@ from oed.robots.sensors.logged import Noise
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.11, -0.06, 0.15)
-OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2)
+OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2).made(
+    Model
+)
 ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.2)
 
 CASES: dict[str, tuple[Model, dict[str, float], tuple[str, ...]]] = {
@@ -191,8 +193,8 @@ class TestSolution:
     @pytest.mark.parametrize("loss", ["linear", "huber", "cauchy"])
     def test_is_scipys(self, loss: str):
         wanted = self.plain(loss)
-        stated = {"position": Noise(0.004), "heading": Noise(0.01)}
-        fit = fit_of([self.LOG], unknowns_of(ROBOT, PLACE), loss=loss, stated=stated)
+        specified = {"position": Noise(0.004), "heading": Noise(0.01)}
+        fit = fit_of([self.LOG], unknowns_of(ROBOT, PLACE), loss=loss, specified=specified)
         assert fit.values == pytest.approx(np.delete(wanted.x, [3, 4, 5]), rel=2e-5)
         assert fit.starts[0] == pytest.approx(wanted.x[3:6], abs=1e-5)
         if loss == "linear":
@@ -200,11 +202,11 @@ class TestSolution:
             own = np.delete(np.delete(whole, [3, 4, 5], 0), [3, 4, 5], 1)
             assert fit.inverse == pytest.approx(own, rel=1e-3, abs=1e-4 * np.abs(own).max())
             hat = wanted.jac @ whole @ wanted.jac.T
-            assert fit.freedom.ravel() == pytest.approx(1 - np.diag(hat), abs=1e-4)
+            assert fit.redundancy.ravel() == pytest.approx(1 - np.diag(hat), abs=1e-4)
 
     def test_freedom_is_readings_less_unknowns(self):
         fit = fit_of(several(3, noise=(0.004, 0.01)), seconds=4.0)
-        assert fit.freedom.sum() == pytest.approx(
+        assert fit.redundancy.sum() == pytest.approx(
             3 * fit.layout.valid.sum() - 3 * fit.layout.count - 3, abs=1e-6
         )
 
@@ -231,6 +233,6 @@ class TestStarts:
     @pytest.mark.slow
     def test_a_sensor_turned_by_a_right_angle_is_found(self):
         log = log_of(course(), place=(0.1, 0.0, np.pi / 2), noise=(0.001, 0.002))
-        found = calibrate(problem_of(), [log], options(segment="log"))
+        found = calibrate(logged_problem(), [log], options(segment="log"))
         assert by_name(found.fit)["sensor_heading"] == pytest.approx(np.pi / 2, abs=0.01)
         assert np.all(found.values > 0)

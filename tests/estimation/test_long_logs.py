@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated import ROBOT, TRUTH, course, log_of, options, problem_of
+from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options
 
 from oed.estimation import calibrate
 from oed.estimation.preprocessing import thinning
@@ -81,7 +81,7 @@ class TestThinned:
         assert 0.1 < log.gap < np.diff(log.pose_times).max()
 
     def test_stated_noise_is_that_of_the_means(self):
-        measurement = problem_of().measurement
+        measurement = logged_problem().measurement
         one, nine = specified_noise(measurement), specified_noise(measurement, 9)
         assert nine["position"].at_rest == pytest.approx(one["position"].at_rest / 3)
 
@@ -89,7 +89,7 @@ class TestThinned:
 def test_averages_tell_what_all_poses_tell():
     # Of independent noise: the same estimates within a share of their standard errors, which are the same.
     log, chosen = fast(5.0), options(segment="log", covariance="information", clock_offset=False)
-    whole, means = (calibrate(problem_of(), logs, chosen) for logs in ([log], thinned([log], most=500)))
+    whole, means = (calibrate(logged_problem(), logs, chosen) for logs in ([log], thinned([log], most=500)))
     assert means.fit.layout.logs[0].averaged == 6
     sizes, own = (np.array(list(one.standard_deviations.values())) for one in (whole, means))
     np.testing.assert_allclose(own, sizes, rtol=0.1)
@@ -100,11 +100,11 @@ def test_averages_tell_what_all_poses_tell():
 def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(thinning, "LEAST", 20)
     monkeypatch.setattr(thinned, "__defaults__", (400,))
-    found = calibrate(problem_of(), [LONG], options(segment="log", noise="stated"))
+    found = calibrate(logged_problem(), [LONG], options(segment="log", noise="stated"))
     assert found.fit.layout.valid.sum() == 400
     assert "averaged 10 at a time, 400 kept in pieces" in found.notes[0]
     assert {one.name for one in found.logs[0].findings} >= {"averaged_poses", "sampled_poses"}
-    stated = next(one for one in found.diagnostics if one.name == "stated_noise")
-    assert stated.passed
+    specified = next(one for one in found.diagnostics if one.name == "stated_noise")
+    assert specified.passed
     assert max(map(abs, errors_of(found).values())) < 4
     assert found.robot == ROBOT

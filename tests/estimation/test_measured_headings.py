@@ -8,13 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import SPEED, make_problem, random_drive
+from builders import SPEED, problem_of, random_drive
 
 from oed.estimation.methods import EstimatorName, Regression
 from oed.estimation.methods.measured_headings import MeasuredHeadings, cosine_and_sine
-from oed.kernel.dynamics.space import Spline
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 from oed.simulation import validate
 
 POSITION, HEADING = 0.1, math.radians(10)
@@ -22,10 +20,10 @@ METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_varia
 
 
 def make(segments: int | str, noise_model: str = "increments", samples: int = 40, runs: int = 1):
-    problem = make_problem(
-        design=DesignSpace(
-            duration=samples / 4 * runs, samples=samples * runs, spline=Spline(coefficients=8), runs=runs
-        ),
+    problem = problem_of(
+        duration=samples / 4 * runs,
+        samples=samples * runs,
+        runs=runs,
         measurement=Displacements(
             segments=segments,
             regressor="position",
@@ -87,7 +85,7 @@ def test_every_replicate_is_numpys_least_squares(
     regression = Regression(problem, drive, name, "measured")
     moves, errors = drawn(regression, 15, runs, absolute=noise_model == "absolute")
     expected = np.array([estimated_alone(regression, *one) for one in zip(moves, errors, strict=True)])
-    found, _ = regression.replicate(np.random.default_rng(5), 15)
+    found, _ = regression.simulate(np.random.default_rng(5), 15)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=0)
     assert np.abs(found / regression.true - 1).max() > 0.01
 

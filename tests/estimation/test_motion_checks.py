@@ -14,17 +14,17 @@ from simulated import (
     exchanged,
     heading_times,
     log_of,
+    logged_problem,
     negated,
     options,
-    problem_of,
     rich_inputs,
     truth_of,
 )
 
 from oed.estimation import calibrate
 from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.motion import Moves, unexplained
-from oed.estimation.preprocessing.suspicion import poorly_explained, suspicion
+from oed.estimation.preprocessing.moves import Moves, unexplained
+from oed.estimation.preprocessing.wiring_checks import poorly_explained, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.log import Log
 from oed.robots.models import SkidSteer
@@ -40,7 +40,7 @@ def moves_of(*logs: Log, model=ROBOT) -> Moves:
 
 
 def suspected(log: Log, model=ROBOT) -> str | None:
-    return suspicion(moves_of(log, model=model), np.zeros(1))
+    return wiring_fault(moves_of(log, model=model), np.zeros(1))
 
 
 def doubted(log: Log, model=ROBOT) -> float | None:
@@ -82,10 +82,10 @@ class TestClocks:
 
     def test_the_fit_refines_them_and_says_so(self):
         log = log_of(course(), noise=NOISE, offset=0.534)
-        found = calibrate(problem_of(), [log], options(segment="log"))
+        found = calibrate(logged_problem(), [log], options(segment="log"))
         assert found.fit.clock_offsets == pytest.approx([0.534], abs=0.004)
         assert [one.name for one in found.logs[0].findings] == ["clock_offset"]
-        kept = calibrate(problem_of(), [log], options(segment="log", clock_offset=False))
+        kept = calibrate(logged_problem(), [log], options(segment="log", clock_offset=False))
         assert kept.fit.clock_offsets == pytest.approx([0.0])
         assert "clock_offset" not in kept.fit.unknowns.names
 
@@ -151,7 +151,7 @@ class TestNamed:
 
     def test_is_refused_with_the_files_name(self):
         with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+%"):
-            calibrate(problem_of(), [exchanged(LOG)])
+            calibrate(logged_problem(), [exchanged(LOG)])
 
 
 class TestTrueLogs:

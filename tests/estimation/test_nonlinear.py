@@ -6,28 +6,28 @@ import math
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
-from oed.estimation.methods import Estimate, Loss, Nonlinear
+from oed.estimation.methods import Estimate, Nonlinear
 from oed.estimation.methods.losses import loss_moments, robust_loss
+from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.models import SkidSteer
-from oed.robots.sensors import Measurement, Poses, Ranges, Several, YawRate
-from oed.robots.space import DesignSpace, StartPose
+from oed.robots.sensors import Poses, Ranges, Several, YawRate
+from oed.robots.space import StartPose
 from oed.simulation import validate
 from oed.simulation.checks import check_all
 
@@ -38,23 +38,19 @@ GEOMETRY = (RADIUS, RADIUS, TRACK)
 UNKNOWN = (math.inf,) * 3
 CORRELATED = 1e-6 * np.kron(0.6 ** np.abs(np.subtract.outer(range(9), range(9))), [[1.0, 0.3], [0.3, 2.0]])
 ROBUST: tuple[Loss, ...] = ("huber", "soft_l1", "cauchy")
-REPLICATES = 300
+REPLICATES = 200
 
 Read = Callable[[np.ndarray, np.ndarray, Sequence[float]], np.ndarray]
 
 
-def problem_of(measurement: Measurement, samples: int = 40, **parts) -> Problem:
-    """Drives of a quarter of a second per sample, from a start of its own."""
-    x, y, heading = START
-    space = DesignSpace(
-        duration=samples / 4,
-        samples=samples,
-        spline=Spline(coefficients=8),
-        start=StartPose(x=x, y=y, heading=heading),
-    )
-    return make_problem(
-        measurement=measurement, design=space, **{"limits": (SPEED,), "criterion": E(), **parts}
-    )
+sensed_problem = partial(
+    problem_of,
+    period=0.25,
+    start=StartPose(x=START[0], y=START[1], heading=START[2]),
+    limits=(SPEED,),
+    criterion=E(),
+)
+"""Drives of a quarter of a second per sample, from a start of its own."""
 
 
 def pose_readings(quantities: str, every: int = 1) -> Read:
@@ -248,19 +244,19 @@ PRIOR_COVARIANCE = np.array([[4e-6, -1e-7], [-1e-7, 1e-8]])
 CASES = (
     Case(
         "poses",
-        problem_of(Poses(noise=XYH)),
+        sensed_problem(measurement=Poses(noise=XYH)),
         (Sensor(pose_readings("xyh"), np.array([2e-3, 2e-3, 0.02])),),
     ),
     Case(
         "coefficients",
-        problem_of(Poses(noise=XYH), estimate=C),
+        sensed_problem(measurement=Poses(noise=XYH), estimate=C),
         (Sensor(pose_readings("xyh"), np.array([2e-3, 2e-3, 0.02])),),
         coefficients=True,
     ),
     Case(
         "much_known_before",
-        problem_of(
-            Poses(
+        sensed_problem(
+            measurement=Poses(
                 noise=XYH,
                 initial_pose={"position": 2e-3, "heading": 0.01},
                 lever_arm={"x": 0.1, "y": 0.02, "known": False},
@@ -273,8 +269,8 @@ CASES = (
     ),
     Case(
         "correlated_prior",
-        problem_of(
-            Poses(noise=XYH, every=4, initial_pose="known"),
+        sensed_problem(
+            measurement=Poses(noise=XYH, every=4, initial_pose="known"),
             prior=Prior(parameters=("track", "wheel_radius_right"), covariance=PRIOR_COVARIANCE.tolist()),
         ),
         (Sensor(pose_readings("xyh", 4), np.array([2e-3, 2e-3, 0.02])),),
@@ -283,18 +279,22 @@ CASES = (
     ),
     Case(
         "correlated_over_time",
-        problem_of(Poses(quantities=("x", "y"), noise={"covariance": CORRELATED.tolist()}, every=5)),
+        sensed_problem(
+            measurement=Poses(quantities=("x", "y"), noise={"covariance": CORRELATED.tolist()}, every=5)
+        ),
         (Sensor(pose_readings("xy", 5), CORRELATED),),
     ),
     Case(
         "ranges",
-        problem_of(Ranges(beacons=BEACONS, noise=3e-3)),
+        sensed_problem(measurement=Ranges(beacons=BEACONS, noise=3e-3)),
         (Sensor(distances, np.array([3e-3] * 3)),),
     ),
     Case(
         "positions_and_a_gyro",
-        problem_of(
-            Several(sensors=[Poses(quantities=("x", "y"), noise={"position": 2e-3}), YawRate(noise=0.02)])
+        sensed_problem(
+            measurement=Several(
+                sensors=[Poses(quantities=("x", "y"), noise={"position": 2e-3}), YawRate(noise=0.02)]
+            )
         ),
         (
             Sensor(pose_readings("xy"), np.array([2e-3])),
@@ -303,8 +303,8 @@ CASES = (
     ),
     Case(
         "three_sensors",
-        problem_of(
-            Several(
+        sensed_problem(
+            measurement=Several(
                 sensors=[
                     YawRate(noise=0.02, bias=0.01),
                     Ranges(beacons=BEACONS, noise=5e-3),
@@ -340,13 +340,13 @@ class TestPromise:
     def test_it_is_what_evaluate_says(self, case: Case):
         told = evaluate(case.problem, case.drive)
         assert case.estimator.parameters == told.parameters["joint"]
-        np.testing.assert_allclose(case.estimator.promised, told.covariances["joint"], rtol=1e-8)
-        np.testing.assert_array_equal(case.estimator.linear_covariance, case.estimator.promised)
+        np.testing.assert_allclose(case.estimator.covariance, told.covariances["joint"], rtol=1e-8)
+        np.testing.assert_array_equal(case.estimator.linear_covariance, case.estimator.covariance)
 
     @cases
     def test_it_is_what_loops_and_differences_say(self, case: Case):
         sizes = np.sqrt(np.diag(case.covariance))
-        found = case.estimator.promised / np.outer(sizes, sizes)
+        found = case.estimator.covariance / np.outer(sizes, sizes)
         np.testing.assert_allclose(found, case.covariance / np.outer(sizes, sizes), atol=1e-5)
 
     @cases
@@ -371,28 +371,30 @@ class TestPromise:
     @pytest.mark.slow
     def test_noise_that_grows_with_speed(self):
         noise = {"position": 1e-3, "heading": 0.01, "position_per_speed": 0.02, "heading_per_speed": 0.1}
-        problem = problem_of(Poses(noise=noise, every=2))
+        problem = sensed_problem(measurement=Poses(noise=noise, every=2))
         drive = random_drive(problem, 3, 5.0)
-        promised = Nonlinear(problem, drive).promised
+        promised = Nonlinear(problem, drive).covariance
         np.testing.assert_allclose(promised, evaluate(problem, drive).covariances["joint"], rtol=1e-8)
         assert validate(problem, drive, replicates=REPLICATES).passed
 
     def test_parameters_that_the_criterion_does_not_judge_are_estimated_too(self):
-        problem = problem_of(Poses(noise=XYH), criterion=E(subset=("track",)))
+        problem = sensed_problem(measurement=Poses(noise=XYH), criterion=E(subset=("track",)))
         found, told = Nonlinear(problem, PLAIN.drive), evaluate(problem, PLAIN.drive)
         assert found.parameters == ("track", "wheel_radius_right", "wheel_radius_left")
-        np.testing.assert_allclose(found.promised, told.covariances["joint"], rtol=1e-8)
+        np.testing.assert_allclose(found.covariance, told.covariances["joint"], rtol=1e-8)
         order = [2, 0, 1]
-        np.testing.assert_allclose(found.promised, PLAIN.estimator.promised[np.ix_(order, order)], rtol=1e-8)
+        np.testing.assert_allclose(
+            found.covariance, PLAIN.estimator.covariance[np.ix_(order, order)], rtol=1e-8
+        )
 
     def test_parameters_that_are_not_estimated_are_known(self):
-        problem = problem_of(Poses(noise=XYH), estimate=("track",))
+        problem = sensed_problem(measurement=Poses(noise=XYH), estimate=("track",))
         found = Nonlinear(problem, PLAIN.drive)
         assert found.parameters == ("track",)
-        assert found.promised.shape == (1, 1)
-        assert found.promised.item() < PLAIN.estimator.promised[2, 2]
+        assert found.covariance.shape == (1, 1)
+        assert found.covariance.item() < PLAIN.estimator.covariance[2, 2]
         np.testing.assert_allclose(
-            found.promised, evaluate(problem, PLAIN.drive).covariances["joint"], rtol=1e-8
+            found.covariance, evaluate(problem, PLAIN.drive).covariances["joint"], rtol=1e-8
         )
 
 
@@ -481,7 +483,7 @@ class TestFit:
 
     def test_a_covariance_of_another_number_of_readings(self):
         (case,) = [case for case in CASES if case.name == "correlated_over_time"]
-        longer = random_drive(problem_of(Poses(noise=XYH), samples=60), 3, 5.0)
+        longer = random_drive(sensed_problem(measurement=Poses(noise=XYH), samples=60), 3, 5.0)
         with pytest.raises(UserMistake, match="is for 18 of them; this drive gives 26"):
             Nonlinear(case.problem, longer)
 
@@ -512,37 +514,37 @@ class TestMonteCarlo:
         # Their noise alone is simulated: as many replicates as wanted.
         gain = case.estimator._gain
         count = len(case.parameters)
-        np.testing.assert_allclose((gain @ gain.T)[:count, :count], case.estimator.promised, rtol=1e-7)
+        np.testing.assert_allclose((gain @ gain.T)[:count, :count], case.estimator.covariance, rtol=1e-7)
 
     def test_a_promise_five_per_cent_off_is_noticed(self):
-        estimates, linear = PLAIN.estimator.replicate(np.random.default_rng(3), 2)
+        estimates, linear = PLAIN.estimator.simulate(np.random.default_rng(3), 2)
         assert estimates.shape == linear.shape == (2, 3)
-        errors = np.random.default_rng(4).multivariate_normal(np.zeros(3), PLAIN.estimator.promised, 10_000)
-        assert all(check.passed for check in check_all(errors, PLAIN.estimator.promised, 0.01))
+        errors = np.random.default_rng(4).multivariate_normal(np.zeros(3), PLAIN.estimator.covariance, 10_000)
+        assert all(check.passed for check in check_all(errors, PLAIN.estimator.covariance, 0.01))
         for factor in (0.95, 1.05):
-            checks = check_all(errors, factor * PLAIN.estimator.promised, 0.01)
+            checks = check_all(errors, factor * PLAIN.estimator.covariance, 0.01)
             assert not all(check.passed for check in checks)
 
     def test_half_the_noise_leaves_a_quarter_of_what_is_not_linear(self):
         rests = []
         for share in (1.0, 0.5):
             noise = {name: share * size for name, size in XYH.items()}
-            estimator = Nonlinear(problem_of(Poses(noise=noise)), PLAIN.drive)
-            estimates, linear = estimator.replicate(np.random.default_rng(5), 50)
+            estimator = Nonlinear(sensed_problem(measurement=Poses(noise=noise)), PLAIN.drive)
+            estimates, linear = estimator.simulate(np.random.default_rng(5), 50)
             rests.append(np.abs(estimates - linear).sum())
         assert rests[1] == pytest.approx(rests[0] / 4, rel=0.05)
 
     @pytest.mark.slow
     def test_a_robot_with_slip(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = problem_of(
-            Poses(noise=PRECISE), model=robot, estimate=("track", "slip_outer", "slip_inner")
+        problem = sensed_problem(
+            measurement=Poses(noise=PRECISE), model=robot, estimate=("track", "slip_outer", "slip_inner")
         )
         drive = random_drive(problem, 3, 5.0)
         result = validate(problem, drive, replicates=REPLICATES)
         assert result.passed
         assert np.abs(result.paired_ratio - 1).max() < 0.01
-        np.testing.assert_allclose(result.promised, evaluate(problem, drive).covariances["joint"], rtol=1e-8)
+        np.testing.assert_allclose(result.predicted, evaluate(problem, drive).covariances["joint"], rtol=1e-8)
 
 
 class TestRobust:
@@ -602,11 +604,11 @@ class TestRobust:
         found = Nonlinear(case.problem, case.drive, loss)
         expected = case.robust_covariance(loss)
         sizes = np.sqrt(np.diag(expected))
-        shares = found.promised / np.outer(sizes, sizes)
+        shares = found.covariance / np.outer(sizes, sizes)
         np.testing.assert_allclose(shares, expected / np.outer(sizes, sizes), atol=1e-5)
         # Gauss and Markov: robustness costs precision where there are no outliers.
-        assert np.all(np.diag(found.promised) > np.diag(case.covariance) * 1.01)
-        np.testing.assert_array_equal(found.linear_covariance, case.estimator.promised)
+        assert np.all(np.diag(found.covariance) > np.diag(case.covariance) * 1.01)
+        np.testing.assert_array_equal(found.linear_covariance, case.estimator.covariance)
 
     @pytest.mark.slow
     @simulated_losses
@@ -622,15 +624,14 @@ class TestRobust:
             white = rng.standard_normal(len(exact))
             found = estimator.fit(exact + white / np.diag(case.whitener)).values - estimator.true
             first = (inverse @ jacobian.T @ PSI[loss](white))[:3]
-            differences.append((found**2 - first**2) / np.diag(estimator.promised))
+            differences.append((found**2 - first**2) / np.diag(estimator.covariance))
         # What is left is of the order of unknowns over readings.
         assert np.abs(np.mean(differences, axis=0)).max() < 0.04
         assert np.std(differences, axis=0).max() / math.sqrt(REPLICATES) < 0.02
 
-    @simulated_losses
     @pytest.mark.slow
-    def test_it_passes_the_checks(self, loss: Loss):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
+    def test_it_passes_the_checks(self):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="huber", seed=2)
         assert result.passed
 
     @losses
@@ -655,6 +656,19 @@ class TestRobust:
         start = case.estimator.fit(readings).values / case.sizes
         expected = least_squares(residuals, start, jac="3-point", xtol=1e-14, ftol=1e-14, gtol=1e-14)
         assert_same_estimate(found, expected.x * case.sizes, case.covariance, 5e-3)
+
+    @pytest.mark.parametrize("loss", ["huber", "soft_l1", pytest.param("cauchy", marks=pytest.mark.slow)])
+    def test_truths_far_from_the_nominal_are_found(self, loss: Loss):
+        # Sixty per cent off, which halved steps alone found in less than 20 of 30 cases.
+        estimator, found = Nonlinear(PLAIN.problem, PLAIN.drive, loss), 0
+        for seed in range(30):
+            rng, truth = np.random.default_rng([seed, 9]), PLAIN.nominal.copy()
+            truth[:3] *= 1 + 0.6 * rng.choice([-1.0, 1.0], 3)
+            truth[3:] += 0.3 * rng.standard_normal(3)
+            estimate = estimator.fit(noisy(PLAIN, seed, truth))
+            errors = (estimate.values - truth[:3]) / np.sqrt(np.diag(estimate.covariance))
+            found += estimate.converged and np.abs(errors).max() < 6
+        assert found >= 22
 
     @losses
     def test_outliers_hurt_least_squares_alone(self, loss: Loss):
@@ -682,7 +696,7 @@ def far_off(estimate: Estimate) -> float:
 
 LONG = Case(
     "long",
-    problem_of(Poses(noise=PRECISE), samples=200),
+    sensed_problem(measurement=Poses(noise=PRECISE), samples=200),
     (Sensor(pose_readings("xyh"), np.array([5e-4, 5e-4, 5e-3])),),
 )
 
@@ -692,21 +706,23 @@ class TestMistakes:
     def test_a_drive_that_tells_too_little(self, speeds: tuple[float, float]):
         drive = Trajectory.from_samples(np.tile(speeds, (40, 1)), 10.0, START)
         names = "wheel_radius_right, wheel_radius_left, track"
-        with pytest.raises(ProblemError, match=f"does not tell {names} apart") as raised:
+        with pytest.raises(ProblemError, match=f"does not identify {names}") as raised:
             Nonlinear(PLAIN.problem, drive)
         assert raised.value.flaws[0].key == ("validation",)
 
     def test_unless_the_rest_is_known_from_before(self):
-        problem = problem_of(Poses(noise=XYH), prior=Prior(standard_deviations={"track": "1 %"}))
+        problem = sensed_problem(
+            measurement=Poses(noise=XYH), prior=Prior(standard_deviations={"track": "1 %"})
+        )
         drive = Trajectory.from_samples(np.full((40, 2), 2.0), 10.0, START)
-        deviations = np.sqrt(np.diag(Nonlinear(problem, drive).promised))
+        deviations = np.sqrt(np.diag(Nonlinear(problem, drive).covariance))
         assert deviations[2] == pytest.approx(0.01 * TRACK, rel=1e-6)
         assert deviations[:2].max() < 1e-3
 
     def test_parameters_that_no_drive_tells_apart(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = problem_of(Poses(noise=XYH), model=robot)
-        with pytest.raises(ProblemError, match="slip_outer, slip_inner apart"):
+        problem = sensed_problem(measurement=Poses(noise=XYH), model=robot)
+        with pytest.raises(ProblemError, match="slip_outer, slip_inner; nothing"):
             Nonlinear(problem, PLAIN.drive)
 
 
@@ -720,13 +736,11 @@ class TestWorkers:
     @cases
     def test_workers_get_the_same(self, case: Case):
         estimator = Nonlinear(case.problem, case.drive, "huber")
-        estimator.replicate(np.random.default_rng(1), 1)
+        estimator.simulate(np.random.default_rng(1), 1)
         again = pickle.loads(pickle.dumps(estimator))
-        found, expected = (
-            np.hstack(one.replicate(np.random.default_rng(2), 3)) for one in (again, estimator)
-        )
+        found, expected = (np.hstack(one.simulate(np.random.default_rng(2), 3)) for one in (again, estimator))
         np.testing.assert_allclose(found, expected, rtol=1e-12)
-        np.testing.assert_array_equal(again.promised, estimator.promised)
+        np.testing.assert_array_equal(again.covariance, estimator.covariance)
 
     @pytest.mark.slow
     def test_whatever_their_number(self):
@@ -737,7 +751,7 @@ class TestWorkers:
 
     def test_the_same_seed_gives_the_same_result(self):
         first, again, other = (
-            PLAIN.estimator.replicate(np.random.default_rng(seed), 3)[0] for seed in (1, 1, 2)
+            PLAIN.estimator.simulate(np.random.default_rng(seed), 3)[0] for seed in (1, 1, 2)
         )
         np.testing.assert_array_equal(first, again)
         assert np.abs(first - other).max() > 0

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.estimation.methods import (
@@ -26,7 +26,6 @@ from oed.estimation.methods import (
 )
 from oed.estimation.methods.errors_in_variables import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -67,10 +66,10 @@ def make(
     estimator: str = "gls",
 ) -> Problem:
     """Drives of a quarter of a second per sample."""
-    return make_problem(
-        design=DesignSpace(
-            duration=samples / 4, samples=samples, spline=Spline(coefficients=8), integration=rule
-        ),
+    return problem_of(
+        duration=samples / 4,
+        samples=samples,
+        integration=rule,
         measurement=Displacements(
             segments=segments,
             regressor=regressor,
@@ -165,20 +164,20 @@ class Experiment:
         weight = np.eye(len(self.differences))
         if name == "gls":
             weight = np.linalg.inv(self.differences @ self.differences.T)
-        first = _weighed(np.broadcast_to(design, (count, *design.shape)), turns, weight)
+        first = _weighted(np.broadcast_to(design, (count, *design.shape)), turns, weight)
         rows = np.broadcast_to(self.rows(C[0]), (count, self.drive.samples, 2))
         if heading == "predicted":
             rows = self.rows(first)
         if heading == "measured":
             rows = rows * np.exp(1j * errors)[..., None]
         if name != "errors_in_variables":
-            return np.hstack([first, _weighed(self.sums(rows), moves, weight)])
+            return np.hstack([first, _weighted(self.sums(rows), moves, weight)])
         shrink, own = math.exp(-(self.problem.measurement.noise.heading**2) / 2), self.rows(C[0])[0]
         excess = (shrink**-2 - 1) * (own.conj().T @ own).real
-        return np.hstack([first, _weighed(self.sums(rows) / shrink, moves, weight, excess)])
+        return np.hstack([first, _weighted(self.sums(rows) / shrink, moves, weight, excess)])
 
 
-def _weighed(designs: np.ndarray, measured: np.ndarray, weight: np.ndarray, excess=0.0) -> np.ndarray:
+def _weighted(designs: np.ndarray, measured: np.ndarray, weight: np.ndarray, excess=0.0) -> np.ndarray:
     # (W' K W - excess)^-1 W' K y of each replicate.
     left = designs.conj().transpose(0, 2, 1) @ weight
     normal = (left @ designs).real - excess
@@ -186,7 +185,7 @@ def _weighed(designs: np.ndarray, measured: np.ndarray, weight: np.ndarray, exce
 
 
 def passes(estimates: np.ndarray, covariance: np.ndarray, skipped: str = "") -> bool:
-    """Whether estimates of C scatter as promised."""
+    """Whether estimates of C scatter as predicted."""
     checks = check_all(estimates - C.ravel(), covariance, 0.01)
     return all(check.passed for check in checks if check.name != skipped)
 
@@ -220,7 +219,7 @@ class TestFirstOrder:
     def test_the_linear_estimates_have_it(self, name: EstimatorName, heading: Heading, noise_model: str):
         # However large the noise is.
         regression = Regression(make(noise_model, "1 cm", "10 deg"), DRIVE, name, heading)
-        _, linear = regression.replicate(np.random.default_rng(3), REPLICATES)
+        _, linear = regression.simulate(np.random.default_rng(3), REPLICATES)
         assert passes(linear, regression.linear_covariance)
 
     @pytest.mark.slow
@@ -231,7 +230,7 @@ class TestFirstOrder:
     ):
         # Even where noise is large: the same mean and covariance, as far as two samples can tell.
         problem = make(noise_model, "1 cm", "3 deg")
-        ours, _ = Regression(problem, DRIVE, name, heading).replicate(np.random.default_rng(4), REPLICATES)
+        ours, _ = Regression(problem, DRIVE, name, heading).simulate(np.random.default_rng(4), REPLICATES)
         theirs = Experiment(problem, DRIVE).estimates(name, heading)
         covariances = [np.cov(sample, rowvar=False) for sample in (ours, theirs)]
         sizes = np.sqrt(np.diag(covariances[0]))
@@ -245,10 +244,10 @@ class TestFirstOrder:
     def test_the_sandwich_says_more_of_the_same_estimates(self, heading: Heading, noise_model: str):
         ols, sandwich = (Regression(make(noise_model), DRIVE, name, heading) for name in ("ols", "sandwich"))
         for one, other in zip(
-            *(found.replicate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
+            *(found.simulate(np.random.default_rng(1), 5) for found in (ols, sandwich)), strict=True
         ):
             np.testing.assert_array_equal(one, other)
-        np.testing.assert_array_equal(sandwich.promised, ols.linear_covariance)
+        np.testing.assert_array_equal(sandwich.covariance, ols.linear_covariance)
 
 
 class TestOwnFormula:
@@ -279,7 +278,7 @@ class TestOwnFormula:
         self, name: EstimatorName, heading: Heading, noise_model: str, turn: str
     ):
         estimates = Experiment(make(noise_model, "1 cm", turn), DRIVE).estimates(name, heading, seed=1)
-        promised = validated(name, heading, noise_model, turn=turn).promised
+        promised = validated(name, heading, noise_model, turn=turn).predicted
         assert passes(estimates, promised)
         assert not passes(estimates, 1.1 * promised)
         assert not passes(estimates, 0.9 * promised)
@@ -299,7 +298,7 @@ class TestOwnFormula:
                 "gls": size**2 * np.linalg.inv((design.conj().T @ np.linalg.solve(spread, design)).real),
             }
             for name, covariance in expected.items():
-                found = Regression(problem, DRIVE, name).promised
+                found = Regression(problem, DRIVE, name).covariance
                 np.testing.assert_allclose(found[first : first + 2, first : first + 2], covariance, rtol=1e-9)
                 np.testing.assert_array_equal(found[:2, 2:], 0)
 
@@ -309,7 +308,7 @@ class TestOwnFormula:
         sums = np.vstack([np.zeros((1, 2)), np.cumsum(experiment.designs["position"], axis=0)])
         centred = sums - sums.mean(axis=0)
         expected = 0.01**2 * np.linalg.inv((centred.conj().T @ centred).real)
-        found = Regression(make("absolute"), DRIVE, "gls").promised[2:, 2:]
+        found = Regression(make("absolute"), DRIVE, "gls").covariance[2:, 2:]
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 
     @pytest.mark.parametrize(
@@ -331,7 +330,7 @@ class TestOwnFormula:
         assert (found.name, found.parameters) == (name, tuple(told.standard_deviations))
         for index, covariance in enumerate(told.covariances.values()):
             block = slice(2 * index, 2 * index + 2)
-            np.testing.assert_allclose(found.promised[block, block], covariance, rtol=1e-8)
+            np.testing.assert_allclose(found.covariance[block, block], covariance, rtol=1e-8)
 
     @ways
     def test_a_regression_alone_promises_what_it_does_beside_the_other(
@@ -341,7 +340,7 @@ class TestOwnFormula:
         for regressor, block in (("heading", slice(2)), ("position", slice(2, 4))):
             alone = Regression(make("absolute", regressor=regressor), DRIVE, name, heading)
             assert alone.parameters == both.parameters[block]
-            np.testing.assert_allclose(alone.promised, both.promised[block, block], rtol=1e-12)
+            np.testing.assert_allclose(alone.covariance, both.covariance[block, block], rtol=1e-12)
             np.testing.assert_allclose(
                 alone.linear_covariance, both.linear_covariance[block, block], rtol=1e-12
             )
@@ -349,9 +348,9 @@ class TestOwnFormula:
     @pytest.mark.parametrize("example", cases(COEFFICIENT_ROBOTS))
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     def test_every_robot_and_rule(self, example, rule: str):
-        problem = make_problem(
+        problem = problem_of(
             model=example.model,
-            design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), integration=rule),
+            integration=rule,
             measurement=Displacements(
                 regressor="both",
                 noise={"position": "5 mm", "heading": "0.5 deg"},
@@ -384,17 +383,17 @@ class TestNegativeControls:
         assert result.paired_ratio.max() > 1.3
         # It takes the same estimates; their covariance is the sandwich's.
         sandwich = Regression(make("increments", "0.01 mm", "0.05 deg"), DRIVE, "sandwich", "predicted")
-        share = np.diag(sandwich.promised) / np.diag(result.promised)
+        share = np.diag(sandwich.covariance) / np.diag(result.predicted)
         np.testing.assert_allclose(share, result.paired_ratio, rtol=0.05)
 
     @noise_models
     def test_gls_knows_nothing_of_noisy_headings(self, noise_model: str):
         # Its promise is that of known ones; what they add shows in the linear covariance.
         problem = make(noise_model, "0.01 mm", "0.05 deg")
-        known = Regression(problem, DRIVE, "gls", "known").promised
+        known = Regression(problem, DRIVE, "gls", "known").covariance
         for heading in ("predicted", "measured"):
             regression = Regression(problem, DRIVE, "gls", heading)
-            np.testing.assert_array_equal(regression.promised, known)
+            np.testing.assert_array_equal(regression.covariance, known)
             more = np.diag(regression.linear_covariance) / np.diag(known)
             np.testing.assert_allclose(more[:2], 1, rtol=1e-9)
             assert more[2:].min() > 1.1
@@ -418,21 +417,23 @@ class TestLoewner:
     def test_gls_is_at_least_as_good_as_the_sandwich(self, segments, seed: int):
         problem = make("absolute", segments=segments)
         drive = random_drive(problem, seed)
-        sandwich, gls = (Regression(problem, drive, name).promised for name in ("sandwich", "gls"))
+        sandwich, gls = (Regression(problem, drive, name).covariance for name in ("sandwich", "gls"))
         sizes = np.sqrt(np.diag(sandwich))
         gaps = np.linalg.eigvalsh((sandwich - gls) / np.outer(sizes, sizes))
         assert gaps[0] > -1e-9
         assert gaps[-1] > 1e-3
 
     def test_independent_increments_need_no_weights(self):
-        sandwich, gls, ols = (Regression(make(), DRIVE, name).promised for name in ("sandwich", "gls", "ols"))
+        sandwich, gls, ols = (
+            Regression(make(), DRIVE, name).covariance for name in ("sandwich", "gls", "ols")
+        )
         np.testing.assert_allclose(gls, ols, rtol=1e-12)
         np.testing.assert_allclose(sandwich, ols, rtol=1e-9, atol=1e-20)
 
     @noise_models
     def test_noisy_headings_never_help(self, noise_model: str):
         known, predicted, measured = (
-            Regression(make(noise_model), DRIVE, "sandwich", heading).promised for heading in HEADINGS
+            Regression(make(noise_model), DRIVE, "sandwich", heading).covariance for heading in HEADINGS
         )
         for worse in (predicted, measured):
             assert np.linalg.eigvalsh((worse - known)[2:, 2:])[0] > -1e-12 * np.trace(worse)
@@ -446,7 +447,7 @@ class TestCrossCovariance:
     def test_both_stages_err_together(self, noise_model: str):
         problem = make(noise_model, "0.01 mm", "0.05 deg")
         estimates = Experiment(problem, DRIVE).estimates("sandwich", "predicted", 10_000)
-        promised = Regression(problem, DRIVE, "sandwich", "predicted").promised
+        promised = Regression(problem, DRIVE, "sandwich", "predicted").covariance
         sampled = np.cov(estimates, rowvar=False)
         sizes = np.diag(promised)
         errors = np.sqrt((np.outer(sizes, sizes) + promised**2) / len(estimates))[:2, 2:]
@@ -459,7 +460,7 @@ class TestCrossCovariance:
     def test_leaving_it_out_is_noticed(self, noise_model: str):
         problem = make(noise_model, "0.01 mm", "0.05 deg")
         estimates = Experiment(problem, DRIVE).estimates("sandwich", "predicted")
-        promised = Regression(problem, DRIVE, "sandwich", "predicted").promised
+        promised = Regression(problem, DRIVE, "sandwich", "predicted").covariance
         assert passes(estimates, promised, skipped="bias")
         apart = promised.copy()
         apart[:2, 2:] = apart[2:, :2] = 0
@@ -469,7 +470,7 @@ class TestCrossCovariance:
     @noise_models
     def test_otherwise_the_stages_are_independent(self, heading: Heading, noise_model: str):
         found = Regression(make(noise_model), DRIVE, "sandwich", heading)
-        np.testing.assert_array_equal(found.promised[:2, 2:], 0)
+        np.testing.assert_array_equal(found.covariance[:2, 2:], 0)
 
 
 @pytest.mark.slow
@@ -479,7 +480,7 @@ class TestErrorsInVariables:
     @staticmethod
     def at_full_size(noise_model: str, position: str, turn: str, segments: int | str) -> Validation:
         """20 s of 200 samples."""
-        problem = make_problem(
+        problem = problem_of(
             design=DesignSpace(duration=20),
             measurement=Displacements(
                 segments=segments, noise={"position": position, "heading": turn}, noise_model=noise_model
@@ -512,17 +513,17 @@ class TestErrorsInVariables:
     def test_without_heading_noise_it_is_the_sandwich(self):
         for noise_model in NOISE_MODELS:
             problem = make(noise_model, heading="1e-6 deg")
-            corrected = Regression(problem, DRIVE, "errors_in_variables", "measured").promised
-            sandwich = Regression(problem, DRIVE, "sandwich", "known").promised
+            corrected = Regression(problem, DRIVE, "errors_in_variables", "measured").covariance
+            sandwich = Regression(problem, DRIVE, "sandwich", "known").covariance
             np.testing.assert_allclose(corrected, sandwich, rtol=1e-6, atol=1e-25)
 
     @noise_models
     def test_to_first_order_it_is_the_sandwich_of_measured_headings(self, noise_model: str):
         problem = make(noise_model, heading="0.1 deg", position="1 mm")
         corrected = Regression(problem, DRIVE, "errors_in_variables", "measured")
-        sandwich = Regression(problem, DRIVE, "sandwich", "measured").promised
+        sandwich = Regression(problem, DRIVE, "sandwich", "measured").covariance
         np.testing.assert_allclose(corrected.linear_covariance, sandwich, rtol=1e-12)
-        np.testing.assert_allclose(corrected.promised, sandwich, rtol=1e-3, atol=1e-12)
+        np.testing.assert_allclose(corrected.covariance, sandwich, rtol=1e-3, atol=1e-12)
 
     @noise_models
     def test_what_the_noise_of_displacements_scatters(self, noise_model: str):
@@ -571,7 +572,7 @@ class TestErrorsInVariables:
             total -= (scattered.conj() * moved.sum(axis=1)[:, None] - own).real / shrink**2
         inverse = np.linalg.inv(normal)
         sampled = np.cov(total @ inverse, rowvar=False)
-        found = Regression(problem, DRIVE, "errors_in_variables", "measured").promised[2:, 2:]
+        found = Regression(problem, DRIVE, "errors_in_variables", "measured").covariance[2:, 2:]
         sizes = np.sqrt(np.diag(found))
         np.testing.assert_allclose(
             sampled / np.outer(sizes, sizes), found / np.outer(sizes, sizes), atol=0.04
@@ -603,7 +604,7 @@ class TestFit:
         expected = experiment.estimated(name, heading, turns, moves, errors)[0]
         np.testing.assert_allclose(found.values, expected, rtol=1e-9)
         assert found.parameters == ("c11", "c12", "c21", "c22")
-        np.testing.assert_array_equal(found.covariance, regression.promised)
+        np.testing.assert_array_equal(found.covariance, regression.covariance)
         assert (found.converged, found.nuisances, found.nuisance_values.tolist()) == (True, (), [])
 
     @pytest.mark.parametrize("name", ["ols", "sandwich", "gls"])
@@ -720,14 +721,10 @@ BOTH = Several(sensors=[POSES, YawRate(noise=0.01)])
 
 
 @cache
-def problem_of(measurement: Measurement) -> Problem:
-    return make_problem(measurement=measurement)
-
-
 def flaws_of(measurement: Measurement, name=None, heading: Heading = "known") -> list[Flaw]:
     """The flaws, which `make_estimator` raises."""
     flaws = estimator_flaws(measurement, name, heading)
-    problem = problem_of(measurement)
+    problem = problem_of(measurement=measurement)
     if not flaws:
         assert make_estimator(problem, DRIVE, name, heading=heading).name
         return []
@@ -780,7 +777,7 @@ class TestMistakes:
         ],
     )
     def test_missing_noise(self, name, regressor: str, noise: dict[str, str], missing: str):
-        problem = problem_of(self.displacements(noise, regressor=regressor))
+        problem = problem_of(measurement=self.displacements(noise, regressor=regressor))
         flaws = estimator_flaws(problem.measurement, name, "measured")
         assert flaws == [
             Flaw(("measurement", "noise"), f"simulating measured headings needs the noise of {missing}")
@@ -814,7 +811,7 @@ class TestMistakes:
         # Predicted headings need c11 and c12, whatever is asked for.
         straight = Trajectory.from_samples(np.ones((40, 2)), 10.0, (0, 0, 0))
         names = "c11, c12" if heading == "predicted" else "c21, c22"
-        with pytest.raises(ProblemError, match=f"does not tell {names} apart") as raised:
+        with pytest.raises(ProblemError, match=f"does not identify {names}") as raised:
             Regression(make(regressor="position"), straight, name, heading)
         assert raised.value.flaws[0].key == ("validation",)
 
@@ -823,7 +820,7 @@ class TestMistakes:
 def test_workers_get_the_same(name: EstimatorName, heading: Heading):
     regression = Regression(make("absolute"), DRIVE, name, heading)
     found = [
-        np.hstack(one.replicate(np.random.default_rng(1), 5))
+        np.hstack(one.simulate(np.random.default_rng(1), 5))
         for one in (regression, pickle.loads(pickle.dumps(regression)))
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-12)

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import oracle
 import pytest
-from builders import make_problem
+from builders import problem_of
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
 from oed.estimation.prediction.regressors import Regressors
@@ -16,7 +16,6 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 
 SPLINE = Spline(coefficients=8)
 robots = pytest.mark.parametrize("example", cases(TWO_SIDED))
@@ -24,9 +23,10 @@ rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 
 
 def make(example: Example = ROBOTS[0], rule: str = "arc", segments=4) -> tuple[Problem, Trajectory]:
-    problem = make_problem(
+    problem = problem_of(
         model=example.model,
-        design=DesignSpace(duration=10, samples=40, spline=SPLINE, integration=rule),
+        spline=SPLINE,
+        integration=rule,
         measurement=Displacements(segments=segments, regressor="both"),
     )
     # Speeds that leave no doubt which side is the outer one.

@@ -35,9 +35,9 @@ def found():
 
 def test_it_tells_the_truth(found):
     for entry in found.parameters:
-        low, high = entry["interval"]
-        assert low < TRUTH[entry["name"]] < high
-        assert entry["standard_error"] < 0.0005 * entry["value"]
+        low, high = entry.interval
+        assert low < TRUTH[entry.name] < high
+        assert entry.standard_error < 0.0005 * entry.value
 
 
 def test_it_tells_where_the_target_sits_and_how_far_the_clocks_are_apart(found):

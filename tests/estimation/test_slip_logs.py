@@ -13,8 +13,8 @@ from simulated import (
     course,
     fit_of,
     log_of,
+    logged_problem,
     options,
-    problem_of,
     rich_inputs,
     truth_of,
     unknowns_of,
@@ -24,7 +24,7 @@ from studies import saved_study
 from oed.estimation import calibrate
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.starts import further_starts
-from oed.estimation.preprocessing.motion import Moves, unexplained
+from oed.estimation.preprocessing.moves import Moves, unexplained
 from oed.foundation.errors import ProblemError
 from oed.robots.models import DifferentialDrive, SkidSteerSlip
 from oed.workflow.estimate_logs import estimate
@@ -69,13 +69,13 @@ class TestRecovery:
     @pytest.mark.slow
     @pytest.mark.parametrize("segment", ["log", "auto", 3.0])
     def test_by_calibrate(self, segment):
-        found = calibrate(problem_of(ROBOT), logs_of(offset=0.03), options(segment=segment))
+        found = calibrate(logged_problem(model=ROBOT), logs_of(offset=0.03), options(segment=segment))
         assert found.values == pytest.approx(TRUE, rel=1e-6)
         # Behind the centre of rotation or ahead of the sensor: that is the same.
         assert any("sensor_x" in note for note in found.notes)
         assert found.own is None
         # What the others say of a log: its yaw rate at the first pose is that of the inputs before it.
-        assert max(one.after[0].rmse_position for one in found.left_out) < 1e-3
+        assert max(one.after[0].rmse_position for one in found.cross_validation) < 1e-3
 
     @pytest.mark.slow
     def test_with_lags_far_from_the_truth(self):
@@ -161,7 +161,7 @@ class TestStarts:
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_windows_do_not_tell_how_they_begin(method: str):
     with pytest.raises(ProblemError, match=r"the yaw_rate that a window of skid_steer_slip begins with"):
-        calibrate(problem_of(ROBOT), logs_of(1), options(method=method))
+        calibrate(logged_problem(model=ROBOT), logs_of(1), options(method=method))
 
 
 def test_segments_share_no_yaw_rate_with_a_log_that_begins_in_motion():

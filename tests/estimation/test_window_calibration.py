@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulated import ROBOT, TRUTH, course, log_of, options, problem_of, truth_of
+from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options, truth_of
 from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 
 from oed.estimation import Calibration, CalibrationOptions, calibrate
@@ -37,7 +37,7 @@ def logs() -> list[Log]:
 
 @pytest.fixture(scope="module", params=["gls", "two_stage"])
 def found(request, logs) -> Calibration:
-    return calibrate(problem_of(), logs, quick(method=request.param))
+    return calibrate(logged_problem(), logs, quick(method=request.param))
 
 
 def test_it_finds_the_truth_within_its_errors(found):
@@ -53,12 +53,12 @@ def test_windows_are_two_seconds_long_unless_told_otherwise(found, logs):
     assert found.segmenting is None
     assert found.fit.layout.seconds == 2.0
     chosen = quick(method=("gls" if found.fit.notes else "two_stage"), segment=3.75)
-    assert calibrate(problem_of(), logs, chosen).fit.layout.count == 24
+    assert calibrate(logged_problem(), logs, chosen).fit.layout.count == 24
 
 
 def test_slow_poses_make_longer_windows():
     log = log_of(course(seconds=100), every=5, noise=(0.001, 0.004))
-    assert calibrate(problem_of(), [log], quick(method="gls")).fit.layout.seconds == pytest.approx(4.0)
+    assert calibrate(logged_problem(), [log], quick(method="gls")).fit.layout.seconds == pytest.approx(4.0)
 
 
 def test_everything_after_the_fit_works_as_for_any_other(found):
@@ -77,14 +77,14 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
 
 @pytest.mark.slow
 def test_weighed_windows_leave_nothing(logs):
-    found = calibrate(problem_of(), logs, quick(method="gls"))
+    found = calibrate(logged_problem(), logs, quick(method="gls"))
     assert all(one.passed for one in found.diagnostics), [one.message for one in found.diagnostics]
     assert any("drift, as the windows show it" in note for note in found.notes)
 
 
 @pytest.mark.slow
 def test_noise_may_be_kept_from_growing_with_speed(logs):
-    found = calibrate(problem_of(), logs, quick(method="gls", noise="constant"))
+    found = calibrate(logged_problem(), logs, quick(method="gls", noise="constant"))
     assert found.fit.noises["position"].per_speed == 0
     assert found.fit.noises["position"].at_rest == pytest.approx(0.001, rel=0.5)
 
@@ -93,26 +93,26 @@ def test_noise_may_be_kept_from_growing_with_speed(logs):
 @pytest.mark.slow
 def test_coefficients_are_estimated_where_they_are_asked_for(method, logs):
     names = ("c11", "c12", "c21", "c22")
-    found = calibrate(problem_of(estimate=names), logs, quick(method=method))
+    found = calibrate(logged_problem(estimate=names), logs, quick(method=method))
     assert found.parameters == names
     assert found.fit.unknowns.place == ("sensor_x", "sensor_heading")
-    assert any("sensor_y cannot be told" in note for note in found.notes)
+    assert any("sensor_y cannot be separated" in note for note in found.notes)
     radius, _, track = TRUE
     assert found.values[0] == pytest.approx(radius / track, rel=0.01)
 
 
 def test_a_tricycle_by_windows():
     log = log_of(course(TRICYCLE, TRICYCLE_TRUTH, seconds=40), noise=(0.001, 0.004))
-    found = calibrate(problem_of(TRICYCLE), [log], quick(method="gls"))
+    found = calibrate(logged_problem(model=TRICYCLE), [log], quick(method="gls"))
     np.testing.assert_allclose(found.values, TRICYCLE_TRUTH, rtol=0.02, atol=0.002)
     with pytest.raises(ProblemError, match="tricycle has no coefficients"):
-        calibrate(problem_of(TRICYCLE), [log], quick(method="two_stage"))
+        calibrate(logged_problem(model=TRICYCLE), [log], quick(method="two_stage"))
 
 
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 @pytest.mark.slow
 def test_stated_noise_is_used(method, logs):
-    found = calibrate(problem_of(), logs, quick(method=method, noise="stated"))
+    found = calibrate(logged_problem(), logs, quick(method=method, noise="stated"))
     assert found.fit.noises["position"].at_rest == pytest.approx(0.002)
     assert found.fit.noises["heading"].at_rest == pytest.approx(0.005)
 
@@ -121,9 +121,9 @@ def test_stated_noise_is_used(method, logs):
 @pytest.mark.slow
 def test_options_that_do_not_suit_windows_are_refused(method, logs):
     with pytest.raises(ProblemError, match=r"calibration\.loss: loss: huber"):
-        calibrate(problem_of(), logs, quick(method=method, loss="huber"))
+        calibrate(logged_problem(), logs, quick(method=method, loss="huber"))
     flat = [replace(log, poses=log.poses[:, :2], quantities=("x", "y")) for log in logs]
     with pytest.raises(ProblemError, match=r"calibration\.method: "):
-        calibrate(problem_of(), flat, quick(method=method))
+        calibrate(logged_problem(), flat, quick(method=method))
     with pytest.raises(ProblemError, match=r"calibration\.segment: 3 windows are too few"):
-        calibrate(problem_of(), logs, quick(method=method, segment="log"))
+        calibrate(logged_problem(), logs, quick(method=method, segment="log"))

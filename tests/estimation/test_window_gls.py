@@ -20,8 +20,8 @@ from windowed import (
 )
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
+from oed.estimation.assessment.cross_validation import values_without
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
-from oed.estimation.assessment.left_out import values_without
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
 from oed.robots.sensors.logged import Noise
@@ -84,13 +84,13 @@ def test_a_fit_is_made_of_what_everything_after_it_needs(noisy):
     assert noisy.motions
     assert not noisy.layout.valid[:, 0].any()
     assert noisy.layout.valid[:, 1].all()
-    for name in ("residuals", "white", "weights", "freedom"):
+    for name in ("residuals", "white", "weights", "redundancy"):
         assert getattr(noisy, name).shape == (count, 2, 3)
     assert noisy.information.shape == (count, size, size)
     assert noisy.scores.shape == (count, size)
     assert noisy.speeds.shape == (count, 2)
     # Each unknown takes up one of the rows' freedoms.
-    assert noisy.freedom[:, 1].sum() == pytest.approx(3 * count - size, abs=0.01)
+    assert noisy.redundancy[:, 1].sum() == pytest.approx(3 * count - size, abs=0.01)
 
 
 def test_at_the_solution_scores_and_knowledge_pull_alike(noisy):
@@ -131,9 +131,9 @@ def test_knowledge_from_before_holds_a_parameter():
 
 def test_noise_that_is_stated_is_taken_as_it_is():
     log = log_of(course(seconds=30), noise=(0.001, 0.005))
-    stated = {"position": Noise(0.002, 0.01), "heading": Noise(0.01)}
-    fit, estimated = gls([log], stated=stated), gls([log])
-    assert fit.noises == stated
+    specified = {"position": Noise(0.002, 0.01), "heading": Noise(0.01)}
+    fit, estimated = gls([log], specified=specified), gls([log])
+    assert fit.noises == specified
     assert fit.white[:, 1].std() < 0.75 * estimated.white[:, 1].std()
     np.testing.assert_allclose(fit.values, TRUE, rtol=0.01)
 

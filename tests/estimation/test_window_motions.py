@@ -9,7 +9,7 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, truth_of, unknowns_of
 from windowed import ICR, PLACE, SITS, TRICYCLE, gls, two_stage, windows_of
 
-from oed.estimation.methods.windows import end_rates, require_windows, seen_from_first
+from oed.estimation.methods.windows import end_rates, relative_to_first, require_windows
 from oed.foundation.errors import ProblemError
 
 
@@ -90,9 +90,9 @@ def test_rates_at_the_ends_are_velocities_of_the_sensor():
 
 def test_seen_from_first_begins_at_the_origin():
     poses = np.random.default_rng(0).normal(size=(4, 5, 3))
-    np.testing.assert_allclose(seen_from_first(poses)[:, 0], 0.0)
+    np.testing.assert_allclose(relative_to_first(poses)[:, 0], 0.0)
     distance = np.linalg.norm(poses[:, 3, :2] - poses[:, 0, :2], axis=1)
-    np.testing.assert_allclose(np.linalg.norm(seen_from_first(poses)[:, 3, :2], axis=1), distance)
+    np.testing.assert_allclose(np.linalg.norm(relative_to_first(poses)[:, 3, :2], axis=1), distance)
 
 
 @pytest.mark.parametrize("method", [gls, two_stage])

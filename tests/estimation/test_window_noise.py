@@ -9,7 +9,7 @@ from windowed import drifting, gls, windows_of
 
 from oed.estimation.methods import bands
 from oed.estimation.methods.window_noise import PARTS, Course, Likelihood
-from oed.estimation.methods.windows import seen_from_first
+from oed.estimation.methods.windows import relative_to_first
 
 TRUE = truth_of(ROBOT, **TRUTH)
 
@@ -46,7 +46,7 @@ def test_bands_compute_as_full_matrices_do():
     full, root = dense(band), bands.factor(band)
     rows = np.random.default_rng(2).normal(size=(15, 2))
     np.testing.assert_allclose(bands.whitened(root, rows), np.linalg.solve(np.linalg.cholesky(full), rows))
-    back = bands.weighed(root, bands.whitened(root, rows))
+    back = bands.weighted(root, bands.whitened(root, rows))
     np.testing.assert_allclose(back, np.linalg.solve(full, rows))
     inverse, block = np.linalg.inv(full), np.arange(15) // 3
     near = np.abs(np.subtract.outer(block, block)) <= 1
@@ -76,7 +76,7 @@ def test_noise_of_poses_is_shared_by_neighbours_as_differences_say():
 
     def motions(errors: np.ndarray) -> np.ndarray:
         read = poses + errors.reshape(poses.shape)
-        return np.concatenate([seen_from_first(read[None, node : node + 2])[0, 1] for node in nodes])
+        return np.concatenate([relative_to_first(read[None, node : node + 2])[0, 1] for node in nodes])
 
     step = 1e-6
     effects = np.column_stack(

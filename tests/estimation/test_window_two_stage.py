@@ -20,10 +20,10 @@ from windowed import (
 )
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
-from oed.estimation.assessment.left_out import values_without
+from oed.estimation.assessment.cross_validation import values_without
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.prediction.seen import Seen, seen_robot
+from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
 from oed.foundation.errors import ProblemError
 from oed.robots.models.model import CoefficientRobot, coefficient_values
 from oed.robots.sensors.logged import Noise
@@ -63,7 +63,7 @@ def test_it_is_the_papers_least_squares():
     np.testing.assert_allclose(fit.values, values, rtol=1e-9)
     np.testing.assert_allclose(np.sqrt(np.diag(fit.inverse)), errors, rtol=1e-6)
     rows = fit.layout.count
-    assert fit.freedom.sum() == pytest.approx(3 * rows - 4)
+    assert fit.redundancy.sum() == pytest.approx(3 * rows - 4)
 
 
 def test_without_noise_everything_is_exact():
@@ -94,10 +94,10 @@ def test_a_robot_without_coefficients_is_refused():
 def test_what_the_sensor_sees_is_another_robot(model):
     unknowns = unknowns_of(model, place=PLACE, clocks=1)
     values = np.concatenate([1.05 * unknowns.nominal[:-4], [0.05, -0.03, 0.2, 0.0]])
-    seen, slopes = Seen(unknowns)(values)
+    seen, slopes = SensorFrame(unknowns)(values)
     log = log_of(course())
     own = windows_of([log], unknowns).motions(values)
-    other = windows_of([log], seen_robot(unknowns)).motions(seen)
+    other = windows_of([log], robot_at_sensor(unknowns)).motions(seen)
     np.testing.assert_allclose(other.residuals, own.residuals, atol=1e-12)
     np.testing.assert_allclose(other.slopes @ slopes, own.slopes, atol=1e-6)
 
@@ -110,7 +110,7 @@ def test_a_sensor_to_the_side_shifts_the_coefficients_along_each_other():
 
 
 def test_parameters_are_the_coefficients_best_fit():
-    # Three parameters for four coefficients: the misfit weighed by their covariance is least.
+    # Three parameters for four coefficients: the misfit weighted by their covariance is least.
     log = log_of(course(), noise=(0.002, 0.01))
     stages = two_stage([log], unknowns_of(COEFFICIENTS), known=None)
     fit = two_stage([log], known=None)
@@ -155,8 +155,8 @@ def test_clocks_that_turns_do_not_tell_stay_where_they_were():
 
 def test_stated_noise_gives_the_rows_their_size():
     log = log_of(course(), noise=(0.002, 0.01))
-    stated = {"position": Noise(0.004), "heading": Noise(0.02)}
-    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=None, stated=stated)
+    specified = {"position": Noise(0.004), "heading": Noise(0.02)}
+    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=None, specified=specified)
     other = two_stage([log], unknowns_of(COEFFICIENTS), known=None)
     np.testing.assert_allclose(fit.values, other.values)
     ratio = np.sqrt(np.diag(fit.inverse) / np.diag(other.inverse))
@@ -169,7 +169,7 @@ def test_stated_noise_gives_the_rows_their_size():
     ("drift", "naive"), [((0, 0, 0), 0.85), ((0.01, 0.005, 0.02), 1.2)], ids=["poses", "drift"]
 )
 def test_the_sandwich_is_right_where_the_papers_errors_are_not(drift, naive):
-    drive = course(seconds=60, period=0.25)
+    drive = course(seconds=40, period=0.25)
 
     def fit(seed: int) -> Fit:
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)

@@ -10,7 +10,7 @@ import numpy as np
 from simulated import ORIGIN, Course, arcs, loosely, truth_of, twists_of, unknowns_of
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gls import WeighedWindows
+from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import cut
@@ -33,7 +33,7 @@ def windows_of(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: f
 
 def gls(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: float = 2.0, **keys: Any) -> Fit:
     windows = windows_of(logs, unknowns, seconds)
-    return WeighedWindows(windows, **{"known": loosely(windows.unknowns), **keys}).fit()
+    return WeightedWindows(windows, **{"known": loosely(windows.unknowns), **keys}).fit()
 
 
 def two_stage(

@@ -63,7 +63,7 @@ def entry(name: str, drive: Trajectory | None, feasible: bool = True) -> dict[st
         held = {**arrays, **sizes, "poses": poses}
     solution = Solution(name, "path", None, None, Status.SCORED)
     known = {"objective": 1.0 if feasible else None, "path_length": None if drive is None else 1.0}
-    return {**result_of(solution, None), "feasible": feasible, **known, "drive": held}
+    return {**result_of(solution, None).plain(), "feasible": feasible, **known, "drive": held}
 
 
 def saved(folder: Path, study: Study, results: list[dict[str, Any]] | None = None) -> Path:

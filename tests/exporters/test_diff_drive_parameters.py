@@ -103,7 +103,7 @@ class TestGeometry:
             OffsetDrive(wheel_radius=0.05, track=0.2, sensor_offset=0.01),
             PythonRobot(
                 object="oed.robots.models.differential_drive:DifferentialDrive", wheel_radius=0.05, track=0.2
-            ),
+            ).made(Model),
         ],
         ids=lambda model: model.kind,
     )

@@ -15,7 +15,7 @@ from typing import Any
 import distributed
 import numpy as np
 import pytest
-from builders import make_problem, random_drive
+from builders import problem_of, random_drive
 from studies import small, without_seconds, write_study
 
 from oed.cli import main
@@ -29,7 +29,7 @@ from oed.robots.sensors import Displacements
 from oed.simulation import monte_carlo
 from oed.workflow.sweep import parse_axis, sweep
 
-PROBLEM = make_problem()
+PROBLEM = problem_of()
 TINY = "{kind: genetic, population: 20, generations: 3}"
 
 
@@ -91,7 +91,7 @@ class TestRealCluster:
 
     def test_simulated_experiments_are_the_same(self, workers: Cluster, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(monte_carlo, "BATCH", 50)
-        noisy = make_problem(measurement=Displacements(segments=4, noise={"position": 0.01}))
+        noisy = problem_of(measurement=Displacements(segments=4, noise={"position": 0.01}))
         drive = random_drive(noisy, 1)
         here, there = (
             monte_carlo.validate(noisy, drive, replicates=120, seed=2, workers=who) for who in (1, workers)
@@ -133,7 +133,7 @@ class TestRealCluster:
         assert here == there
         for row in here["points"]:
             one, other = (load_record(tmp_path / side / row["folder"]).best for side in ("here", "there"))
-            assert one["drive"] == other["drive"]
+            assert one.drive == other.drive
 
     def test_from_the_command_line(
         self, workers: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]

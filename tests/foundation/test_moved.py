@@ -7,8 +7,9 @@ import pickle
 
 import pytest
 
+import oed
 from oed.bounds import Certificate
-from oed.foundation.moved import PLACES
+from oed.foundation.moved import NAMES, PLACES
 
 
 @pytest.mark.parametrize("name", ["evaluation", "limits", "limits.workspace", "solvers.ipopt"])
@@ -35,3 +36,10 @@ def test_an_attribute_by_its_old_name():
     with pytest.raises(AttributeError, match=r"no attribute 'nonsense'$"):
         certificate.nonsense  # noqa: B018
     assert pickle.loads(pickle.dumps(certificate)) == certificate
+
+
+@pytest.mark.parametrize(("old", "new"), NAMES.items())
+def test_a_public_name_by_its_old_one(old: str, new: str):
+    with pytest.raises(AttributeError, match=f"module 'oed' has no attribute '{old}': it is now oed.{new}$"):
+        getattr(oed, old)
+    assert new in oed.__all__

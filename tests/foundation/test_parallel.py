@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import make_problem
+from builders import problem_of
 from studies import small, without_seconds, write_study
 
 from oed.foundation.errors import Failure
@@ -199,7 +199,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(population, "run_tasks", counting)
     monkeypatch.setattr(population, "WORTH", 0.0)
-    problem = make_problem()
+    problem = problem_of()
     design = DesignExpressions(problem, refine=2, differentiated=False)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     scored = Population(design, 2, 3)
@@ -214,7 +214,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "run_tasks", None)
-    design = DesignExpressions(make_problem(), refine=2, differentiated=False)
+    design = DesignExpressions(problem_of(), refine=2, differentiated=False)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
     scored = Population(design, 2, 2)
     for _ in range(2):

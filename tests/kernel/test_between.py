@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, TRACK, make_problem, random_drive
+from builders import RADIUS, TRACK, problem_of, random_drive
 
 from oed.bounds import bound
 from oed.kernel.criteria import E
@@ -46,7 +46,7 @@ def moving(*limits: Limit, duration: float = 10.0, samples: int = 10, **parts) -
     parts.setdefault("measurement", Poses(noise={"position": 0.01, "heading": 0.01}))
     parts.setdefault("criterion", E(scaling="relative"))
     bounds = () if any(isinstance(limit, WheelSpeed) for limit in limits) else (FAST,)
-    return make_problem(design=DesignSpace(**space), limits=(*bounds, *limits), **parts)
+    return problem_of(design=DesignSpace(**space), limits=(*bounds, *limits), **parts)
 
 
 def steady(problem: Problem, speed: float, yaw_rate: float, start=(0.0, 0.0, 0.0)) -> Trajectory:
@@ -115,7 +115,7 @@ def test_the_edge_of_a_turned_room_is_exact(angle: float):
 def test_splines_of_many_coefficients_are_looked_at_between_few_samples(degree, coefficients, samples):
     spline = Spline(degree=degree, coefficients=coefficients)
     space = DesignSpace(duration=6, samples=samples, spline=spline)
-    problem = make_problem(
+    problem = problem_of(
         design=space,
         limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=2)),
         measurement=Displacements(segments=2),
@@ -136,7 +136,7 @@ def test_no_feasible_drive_of_many_coefficients_beats_its_bound():
     spline = Spline(degree=2, coefficients=602)
     space = DesignSpace(duration=6, samples=6, spline=spline)
     measured = Displacements(segments="samples", regressor="heading")
-    problem = make_problem(
+    problem = problem_of(
         design=space,
         limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=2)),
         measurement=measured,
@@ -156,7 +156,7 @@ def test_no_feasible_drive_of_many_coefficients_beats_its_bound():
 @pytest.mark.parametrize("coefficients", [6, 12, 13, 36])
 def test_held_steps_begin_and_end_at_rest(coefficients: int):
     space = DesignSpace(duration=6, samples=12, spline=Spline(degree=0, coefficients=coefficients))
-    problem = make_problem(design=space, limits=(FAST, WheelAcceleration(bounds=2)))
+    problem = problem_of(design=space, limits=(FAST, WheelAcceleration(bounds=2)))
     inner = np.full((coefficients, 2), 1.0)
     inner[[0, -1]] = 0
     drive = space.trajectory(inner, np.zeros(3))

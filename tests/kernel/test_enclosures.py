@@ -8,7 +8,7 @@ import pytest
 
 from oed.kernel.dynamics.enclosures import Enclosure, NotEnclosed, enclosed
 from oed.kernel.dynamics.intervals import ONE, Interval, number
-from oed.robots.models.model import sinc
+from oed.robots.models.arcs import sinc
 from oed.robots.models.skid_steer_slip import _means
 
 FUNCTIONS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +19,7 @@ from oed.robots.space import DesignSpace, StartPose
 
 NOISE = {"position": 0.1, "heading": 0.2}
 seeds = st.integers(0, 2**32 - 1)
-PROBLEM = make_problem(measurement=Displacements(segments=4, regressor="both", noise=NOISE))
+PROBLEM = problem_of(measurement=Displacements(segments=4, regressor="both", noise=NOISE))
 
 
 def margins(evaluation: Evaluation) -> dict[str, float]:
@@ -49,7 +49,7 @@ def oracle_margins(problem: Problem, drive: Trajectory) -> dict[str, float]:
 @pytest.mark.parametrize("amplitude", [1.0, 8.0, 30.0])
 def test_margins_are_the_oracles(rule: str, degree: int, amplitude: float):
     spline = Spline(degree=degree, coefficients=9)
-    problem = make_problem(design=DesignSpace(duration=10, samples=30, spline=spline, integration=rule))
+    problem = problem_of(samples=30, spline=spline, integration=rule)
     drive = random_drive(problem, degree, amplitude)
     found, expected = margins(evaluate(problem, drive)), oracle_margins(problem, drive)
     for name, value in expected.items():
@@ -59,9 +59,7 @@ def test_margins_are_the_oracles(rule: str, degree: int, amplitude: float):
 
 
 def test_margins_of_a_piecewise_constant_drive():
-    problem = make_problem(
-        design=DesignSpace(duration=10, samples=40, spline=Spline(degree=0, coefficients=8))
-    )
+    problem = problem_of(spline=Spline(degree=0, coefficients=8))
     drive = random_drive(problem, 1)
     found = margins(evaluate(problem, drive))
     assert found["wheel_speed"] == pytest.approx(10 - np.abs(drive.coefficients).max())
@@ -97,7 +95,7 @@ def test_conditions_of_the_study_are_violations(duration, start, rest, violated)
 
 
 def test_conditions_that_a_study_does_not_set_are_not_judged():
-    free = make_problem(design=DesignSpace(duration=10, samples=40, start="free", rest_to_rest=False))
+    free = problem_of(design=DesignSpace(duration=10, samples=40, start="free", rest_to_rest=False))
     names = margins(evaluate(free, random_drive(free, 0)))
     assert set(names) == {"wheel_speed", "wheel_acceleration", "workspace", "duration"}
     assert set(margins(evaluate(PROBLEM, random_drive(PROBLEM, 0)))) == {*names, "start", "rest_to_rest"}
@@ -146,7 +144,7 @@ def test_path_and_length():
 )
 @pytest.mark.parametrize("segments", [1, 4])
 def test_a_design_that_cannot_tell_parameters_apart(speeds, segments: int):
-    problem = make_problem(measurement=Displacements(segments=segments, noise={"position": 0.1}))
+    problem = problem_of(measurement=Displacements(segments=segments, noise={"position": 0.1}))
     evaluation = evaluate(problem, Trajectory.from_samples(np.tile(speeds, (40, 1)), 10.0, (0, 0, 0)))
     assert evaluation.lambda_min == pytest.approx(0, abs=1e-10)
     assert evaluation.condition_number > 1e12
@@ -156,14 +154,14 @@ def test_a_design_that_cannot_tell_parameters_apart(speeds, segments: int):
 
 
 def test_no_noise_no_standard_deviations():
-    problem = make_problem()
+    problem = problem_of()
     assert evaluate(problem, random_drive(problem, 0)).standard_deviations == {}
 
 
 def test_relative_scaling_leaves_the_singular_values_raw():
     measurement = Displacements(segments=4, noise=NOISE)
-    raw = make_problem(measurement=measurement)
-    relative = make_problem(measurement=measurement, criterion=E(scaling="relative"))
+    raw = problem_of(measurement=measurement)
+    relative = problem_of(measurement=measurement, criterion=E(scaling="relative"))
     drive = random_drive(raw, 3)
     first, second = evaluate(raw, drive), evaluate(relative, drive)
     np.testing.assert_allclose(second.singular_values, first.singular_values, rtol=1e-14)
@@ -187,8 +185,8 @@ def test_inputs_of_another_robot_are_refused(inputs: int):
 
 
 def test_a_start_in_the_box_matters_to_the_margin_only():
-    centre = make_problem(limits=(SPEED, ACCELERATION, BOX))
-    corner = make_problem(design=DesignSpace(duration=10, samples=40, start=StartPose(x=0.9, y=0.9)))
+    centre = problem_of(limits=(SPEED, ACCELERATION, BOX))
+    corner = problem_of(design=DesignSpace(duration=10, samples=40, start=StartPose(x=0.9, y=0.9)))
     drive = random_drive(centre, 2, 1.0)
     moved = Trajectory(drive.knots, drive.degree, drive.coefficients, (0.9, 0.9, 0.0), drive.samples)
     first, second = evaluate(centre, drive), evaluate(corner, moved)

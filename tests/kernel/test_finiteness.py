@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import pickle
+from functools import partial
 
 import casadi as ca
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, SPEED, make_problem, random_drive
+from builders import ACCELERATION, BOX, SPEED, problem_of, random_drive
 
 import oed
 from oed.foundation.errors import NotFinite
@@ -63,9 +64,7 @@ class Nowhere(PathLimit):
         return Rows(values, np.zeros(values.shape[0]), np.full(values.shape[0], np.inf), 1.0, "m")
 
 
-def problem_of(model=None, measurement=POSES, limits=(SPEED, ACCELERATION, BOX), design=SPACE):
-    robot = DifferentialDrive(wheel_radius=0.049, track=0.18) if model is None else model
-    return make_problem(model=robot, measurement=measurement, limits=limits, design=design, criterion=oed.E())
+posed_problem = partial(problem_of, measurement=POSES, design=SPACE, criterion=oed.E())
 
 
 def overflowing() -> Overflowing:
@@ -77,7 +76,7 @@ class TestWhatIsSaid:
     def test_of_a_derivative(self, runs: int):
         space = DesignSpace(duration=10, samples=20, runs=runs, spline=Spline(coefficients=8))
         sensors = Several(sensors=(YawRate(noise=0.01), PlainRanges()))
-        problem = problem_of(measurement=sensors, design=space)
+        problem = posed_problem(measurement=sensors, design=space)
         # At rest in the first period, at the beacon; the wheel radii have no part in that reading.
         with pytest.raises(NotFinite) as caught:
             evaluate(problem, random_drive(problem, 0))
@@ -88,7 +87,7 @@ class TestWhatIsSaid:
         assert "wheel_radius" in text
 
     def test_of_a_drive_that_diverges(self):
-        problem = problem_of(overflowing())
+        problem = posed_problem(model=overflowing())
         inputs = np.zeros((20, 2))
         inputs[7, 0] = 8.5
         drive = Trajectory.from_samples(inputs, 10.0, np.zeros((1, 3)), rest_to_rest=True)
@@ -97,13 +96,13 @@ class TestWhatIsSaid:
 
     def test_of_a_drive_farther_than_anything(self):
         # Of numbers that its record could not hold.
-        problem = problem_of()
+        problem = posed_problem()
         drive = Trajectory.from_samples(np.full((20, 2), 2e13), 10.0, np.zeros((1, 3)), rest_to_rest=False)
         with pytest.raises(NotFinite, match=r"^robot: x: beyond 1e\+12 from 1.05 s on$"):
             evaluate(problem, drive)
 
     def test_of_a_limit(self):
-        problem = problem_of(limits=(SPEED, ACCELERATION, BOX, Nowhere()))
+        problem = posed_problem(limits=(SPEED, ACCELERATION, BOX, Nowhere()))
         with pytest.raises(NotFinite, match=r"^limits.nowhere: not a number"):
             evaluate(problem, random_drive(problem, 0))
 
@@ -116,14 +115,14 @@ class TestWhatIsSaid:
 class TestWhatIsDone:
     def test_a_problem_without_any_finite_drive_is_refused(self):
         with pytest.raises(NotFinite, match="plain_ranges at 0 s"):
-            require_identifiable(problem_of(measurement=PlainRanges()))
+            require_identifiable(posed_problem(measurement=PlainRanges()))
 
     def test_a_problem_with_some_is_not(self):
-        assert ambiguities(problem_of(overflowing())) == ()
+        assert ambiguities(posed_problem(model=overflowing())) == ()
 
     @pytest.mark.slow
     def test_searches_pass_them_over(self):
-        problem = problem_of(overflowing())
+        problem = posed_problem(model=overflowing())
         for solver in (
             oed.Ipopt(starts=2, perturbations=0, second_stage="none", max_iterations=30),
             oed.Genetic(population=20, generations=5),
@@ -135,12 +134,12 @@ class TestWhatIsDone:
         # Where the random drives asked first happened to be finite.
         monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
         options = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
-        found = oed.solve(problem_of(measurement=PlainRanges()), options, seed=0, workers=1)
+        found = oed.solve(posed_problem(measurement=PlainRanges()), options, seed=0, workers=1)
         assert found.status is Status.FAILED
         assert "the derivative of plain_ranges at 0 s" in found.message
 
     def test_a_baseline_of_nothing_else_has_no_score(self):
-        (straight,) = baselines(problem_of(measurement=PlainRanges()), "straight")
+        (straight,) = baselines(posed_problem(measurement=PlainRanges()), "straight")
         assert (straight.status, straight.evaluation) == (Status.UNSCORED, None)
         assert "the derivative of plain_ranges at 0 s" in straight.message
 
@@ -148,7 +147,7 @@ class TestWhatIsDone:
 @pytest.mark.parametrize("name", ["straight", "circle", "random"])
 def test_a_limit_of_changes_keeps_a_drive_of_one_sample(name: str):
     space = DesignSpace(duration=2, samples=1, spline=Spline(coefficients=8))
-    problem = problem_of(limits=(SPEED, ACCELERATION, WheelJerk(bounds=30.0), BOX), design=space)
+    problem = posed_problem(limits=(SPEED, ACCELERATION, WheelJerk(bounds=30.0), BOX), design=space)
     (found,) = baselines(problem, name)
     assert found.evaluation is not None
     assert "wheel_jerk" not in found.evaluation.violations

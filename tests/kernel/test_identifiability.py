@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, input_limits, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, input_limits, problem_of, random_drive
 from sample_robots import ROBOTS, Example
 
 import oed
@@ -119,16 +120,13 @@ SKID_NAMES = ("wheel_radius_right", "wheel_radius_left", "track", "slip_outer", 
 C = ("c11", "c12", "c21", "c22")
 
 
-def problem_of(model: Model, measurement: Measurement = POSES, **parts) -> Problem:
-    x, y, heading = START
-    space = DesignSpace(
-        duration=10,
-        samples=40,
-        spline=Spline(coefficients=8),
-        start=StartPose(x=x, y=y, heading=heading),
-    )
-    given = {"limits": (SPEED,), "criterion": E(), "design": space, **parts}
-    return make_problem(model=model, measurement=measurement, **given)
+posed_problem = partial(
+    problem_of,
+    measurement=POSES,
+    limits=(SPEED,),
+    criterion=E(),
+    start=StartPose(x=START[0], y=START[1], heading=START[2]),
+)
 
 
 def names_of(problem: Problem) -> list[tuple[str, ...]]:
@@ -172,11 +170,11 @@ class TestSlipLaws:
         ],
     )
     def test_ranks_of_drives(self, model: Model, pieces, expected: int):
-        assert rank(problem_of(model), piecewise(*pieces)) == expected
+        assert rank(posed_problem(model=model), piecewise(*pieces)) == expected
 
     def test_a_constant_slip_of_each_side_leaves_one_combination(self):
         # Only r (1 - i_R), r (1 - i_L) and B show.
-        problem = problem_of(SlipOfEachSide())
+        problem = posed_problem(model=SlipOfEachSide())
         (found,) = ambiguities(problem)
         share = dict(found.changes)
         assert share == pytest.approx(
@@ -190,7 +188,7 @@ class TestSlipLaws:
         assert rank(problem, random_drive(problem, 1)) == 3
 
     def test_two_radii_leave_two(self):
-        found = ambiguities(problem_of(TwoRadii()))
+        found = ambiguities(posed_problem(model=TwoRadii()))
         assert {tuple(one.changes) for one in found} == {
             ("radius_right", "slip_right"),
             ("radius_left", "slip_left"),
@@ -202,16 +200,16 @@ class TestSlipLaws:
 
     @pytest.mark.parametrize("width", [0.1, 0.5, 3.0])
     def test_slip_in_curves_alone_is_told(self, width: float):
-        problem = problem_of(SlipInCurves(width=width))
+        problem = posed_problem(model=SlipInCurves(width=width))
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
     def test_slip_on_straights_too_is_not(self):
-        assert names_of(problem_of(SKID)) == [
+        assert names_of(posed_problem(model=SKID)) == [
             ("wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner")
         ]
         with pytest.raises(ProblemError, match="slip_outer and slip_inner cannot be told apart"):
-            require_identifiable(problem_of(SKID))
+            require_identifiable(posed_problem(model=SKID))
 
     @pytest.mark.parametrize(
         ("known", "told"),
@@ -228,7 +226,7 @@ class TestSlipLaws:
         ids=lambda value: "+".join(value) or "nothing" if isinstance(value, tuple) else str(value),
     )
     def test_until_one_of_them_is_known(self, known: tuple[str, ...], told: bool):
-        problem = problem_of(SKID, estimate=[name for name in SKID_NAMES if name not in known])
+        problem = posed_problem(model=SKID, estimate=[name for name in SKID_NAMES if name not in known])
         assert (ambiguities(problem) == ()) == told
         assert (
             np.isfinite(list(evaluate(problem, random_drive(problem, 1)).standard_deviations.values())).all()
@@ -242,19 +240,25 @@ class TestIdentifiable:
     @pytest.mark.parametrize(
         "problem",
         [
-            problem_of(DIFFERENTIAL),
-            problem_of(DIFFERENTIAL, RANGES),
-            problem_of(DIFFERENTIAL, Several(sensors=[GYRO, RANGES])),
-            problem_of(DIFFERENTIAL, HEADINGS, estimate=("c11", "c12")),
-            problem_of(DIFFERENTIAL, GYRO, estimate=("wheel_radius_right", "wheel_radius_left")),
-            problem_of(DIFFERENTIAL, estimate=C),
-            problem_of(SKID, estimate=C),
-            problem_of(SKID, estimate=("track", "slip_outer", "slip_inner")),
-            problem_of(DIFFERENTIAL, Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False})),
-            problem_of(DIFFERENTIAL, Displacements(regressor="both"), criterion=E(scaling="none")),
-            problem_of(SKID, Displacements(segments=4), criterion=E(scaling="none")),
-            problem_of(
-                SkidSteer(wheel_radius=RADIUS, track=TRACK),
+            posed_problem(model=DIFFERENTIAL),
+            posed_problem(model=DIFFERENTIAL, measurement=RANGES),
+            posed_problem(model=DIFFERENTIAL, measurement=Several(sensors=[GYRO, RANGES])),
+            posed_problem(model=DIFFERENTIAL, measurement=HEADINGS, estimate=("c11", "c12")),
+            posed_problem(
+                model=DIFFERENTIAL, measurement=GYRO, estimate=("wheel_radius_right", "wheel_radius_left")
+            ),
+            posed_problem(model=DIFFERENTIAL, estimate=C),
+            posed_problem(model=SKID, estimate=C),
+            posed_problem(model=SKID, estimate=("track", "slip_outer", "slip_inner")),
+            posed_problem(
+                model=DIFFERENTIAL, measurement=Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False})
+            ),
+            posed_problem(
+                model=DIFFERENTIAL, measurement=Displacements(regressor="both"), criterion=E(scaling="none")
+            ),
+            posed_problem(model=SKID, measurement=Displacements(segments=4), criterion=E(scaling="none")),
+            posed_problem(
+                model=SkidSteer(wheel_radius=RADIUS, track=TRACK),
                 estimate=("track", "slip_outer", "slip_inner"),
                 criterion=E(scaling={"track": 1e-3, "slip_outer": 0.1, "slip_inner": 0.1}),
             ),
@@ -269,13 +273,13 @@ class TestIdentifiable:
     def test_whatever_the_scaling(self, scaling: str):
         scales = {"wheel_radius_right": 1e-4, "wheel_radius_left": 10.0, "track": 1.0}
         own = scales if scaling == "mapping" else scaling
-        assert ambiguities(problem_of(DIFFERENTIAL, criterion=E(scaling=own))) == ()
-        (found,) = ambiguities(problem_of(DIFFERENTIAL, GYRO, criterion=E(scaling=own)))
+        assert ambiguities(posed_problem(model=DIFFERENTIAL, criterion=E(scaling=own))) == ()
+        (found,) = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO, criterion=E(scaling=own)))
         assert dict(found.relative) == pytest.approx(dict.fromkeys(scales, STEP), rel=1e-5)
 
     def test_what_is_not_judged_need_not_be_told(self):
         # The track is told whatever the radii and slips are.
-        problem = problem_of(SKID, criterion=E(subset=("track",)))
+        problem = posed_problem(model=SKID, criterion=E(subset=("track",)))
         assert ambiguities(problem) == ()
 
     @pytest.mark.parametrize(
@@ -285,13 +289,13 @@ class TestIdentifiable:
     def test_a_small_slip(self, slip: float):
         # However small it is, it is told to 0.7 %.
         model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slip, slip_inner=0.05)
-        assert ambiguities(problem_of(model, estimate=("track", "slip_outer", "slip_inner"))) == ()
+        assert ambiguities(posed_problem(model=model, estimate=("track", "slip_outer", "slip_inner"))) == ()
 
     @pytest.mark.parametrize("noise", [1e-3, 1e-4])
     def test_sensors_of_very_different_quality(self, noise: float):
         # A very good gyro tells r_R / B and r_L / B, poor positions how large the robot is: to a third.
         poor = Poses(quantities=("x", "y"), noise={"position": 0.1})
-        problem = problem_of(DIFFERENTIAL, Several(sensors=[YawRate(noise=noise), poor]))
+        problem = posed_problem(model=DIFFERENTIAL, measurement=Several(sensors=[YawRate(noise=noise), poor]))
         drive = random_drive(problem, 1, 10.0)
         assert evaluate(problem, drive).standard_deviations["track"] < 0.4 * TRACK
         assert ambiguities(problem) == ()
@@ -304,7 +308,7 @@ class TestSubset:
 
     @pytest.mark.parametrize("name", NAMES)
     def test_one_that_the_others_hide_is_refused(self, name: str):
-        problem = problem_of(SKID, criterion=E(subset=(name,)))
+        problem = posed_problem(model=SKID, criterion=E(subset=(name,)))
         assert evaluate(problem, random_drive(problem, 1)).standard_deviations[name] == np.inf
         with pytest.raises(ProblemError, match=name):
             require_identifiable(problem)
@@ -312,18 +316,18 @@ class TestSubset:
     @pytest.mark.parametrize("name", NAMES)
     def test_one_among_others_is_refused(self, name: str):
         with pytest.raises(ProblemError, match=name):
-            require_identifiable(problem_of(SKID, criterion=E(subset=(name, "track"))))
+            require_identifiable(posed_problem(model=SKID, criterion=E(subset=(name, "track"))))
 
     def test_it_is_not_said_to_change_nothing_by_itself(self):
         # The outer slip does change what is measured; it is the radii that undo it.
-        (found,) = ambiguities(problem_of(SKID, criterion=E(subset=("slip_outer", "track"))))
+        (found,) = ambiguities(posed_problem(model=SKID, criterion=E(subset=("slip_outer", "track"))))
         assert "slip_outer changes nothing that is measured" not in str(found)
 
 
 def test_limits_are_not_asked_about(monkeypatch: pytest.MonkeyPatch):
     """Of drives of any length: what limits are kept between the points may take long to find."""
     monkeypatch.setattr("oed.kernel.evaluation.most_exceeded", None)
-    assert ambiguities(problem_of(DIFFERENTIAL, POSES)) == ()
+    assert ambiguities(posed_problem(model=DIFFERENTIAL, measurement=POSES)) == ()
 
 
 class Hasty(DifferentialDrive):
@@ -360,7 +364,7 @@ class TestManySamples:
     @staticmethod
     def long(model: Model, measurement: Measurement = POSES, samples: int = 20_000, **parts) -> Problem:
         space = DesignSpace(duration=300, samples=samples, spline=Spline(coefficients=8))
-        return problem_of(model, measurement, design=space, **parts)
+        return posed_problem(model=model, measurement=measurement, design=space, **parts)
 
     @pytest.mark.parametrize(
         ("model", "measurement", "parts", "expected"),
@@ -417,7 +421,7 @@ class TestWords:
     """What the message says."""
 
     def test_a_common_factor(self):
-        (found,) = ambiguities(problem_of(DIFFERENTIAL, GYRO))
+        (found,) = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO))
         assert str(found) == (
             "wheel_radius_right, wheel_radius_left and track cannot be told apart: changing "
             "wheel_radius_right by +1 %, wheel_radius_left by +1 % and track by +1 % together "
@@ -427,7 +431,7 @@ class TestWords:
 
     def test_signs_and_sizes(self):
         # A slip of -5 % that becomes -3.95 % is 21 % smaller.
-        (found,) = ambiguities(problem_of(SlipOfEachSide()))
+        (found,) = ambiguities(posed_problem(model=SlipOfEachSide()))
         assert str(found) == (
             "radius, slip_right and slip_left cannot be told apart: changing radius by +1 %, "
             "slip_right by +9 % and slip_left by -21 % together changes nothing that is measured"
@@ -435,19 +439,19 @@ class TestWords:
 
     def test_what_is_nominally_nothing_is_said_in_si(self):
         model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=OUTER)
-        (found,) = ambiguities(problem_of(model, criterion=E(scaling="none")))
+        (found,) = ambiguities(posed_problem(model=model, criterion=E(scaling="none")))
         assert "slip_outer by +9 % and slip_inner by +0.01 (SI) together" in str(found)
         assert set(found.relative) == set(found.changes) - {"slip_inner"}
 
     def test_a_parameter_on_its_own(self):
-        found = ambiguities(problem_of(DIFFERENTIAL, GYRO, estimate=C))
+        found = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO, estimate=C))
         assert [str(one) for one in found] == [
             "c21 changes nothing that is measured",
             "c22 changes nothing that is measured",
         ]
 
     def test_the_refusal_names_all_of_them_and_what_to_do(self):
-        problem = problem_of(TwoRadii())
+        problem = posed_problem(model=TwoRadii())
         with pytest.raises(ProblemError) as raised:
             require_identifiable(problem)
         (flaw,) = raised.value.flaws
@@ -461,17 +465,21 @@ class TestWords:
     @pytest.mark.parametrize(("estimate", "key"), [(None, "measurement"), (SKID_NAMES, "estimate")])
     def test_the_key_is_the_one_to_change(self, estimate, key: str):
         with pytest.raises(ProblemError) as raised:
-            require_identifiable(problem_of(SKID, estimate=estimate))
+            require_identifiable(posed_problem(model=SKID, estimate=estimate))
         assert [flaw.key for flaw in raised.value.flaws] == [(key,)]
 
     def test_the_first_parameter_is_the_yardstick(self):
-        for problem in (problem_of(SKID), problem_of(SKID, GYRO), problem_of(TwoRadii())):
+        for problem in (
+            posed_problem(model=SKID),
+            posed_problem(model=SKID, measurement=GYRO),
+            posed_problem(model=TwoRadii()),
+        ):
             for found in ambiguities(problem):
                 first = next(iter(found.changes))
                 assert found.relative[first] == pytest.approx(STEP, rel=1e-9)
 
     def test_it_is_the_same_every_time(self):
-        first, again = ambiguities(problem_of(SKID)), ambiguities(problem_of(SKID))
+        first, again = ambiguities(posed_problem(model=SKID)), ambiguities(posed_problem(model=SKID))
         assert first == again
 
 
@@ -479,7 +487,7 @@ def loops(
     twist: Callable[[np.ndarray, Sequence[float]], np.ndarray], names: Sequence[str], nominal, quantity: str
 ):
     """Noise-free readings of a random drive for changed parameters, by plain loops."""
-    drive = random_drive(problem_of(DIFFERENTIAL), 5)
+    drive = random_drive(posed_problem(model=DIFFERENTIAL), 5)
 
     def readings(changes: Mapping[str, float]) -> np.ndarray:
         values = [value + changes.get(name, 0.0) for name, value in zip(names, nominal, strict=True)]
@@ -524,16 +532,28 @@ class TestSimulation:
     @pytest.mark.parametrize(
         ("problem", "twist", "nominal", "quantity", "count"),
         [
-            (problem_of(SlipOfEachSide()), one_radius, (RADIUS, TRACK, OUTER, INNER), "poses", 1),
-            (problem_of(TwoRadii()), two_radii, SKID_NOMINAL, "poses", 2),
-            (problem_of(SKID), skid, SKID_NOMINAL, "poses", 1),
-            (problem_of(SKID, RANGES), skid, SKID_NOMINAL, "poses", 1),
-            (problem_of(DIFFERENTIAL, GYRO), plain, (RADIUS, RADIUS, TRACK), "yaw rates", 1),
-            (problem_of(DIFFERENTIAL, HEADINGS), plain, (RADIUS, RADIUS, TRACK), "yaw rates", 1),
-            (problem_of(SKID, GYRO), skid, SKID_NOMINAL, "yaw rates", 2),
-            (problem_of(TwoRadii(), GYRO), two_radii, SKID_NOMINAL, "yaw rates", 3),
+            (posed_problem(model=SlipOfEachSide()), one_radius, (RADIUS, TRACK, OUTER, INNER), "poses", 1),
+            (posed_problem(model=TwoRadii()), two_radii, SKID_NOMINAL, "poses", 2),
+            (posed_problem(model=SKID), skid, SKID_NOMINAL, "poses", 1),
+            (posed_problem(model=SKID, measurement=RANGES), skid, SKID_NOMINAL, "poses", 1),
             (
-                problem_of(DIFFERENTIAL, GYRO, estimate=C),
+                posed_problem(model=DIFFERENTIAL, measurement=GYRO),
+                plain,
+                (RADIUS, RADIUS, TRACK),
+                "yaw rates",
+                1,
+            ),
+            (
+                posed_problem(model=DIFFERENTIAL, measurement=HEADINGS),
+                plain,
+                (RADIUS, RADIUS, TRACK),
+                "yaw rates",
+                1,
+            ),
+            (posed_problem(model=SKID, measurement=GYRO), skid, SKID_NOMINAL, "yaw rates", 2),
+            (posed_problem(model=TwoRadii(), measurement=GYRO), two_radii, SKID_NOMINAL, "yaw rates", 3),
+            (
+                posed_problem(model=DIFFERENTIAL, measurement=GYRO, estimate=C),
                 by_coefficients,
                 (RADIUS / TRACK, -RADIUS / TRACK, RADIUS / 2, RADIUS / 2),
                 "yaw rates",
@@ -582,13 +602,13 @@ class TestPrior:
     @pytest.mark.parametrize("name", ["wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner"])
     def test_of_any_parameter_of_the_combination(self, name: str):
         size = "1 mm" if "radius" in name else 0.02
-        problem = problem_of(SKID, prior=Prior(standard_deviations={name: size}))
+        problem = posed_problem(model=SKID, prior=Prior(standard_deviations={name: size}))
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
     def test_of_another_parameter_does_not_help(self):
-        problem = problem_of(SKID, prior=Prior(standard_deviations={"track": "1 %"}))
-        assert names_of(problem) == names_of(problem_of(SKID))
+        problem = posed_problem(model=SKID, prior=Prior(standard_deviations={"track": "1 %"}))
+        assert names_of(problem) == names_of(posed_problem(model=SKID))
 
     def test_one_for_each_combination(self):
         for known, left in (
@@ -597,7 +617,7 @@ class TestPrior:
             (("slip_right", "slip_left"), []),
         ):
             prior = Prior(standard_deviations=dict.fromkeys(known, 0.02))
-            assert names_of(problem_of(TwoRadii(), prior=prior)) == left
+            assert names_of(posed_problem(model=TwoRadii(), prior=prior)) == left
 
 
 class Untouched(Solver):
@@ -615,18 +635,18 @@ class TestSolve:
     @pytest.mark.parametrize("solver", [Untouched(), Ipopt(), None], ids=["any", "ipopt", "default"])
     def test_it_is_refused_before(self, solver: Solver | None):
         with pytest.raises(ProblemError, match="cannot be told apart"):
-            oed.solve(problem_of(SKID), solver)
+            oed.solve(posed_problem(model=SKID), solver)
 
     def test_what_can_be_told_is_searched(self):
         with pytest.raises(AssertionError, match="the search has begun"):
-            oed.solve(problem_of(DIFFERENTIAL), Untouched())
+            oed.solve(posed_problem(model=DIFFERENTIAL), Untouched())
 
     def test_the_solvers_own_criterion_counts(self):
         alone = E(subset=("track",))
         with pytest.raises(AssertionError, match="the search has begun"):
-            oed.solve(problem_of(SKID), Untouched(criterion=alone))
+            oed.solve(posed_problem(model=SKID), Untouched(criterion=alone))
         with pytest.raises(ProblemError, match="cannot be told apart"):
-            oed.solve(problem_of(SKID, criterion=alone), Untouched(criterion=D()))
+            oed.solve(posed_problem(model=SKID, criterion=alone), Untouched(criterion=D()))
 
 
 class TestEveryRobot:
@@ -634,9 +654,8 @@ class TestEveryRobot:
 
     @staticmethod
     def found(example: Example, measurement: Measurement) -> tuple:
-        problem = make_problem(
+        problem = problem_of(
             model=example.model,
-            design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8)),
             measurement=measurement,
             limits=input_limits(example.model),
             criterion=E(scaling="none"),

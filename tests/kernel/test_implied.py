@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from builders import make_problem
+from builders import problem_of
 
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.implied import implied_bounds
@@ -54,9 +54,9 @@ def test_widened_by_a_share_of_the_larger_bound():
 
 
 def test_a_limit_of_the_users_own_bounds_inputs_so():
-    problem = make_problem(limits=(Power(), Rectangle(x=(-1, 1), y=(-1, 1))))
+    problem = problem_of(limits=(Power(), Rectangle(x=(-1, 1), y=(-1, 1))))
     np.testing.assert_allclose(problem.input_bounds, [[-2.25, 2.25]] * 2, rtol=1e-8)
     wider = problem.widened(0.1).input_bounds
     np.testing.assert_allclose(wider, [[-(3.9 + 1.1) / 2, (3.9 + 1.1) / 2]] * 2, rtol=1e-8)
-    kept = make_problem(limits=(Power(), WheelSpeed(bounds=2))).input_bounds
+    kept = problem_of(limits=(Power(), WheelSpeed(bounds=2))).input_bounds
     np.testing.assert_array_equal(kept, [[-2, 2]] * 2)

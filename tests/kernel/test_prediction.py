@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import make_problem, random_drive
+from builders import problem_of, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -102,7 +102,7 @@ class TestRows:
     @quantities
     def test_coefficients_in_two_blocks(self, quantity: str):
         # c11, c12 turn the robot, c21, c22 move it; each block has its own share of the prediction.
-        problem = make_problem(
+        problem = problem_of(
             measurement=Displacements(segments=4, regressor="both"),
             criterion=I(scaling="none", test_drive=LEGS, quantity=quantity),
         )
@@ -128,21 +128,21 @@ class TestPredictions:
 
     @quantities
     def test_values_are_the_propagated_covariance(self, quantity: str):
-        problem = make_problem(measurement=POSES, criterion=G(test_drive=LEGS, quantity=quantity))
+        problem = problem_of(measurement=POSES, criterion=G(test_drive=LEGS, quantity=quantity))
         drive = random_drive(problem, 1)
         evaluation = evaluate(problem, drive)
         rows = expected_rows(problem.model, LEGS, quantity)
         covariance = evaluation.covariances["joint"]
         variances = np.einsum("lci,ij,lcj->l", rows, covariance, rows)
         assert evaluation.objective == pytest.approx(-variances.max(), rel=1e-6)
-        mean = make_problem(measurement=POSES, criterion=I(test_drive=LEGS, quantity=quantity))
+        mean = problem_of(measurement=POSES, criterion=I(test_drive=LEGS, quantity=quantity))
         assert evaluate(mean, drive).objective == pytest.approx(-variances.mean(), rel=1e-6)
 
     @predictions
     def test_the_scaling_does_not_matter(self, kind):
         values = []
         for scaling in ("relative", "none", dict(zip(GEOMETRY, (1.0, 20.0, 0.3), strict=True))):
-            problem = make_problem(measurement=POSES, criterion=kind(test_drive=LEGS, scaling=scaling))
+            problem = problem_of(measurement=POSES, criterion=kind(test_drive=LEGS, scaling=scaling))
             values.append(evaluate(problem, random_drive(problem, 2)).objective)
         np.testing.assert_allclose(values, values[0], rtol=1e-8)
 
@@ -151,7 +151,7 @@ class TestPredictions:
     def test_a_wrong_number_of_inputs_is_a_flaw(self, kind, inputs: tuple[float, ...]):
         legs = (LEGS[0], Leg(inputs=inputs, duration=1))
         with pytest.raises(ProblemError) as caught:
-            make_problem(criterion=kind(scaling="none", test_drive=legs))
+            problem_of(criterion=kind(scaling="none", test_drive=legs))
         (flaw,) = caught.value.flaws
         assert flaw.key == ("criterion", "test_drive", 1, "inputs")
         names = "wheel_speed_right, wheel_speed_left"
@@ -237,7 +237,7 @@ class TestSubset:
         scales = np.array([3.0, 0.2, 5.0][: len(subset)])
         chosen = dict(zip(subset, scales, strict=True)) if scaling == "own" else scaling
         measurement = Poses(noise=AbsoluteNoise(position=0.01, heading=0.02), every=10, **options)
-        problem = make_problem(measurement=measurement, criterion=D(subset=subset, scaling=chosen))
+        problem = problem_of(measurement=measurement, criterion=D(subset=subset, scaling=chosen))
         kept = [GEOMETRY.index(name) for name in subset]
         nominal = np.array(problem.model.nominal)[kept]
         sizes = {"none": np.ones(len(subset)), "relative": nominal, "own": scales}[scaling]
@@ -250,9 +250,9 @@ class TestSubset:
 
     @subsets
     def test_its_inverse_is_the_subsets_covariance(self, subset):
-        problem = make_problem(measurement=POSES, criterion=A(subset=subset, scaling="none"))
+        problem = problem_of(measurement=POSES, criterion=A(subset=subset, scaling="none"))
         evaluation = evaluate(problem, random_drive(problem, 4))
-        together = evaluate(make_problem(measurement=POSES, criterion=A()), random_drive(problem, 4))
+        together = evaluate(problem_of(measurement=POSES, criterion=A()), random_drive(problem, 4))
         assert evaluation.parameters["joint"][: len(subset)] == subset
         kept = [GEOMETRY.index(name) for name in subset]
         covariance = together.covariances["joint"][np.ix_(kept, kept)]
@@ -264,8 +264,8 @@ class TestSubset:
 
     def test_determinants_factor(self):
         # det F = det F_s det F_others, with the others' information where the subset is known.
-        every, some = (make_problem(measurement=POSES, criterion=D(subset=s)) for s in (None, ("track",)))
-        rest = make_problem(measurement=POSES, criterion=D(), estimate=GEOMETRY[:2])
+        every, some = (problem_of(measurement=POSES, criterion=D(subset=s)) for s in (None, ("track",)))
+        rest = problem_of(measurement=POSES, criterion=D(), estimate=GEOMETRY[:2])
         values = [evaluate(problem, random_drive(every, 5)).objective for problem in (every, some, rest)]
         assert values[0] == pytest.approx(values[1] + values[2], abs=1e-6)
 
@@ -273,21 +273,21 @@ class TestSubset:
     @given(seed=seeds)
     @pytest.mark.slow
     def test_what_is_not_known_is_never_worth_more(self, seed: int):
-        unknown = make_problem(measurement=POSES, criterion=E(subset=("track",)))
-        known = make_problem(measurement=POSES, criterion=E(), estimate=("track",))
+        unknown = problem_of(measurement=POSES, criterion=E(subset=("track",)))
+        known = problem_of(measurement=POSES, criterion=E(), estimate=("track",))
         drive = random_drive(unknown, seed)
         values = [evaluate(problem, drive).objective for problem in (unknown, known)]
         assert values[0] <= values[1] * (1 + 1e-9)
 
     def test_its_names_come_in_the_estimations_order(self):
-        problem = make_problem(measurement=POSES, criterion=E(subset=("track", "wheel_radius_left")))
+        problem = problem_of(measurement=POSES, criterion=E(subset=("track", "wheel_radius_left")))
         (estimation,) = problem.any_estimations
         assert estimation.judged == ("wheel_radius_left", "track")
         assert estimation.parameters == ("wheel_radius_left", "track", "wheel_radius_right")
 
     def test_blocks_without_it_are_left_out(self):
         both = Displacements(segments=4, regressor="both")
-        problem = make_problem(measurement=both, criterion=D(scaling="none", subset=("c11",)))
+        problem = problem_of(measurement=both, criterion=D(scaling="none", subset=("c11",)))
         evaluation = evaluate(problem, random_drive(problem, 6))
         (name,) = evaluation.information
         assert name == "heading"
@@ -297,7 +297,7 @@ class TestSubset:
         assert evaluation.objective == pytest.approx(math.log(complement.item()), abs=1e-9)
 
     def test_predictions_may_be_judged_by_a_subset_too(self):
-        problem = make_problem(measurement=POSES, criterion=G(test_drive=LEGS, subset=("track",)))
+        problem = problem_of(measurement=POSES, criterion=G(test_drive=LEGS, subset=("track",)))
         evaluation = evaluate(problem, random_drive(problem, 7))
         column = expected_rows(problem.model, LEGS, "position")[:, :, 2]
         variance = evaluation.covariances["joint"][0, 0]
@@ -307,10 +307,10 @@ class TestSubset:
     def test_unknown_names_are_flaws(self, parts, subset, message):
         parts = {"measurement": POSES, **parts}
         with pytest.raises(ProblemError, match=message) as caught:
-            make_problem(criterion=D(scaling="none", subset=subset), **parts)
+            problem_of(criterion=D(scaling="none", subset=subset), **parts)
         assert [flaw.key for flaw in caught.value.flaws] == [("criterion", "subset")]
 
     def test_a_scale_of_every_judged_parameter_is_needed(self):
         criterion = D(subset=("track", "wheel_radius_left"), scaling={"track": 1.0})
         with pytest.raises(ProblemError, match="the scale of wheel_radius_left is missing"):
-            make_problem(measurement=POSES, criterion=criterion)
+            problem_of(measurement=POSES, criterion=criterion)

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import casadi as ca
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive
 
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, E
@@ -44,19 +44,19 @@ class MotorSpeed(WheelSpeed):
 
 def flaws_of(**overrides) -> dict[str, str]:
     with pytest.raises(ProblemError) as caught:
-        make_problem(**overrides)
+        problem_of(**overrides)
     return {".".join(map(str, flaw.key)): flaw.message for flaw in caught.value.flaws}
 
 
 def test_the_builders_problem_is_valid():
-    problem = make_problem()
+    problem = problem_of()
     np.testing.assert_array_equal(problem.input_bounds, [[-10, 10], [-10, 10]])
 
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_limits_on_the_same_inputs_bound_them_together(order: int):
     limits = (WheelSpeed(bounds=(-2, 8)), MotorSpeed(bounds=(-5, 5)))[::order]
-    np.testing.assert_array_equal(make_problem(limits=limits).input_bounds, [[-2, 5], [-2, 5]])
+    np.testing.assert_array_equal(problem_of(limits=limits).input_bounds, [[-2, 5], [-2, 5]])
 
 
 BREACHES = {
@@ -133,15 +133,15 @@ def test_all_flaws_are_listed_at_once():
 
 def test_a_flawed_problem_is_the_users_mistake():
     with pytest.raises(UserMistake, match="limits: nothing bounds wheel_speed_left; add wheel_speed"):
-        make_problem(limits=())
+        problem_of(limits=())
 
 
 def test_one_segment_is_enough_for_positions():
-    assert make_problem(measurement=Displacements(segments=1)).measurement.segment_count(40) == 1
+    assert problem_of(measurement=Displacements(segments=1)).measurement.segment_count(40) == 1
 
 
 def test_a_problem_is_copied_to_workers_whole():
-    problem = make_problem(model=DifferentialDrive(wheel_radius=RADIUS, track=TRACK), name="copied")
+    problem = problem_of(model=DifferentialDrive(wheel_radius=RADIUS, track=TRACK), name="copied")
     drive = random_drive(problem, 0)
     before = evaluate(problem, drive)
     copy = pickle.loads(pickle.dumps(problem))
@@ -151,7 +151,7 @@ def test_a_problem_is_copied_to_workers_whole():
 
 
 def test_limits_may_come_as_a_list():
-    assert make_problem(limits=[SPEED, BOX]).limits == (SPEED, BOX)
+    assert problem_of(limits=[SPEED, BOX]).limits == (SPEED, BOX)
 
 
 POSES = Poses(noise={"position": 1e-3, "heading": 0.01})
@@ -162,7 +162,7 @@ COEFFICIENTS = ("c11", "c12", "c21", "c22")
 
 def sensed(**overrides) -> Problem:
     """The builders' problem with absolute poses, in SI units."""
-    return make_problem(**{"measurement": POSES, "criterion": E(scaling="none"), **overrides})
+    return problem_of(**{"measurement": POSES, "criterion": E(scaling="none"), **overrides})
 
 
 def joint(problem: Problem, seed: int = 0) -> np.ndarray:
@@ -208,7 +208,7 @@ class TestEstimate:
         chosen = [GEOMETRY.index(name) for name in names]
         np.testing.assert_allclose(some, whole[np.ix_(chosen, chosen)], rtol=1e-12)
 
-    def test_knowing_the_others_never_tells_less(self):
+    def test_knowing_the_others_is_never_less_informative(self):
         whole = joint(sensed())
         some = joint(sensed(estimate=("wheel_radius_right", "track")))
         left = np.linalg.inv(np.linalg.inv(whole)[np.ix_([0, 2], [0, 2])])
@@ -238,9 +238,9 @@ class TestEstimate:
         [(("c21",), {"position": ("c21",)}), (("c22", "c11"), {"heading": ("c11",), "position": ("c22",)})],
     )
     def test_some_coefficients_of_displacements(self, names, blocks):
-        problem = make_problem(measurement=NOISY, estimate=names)
+        problem = problem_of(measurement=NOISY, estimate=names)
         drive = random_drive(problem, 0)
-        some, whole = evaluate(problem, drive), evaluate(make_problem(measurement=NOISY), drive)
+        some, whole = evaluate(problem, drive), evaluate(problem_of(measurement=NOISY), drive)
         assert dict(some.parameters) == blocks
         for name, parameters in blocks.items():
             place = whole.parameters[name].index(parameters[0])
@@ -331,7 +331,7 @@ class TestPrior:
 
     def test_displacements_are_divided_by_their_noise_first(self):
         prior = Prior(standard_deviations={"c21": "1 mm", "c11": "3 %"})
-        plain, found = (make_problem(measurement=NOISY, criterion=E(), prior=way) for way in (None, prior))
+        plain, found = (problem_of(measurement=NOISY, criterion=E(), prior=way) for way in (None, prior))
         drive = random_drive(plain, 0)
         before, after = evaluate(plain, drive).information, evaluate(found, drive).information
         share = (RADIUS / 2 / 1e-3) ** 2
@@ -395,7 +395,7 @@ class TestPrior:
         apart = Prior(standard_deviations=dict(zip(names, sizes, strict=True)))
         together = Prior(parameters=names, covariance=np.diag(sizes**2).tolist())
         found, expected = (
-            make_problem(measurement=NOISY, criterion=E(), prior=way) for way in (together, apart)
+            problem_of(measurement=NOISY, criterion=E(), prior=way) for way in (together, apart)
         )
         drive = random_drive(expected, 0)
         for name, matrix in evaluate(expected, drive).information.items():

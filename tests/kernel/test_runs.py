@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, problem_of, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from studies import SMALL, write_study
@@ -42,7 +42,7 @@ def space_of(degree: int = 3, *, rest: bool = True, runs: int = RUNS, **parts) -
 
 
 def some_drive(space: DesignSpace, seed: int = 0, amplitude: float = 8.0) -> Trajectory:
-    return random_drive(make_problem(design=space, limits=(SPEED,)), seed, amplitude)
+    return random_drive(problem_of(design=space, limits=(SPEED,)), seed, amplitude)
 
 
 def alone(drive: Trajectory, run: int) -> Trajectory:
@@ -58,7 +58,7 @@ def single_problem(problem: Problem, run: int) -> Problem:
     space = problem.design
     start = space.start[run] if isinstance(space.start, tuple) else space.start
     design = space.model_copy(update={"runs": 1, "start": start})
-    return make_problem(
+    return problem_of(
         design=design, measurement=problem.measurement, limits=problem.limits, criterion=problem.criterion
     )
 
@@ -239,7 +239,7 @@ class TestEvaluation:
     @pytest.mark.slow
     def test_poses_path_and_margins_are_the_single_runs_together(self, degree: int, rest: bool):
         limits = LIMITS if degree > 1 else (*LIMITS[:3], *LIMITS[4:])
-        problem = make_problem(design=space_of(degree, rest=rest, start=STARTS), limits=limits)
+        problem = problem_of(design=space_of(degree, rest=rest, start=STARTS), limits=limits)
         for seed in range(4):
             drive = random_drive(problem, seed)
             found = evaluate(problem, drive)
@@ -256,7 +256,7 @@ class TestEvaluation:
     @pytest.mark.parametrize("place", [0, COEFFICIENTS - 1])
     @pytest.mark.parametrize("run", range(RUNS))
     def test_a_limit_is_checked_at_both_ends_of_every_run(self, run: int, place: int):
-        problem = make_problem(design=space_of(rest=False), limits=(SPEED,))
+        problem = problem_of(design=space_of(rest=False), limits=(SPEED,))
         rows = np.zeros((RUNS * COEFFICIENTS, 2))
         rows[run * COEFFICIENTS + place, 1] = 12.5
         found = evaluate(problem, problem.design.trajectory(rows, np.zeros((RUNS, 3))))
@@ -269,12 +269,12 @@ class TestEvaluation:
         space = DesignSpace(duration=duration, samples=4, spline=Spline(degree=1, coefficients=5), runs=runs)
         rows = np.zeros((5 * runs, 2))
         rows[5 * (run % runs) + (4 if last else 0), 0] = 1.0
-        problem = make_problem(design=space, limits=(SPEED,))
+        problem = problem_of(design=space, limits=(SPEED,))
         found = evaluate(problem, space.trajectory(rows, np.zeros((runs, 3))))
         assert found.violations == pytest.approx({"rest_to_rest": 1.0}, rel=1e-9)
 
     def test_start_and_duration_are_those_of_all_runs(self):
-        problem = make_problem(design=space_of(start=STARTS))
+        problem = problem_of(design=space_of(start=STARTS))
         drive = random_drive(problem, 0, 0.5)
         assert evaluate(problem, drive).feasible
         moved = drive.start.copy()
@@ -285,7 +285,7 @@ class TestEvaluation:
         assert evaluate(problem, longer).violations["duration"] == pytest.approx(0.1 * RUNS * 7.3, rel=1e-9)
 
     def test_the_limit_on_length_holds_for_each_run(self):
-        problem = make_problem(design=space_of(), limits=(SPEED, PathLength(bounds=1.0)))
+        problem = problem_of(design=space_of(), limits=(SPEED, PathLength(bounds=1.0)))
         rows = np.zeros((RUNS, COEFFICIENTS, 2))
         rows[:, 1:-1] = [[[2.0, 2.0]], [[4.0, 4.0]], [[-3.0, -3.0]]]
         found = evaluate(problem, problem.design.trajectory(rows.reshape(-1, 2), np.zeros((RUNS, 3))))
@@ -295,7 +295,7 @@ class TestEvaluation:
         assert margin.margin == pytest.approx(1.0 - max(lengths), abs=1e-3)
 
     def test_another_number_of_runs_is_refused(self):
-        problem = make_problem(design=space_of(start=STARTS))
+        problem = problem_of(design=space_of(start=STARTS))
         single = single_problem(problem, 0)
         with pytest.raises(ValueError, match=r"start of 3 run\(s\)"):
             evaluate(problem, random_drive(single, 0))
@@ -321,7 +321,7 @@ def found_runs(problem: Problem, rows: np.ndarray) -> tuple[Trajectory, ...]:
 def outcome(space: DesignSpace) -> dict:
     """All numbers of one drive's score."""
     measurement = Displacements(segments=4, regressor="both", noise={"position": 0.01, "heading": 0.02})
-    problem = make_problem(design=space, measurement=measurement)
+    problem = problem_of(design=space, measurement=measurement)
     found: Evaluation = evaluate(problem, random_drive(problem, 3))
     others = {"margins", "square_roots", "full_square_roots"}
     numbers = {name: getattr(found, name) for name in found.__dataclass_fields__ if name not in others}
@@ -347,7 +347,7 @@ WITHOUT_RUN = ["t,wheel_speed_right,wheel_speed_left", "0,1,2", "1,3,4", "2,5,6"
 
 
 def two_runs(**parts) -> Problem:
-    return make_problem(design=DesignSpace(duration=10, samples=40, runs=2, **parts), limits=(SPEED,))
+    return problem_of(design=DesignSpace(duration=10, samples=40, runs=2, **parts), limits=(SPEED,))
 
 
 def read_lines(folder: Path, lines: list[str], problem: Problem) -> Trajectory:
@@ -385,7 +385,7 @@ class TestPathFile:
     @pytest.mark.parametrize("degree", [0, 1, 3])
     @pytest.mark.parametrize("start", [STARTS, STARTS[0], "free"], ids=["list", "one", "free"])
     def test_the_score_is_the_same(self, tmp_path: Path, degree: int, start):
-        problem = make_problem(design=space_of(degree, start=start))
+        problem = problem_of(design=space_of(degree, start=start))
         for seed in range(3):
             drive = random_drive(problem, seed)
             before = evaluate(problem, drive)
@@ -426,7 +426,7 @@ class TestPathFile:
         np.testing.assert_array_equal(drive.start, [[0.5, 0, 0], [0, 0.5, 1]])
 
     def test_the_column_is_not_needed_for_one_run_and_does_no_harm(self, tmp_path: Path):
-        problem = make_problem()
+        problem = problem_of()
         plain = read_lines(tmp_path, WITHOUT_RUN, problem)
         named = read_lines(
             tmp_path, [f"run,{WITHOUT_RUN[0]}", *(f"7,{line}" for line in WITHOUT_RUN[1:])], problem
@@ -470,7 +470,7 @@ class TestCommandLine:
     def test_a_drive_of_two_runs_is_scored(self, capsys, tmp_path: Path):
         design = DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), runs=2)
         noise = {"position": "1 cm", "heading": "1 deg"}
-        problem = make_problem(design=design, measurement=Displacements(segments=4, noise=noise))
+        problem = problem_of(design=design, measurement=Displacements(segments=4, noise=noise))
         drive = random_drive(problem, 1, 2.0)
         found = evaluate(problem, drive)
         write_trajectory(tmp_path / "path.csv", problem, drive, found.states)

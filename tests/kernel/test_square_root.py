@@ -9,7 +9,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 import pytest
-from builders import RADIUS, TRACK, input_limits, make_problem
+from builders import RADIUS, TRACK, input_limits, problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import PROBLEMS
@@ -29,7 +29,6 @@ from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.robots.models import Tricycle
 from oed.robots.sensors import Displacements, Poses, YawRate
-from oed.robots.space import DesignSpace
 from oed.workflow.studies import load_study
 
 seeds = st.integers(0, 2**32 - 1)
@@ -89,7 +88,7 @@ def jacobian_of(problem: Problem, drive: Trajectory) -> np.ndarray:
 
 def tricycle(**overrides) -> Problem:
     model = Tricycle(wheel_radius=0.1, wheelbase=0.4, steering_offset=0.03)
-    return make_problem(
+    return problem_of(
         **{
             "model": model,
             "measurement": Poses(noise=NOISE, lever_arm=LEVER),
@@ -161,7 +160,7 @@ class TestExactly:
         measurement = Displacements(
             segments=5, noise={"position": 0.02}, noise_model="absolute", estimator=estimator
         )
-        problem = make_problem(measurement=measurement, criterion=E(), estimate=estimate)
+        problem = problem_of(measurement=measurement, criterion=E(), estimate=estimate)
         rng = np.random.default_rng(3)
         drive = Trajectory.from_samples(rng.uniform(-5, 5, (40, 2)), 10.0, (0, 0, 0), rest_to_rest=False)
         found = evaluate(problem, drive)
@@ -218,7 +217,7 @@ TURN, AHEAD = (Leg(inputs=(5, -5), duration=2),), (Leg(inputs=(5, 4), duration=2
 
 
 def spun(criterion: Criterion, **parts) -> Evaluation:
-    return evaluate(make_problem(**{"measurement": POSES, "criterion": criterion, **parts}), SPIN)
+    return evaluate(problem_of(**{"measurement": POSES, "criterion": criterion, **parts}), SPIN)
 
 
 class TestASpin:
@@ -263,7 +262,7 @@ class TestASpin:
         ids=["gradients", "population"],
     )
     def test_a_search_for_them_keeps_it(self, kind, search):
-        problem = make_problem(
+        problem = problem_of(
             measurement=YawRate(noise=0.01, every=4), criterion=kind(test_drive=TURN, quantity="heading")
         )
         # On yaw rates alone no drive tells how large the robot is, which no prediction of headings needs.
@@ -279,7 +278,7 @@ class TestASpin:
         )
 
     def test_what_predictions_of_positions_need_is_still_asked_for(self):
-        problem = make_problem(measurement=YawRate(noise=0.01), criterion=G(test_drive=AHEAD))
+        problem = problem_of(measurement=YawRate(noise=0.01), criterion=G(test_drive=AHEAD))
         assert [set(one.changes) for one in ambiguities(problem)] == [
             {"wheel_radius_right", "wheel_radius_left", "track"}
         ]
@@ -289,7 +288,7 @@ class TestASpin:
 @pytest.mark.parametrize("share", ["1e-6 %", "1e-3 %"])
 def test_a_prior_however_good_makes_nothing_singular(criterion: Criterion, share: str):
     prior = Prior(standard_deviations={"track": share})
-    problem = make_problem(measurement=POSES, criterion=criterion, prior=prior)
+    problem = problem_of(measurement=POSES, criterion=criterion, prior=prior)
     rng = np.random.default_rng(1)
     drive = Trajectory.from_samples(rng.uniform(-5, 5, (40, 2)), 10.0, (0, 0, 0), rest_to_rest=False)
     found = evaluate(problem, drive)
@@ -297,7 +296,7 @@ def test_a_prior_however_good_makes_nothing_singular(criterion: Criterion, share
     expected = float(share.removesuffix(" %")) / 100 * TRACK
     assert found.standard_deviations["track"] == pytest.approx(expected, rel=1e-4)
     # As good as known: the radii are told as they are where it is.
-    known = make_problem(
+    known = problem_of(
         measurement=POSES, criterion=criterion, estimate=("wheel_radius_right", "wheel_radius_left")
     )
     for name, deviation in evaluate(known, drive).standard_deviations.items():
@@ -311,13 +310,14 @@ def test_a_prior_however_good_makes_nothing_singular(criterion: Criterion, share
 )
 def test_what_no_drive_tells_is_said_by_every_criterion(criterion: Criterion):
     # One coefficient: both segments turn alike.
-    problem = make_problem(
-        design=DesignSpace(
-            duration=4, samples=20, spline=Spline(degree=0, coefficients=1), rest_to_rest=False
-        ),
+    problem = problem_of(
+        duration=4,
+        samples=20,
+        spline=Spline(degree=0, coefficients=1),
+        rest_to_rest=False,
         measurement=Displacements(segments=2, regressor="heading"),
         criterion=criterion,
-        limits=input_limits(make_problem().model),
+        limits=input_limits(problem_of().model),
     )
     solution = solve(problem, Ipopt(starts=2, perturbations=0), seed=0, workers=1)
     assert solution.status is Status.SINGULAR
@@ -340,11 +340,11 @@ def test_motions_that_cancel_to_rounding_tell_nothing(kind: str, path: str):
 
 
 def test_a_wheel_that_stands_but_for_rounding_tells_nothing_although_the_others_are_known():
-    problem = make_problem(
+    problem = problem_of(
         measurement=Displacements(segments=4, noise={"position": 1e-3, "heading": 1e-2}),
         criterion=E(scaling="relative"),
         estimate=("c21",),
-        design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+        rest_to_rest=False,
     )
     turning = problem.design.trajectory(np.tile([3.0, 1.0], (8, 1)), np.zeros(3))
     standing = replace(turning, coefficients=turning.coefficients * [1e-17, 1.0])
@@ -359,7 +359,7 @@ def test_displacements_that_cancel_to_rounding_tell_nothing(noise_model: str):
     measurement = Displacements(
         segments=2, regressor="position", noise={"position": 0.01, "heading": 0.01}, noise_model=noise_model
     )
-    problem = make_problem(measurement=measurement, criterion=E(scaling="relative"))
+    problem = problem_of(measurement=measurement, criterion=E(scaling="relative"))
     wheels = np.tile([[4.0, 4.0], [3.0, -3.0]] * 4, (10, 1))
     turn = np.pi / 2 * TRACK / (2 * RADIUS * 3.0)
     drives = [

@@ -88,7 +88,9 @@ class Interval(InputLimit):
         return self.bounds_by_name(model)
 
 
-def problem_of(curve: Curve, interval: tuple[float, float], count: int, criterion: Criterion) -> oed.Problem:
+def curve_problem(
+    curve: Curve, interval: tuple[float, float], count: int, criterion: Criterion
+) -> oed.Problem:
     return oed.Problem(
         model=curve,
         design=oed.DesignSpace(
@@ -108,7 +110,7 @@ def best(
 ) -> tuple[np.ndarray, oed.Evaluation]:
     """The best `count` points, ascending, and what they tell."""
     options = oed.Ipopt(starts=8, perturbations=0, second_stage="none")
-    solution = oed.solve(problem_of(curve, interval, count, criterion), options, workers=1)
+    solution = oed.solve(curve_problem(curve, interval, count, criterion), options, workers=1)
     assert solution.status is oed.Status.CONVERGED
     return np.sort(solution.trajectory.inputs.ravel()), solution.evaluation
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, SPEED, make_problem, random_drive
+from builders import ACCELERATION, SPEED, problem_of, random_drive
 
 import oed
 from oed.foundation.errors import Flaw, ProblemError
@@ -61,8 +62,7 @@ class Unknown(Uncertain):
         return [] if self.constant in known else [Flaw(("uncertainty",), f"no {self.constant}")]
 
 
-def problem_of(tightening: Tightening | None, **parts: object) -> Problem:
-    return make_problem(limits=(SPEED, ACCELERATION, ROOM), robust=tightening, **parts)
+tight_problem = partial(problem_of, limits=(SPEED, ACCELERATION, ROOM))
 
 
 def margin(problem: Problem, drive: Trajectory) -> float:
@@ -73,7 +73,7 @@ def margin(problem: Problem, drive: Trajectory) -> float:
 
 @pytest.fixture(scope="module")
 def drive() -> Trajectory:
-    return random_drive(problem_of(None), 2, 5.0)
+    return random_drive(tight_problem(robust=None), 2, 5.0)
 
 
 def enlarged(problem: Problem) -> Problem:
@@ -82,35 +82,35 @@ def enlarged(problem: Problem) -> Problem:
 
 
 def test_a_back_off_is_taken_from_the_margin(drive: Trajectory):
-    expected = margin(problem_of(None), drive) - 0.3
-    assert margin(problem_of(Fixed(distance=0.3)), drive) == pytest.approx(expected, abs=1e-6)
+    expected = margin(tight_problem(robust=None), drive) - 0.3
+    assert margin(tight_problem(robust=Fixed(distance=0.3)), drive) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.05])
 def test_scenarios_keep_limits_as_they_stand(drive: Trajectory, distance: float):
-    plain = problem_of(None)
+    plain = tight_problem(robust=None)
     alone, others = margin(plain, drive) - distance, margin(enlarged(plain), drive)
     assert others < alone
-    found = margin(problem_of(Fixed(distance=distance, others=1)), drive)
+    found = margin(tight_problem(robust=Fixed(distance=distance, others=1)), drive)
     assert found == pytest.approx(others, abs=1e-6)
 
 
 @pytest.mark.parametrize(("objective", "together"), [("worst", np.min), ("mean", np.mean)])
 def test_the_criterion_is_that_of_those_judged(drive: Trajectory, objective: str, together):
-    problem = problem_of(Fixed(objective=objective))
-    each = [evaluate(one, drive).objective for one in (problem_of(None), enlarged(problem))]
+    problem = tight_problem(robust=Fixed(objective=objective))
+    each = [evaluate(one, drive).objective for one in (tight_problem(robust=None), enlarged(problem))]
     assert each[0] != pytest.approx(each[1], rel=1e-3)
     assert evaluate(problem, drive).objective == pytest.approx(together(each), rel=1e-9)
 
 
 def test_what_cannot_be_uncertain_so_is_said():
-    make_problem(uncertainty=Unknown(constant="track"))
+    problem_of(uncertainty=Unknown(constant="track"))
     with pytest.raises(ProblemError, match="no mass"):
-        make_problem(uncertainty=Unknown(constant="mass"))
+        problem_of(uncertainty=Unknown(constant="mass"))
 
 
 def test_a_search_keeps_the_back_off():
-    problem = problem_of(Fixed(distance=0.3), design=oed.DesignSpace(duration=6, samples=12))
+    problem = tight_problem(robust=Fixed(distance=0.3), design=oed.DesignSpace(duration=6, samples=12))
     found = oed.solve(problem, oed.Ipopt(starts=1), seed=0)
     assert found.evaluation.feasible
     assert found.leaving is None

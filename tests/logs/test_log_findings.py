@@ -76,8 +76,8 @@ class TestStanding:
     def test_before_and_after(self, tmp_path: Path):
         log = read_one(write(tmp_path / "a.csv", cells(resting(30, 60))))
         assert found(log) == {
-            "stationary_start": "the robot stands for the first 1.5 s, which tell nothing of its wheels",
-            "stationary_end": "the robot stands for the last 3 s, which tell nothing of its wheels",
+            "stationary_start": "the robot stands for the first 1.5 s, not informative about its wheels",
+            "stationary_end": "the robot stands for the last 3 s, not informative about its wheels",
         }
         assert len(log.poses) == len(TABLE) + 90
 
@@ -159,7 +159,7 @@ class TestHeadings:
         np.testing.assert_allclose(log.poses[:, 2], running, atol=1e-12)
         count = int(np.sum(np.abs(np.diff(table[:, 5])) > 3))
         words = "1 time" if count == 1 else f"{count} times"
-        assert found(log) == {"wrapped_heading": f"the heading jumps by a full turn {words}; made to run on"}
+        assert found(log) == {"wrapped_heading": f"the heading jumps by a full turn {words}; unwrapped"}
 
     @pytest.mark.parametrize("wrapped", [True, False])
     def test_degrees_taken_for_radians(self, tmp_path: Path, wrapped: bool):
@@ -203,4 +203,4 @@ def test_a_counter_that_begins_anew_is_run_on(tmp_path: Path):
     log = read_one(write(tmp_path / "a.csv", cells(table)), inputs=keys)
     np.testing.assert_allclose(log.integrals, np.radians(degrees - degrees[0]), atol=1e-9)
     count = int(np.sum(np.abs(np.diff(table[:, 1:3], axis=0)) > 180))
-    assert found(log) == {"counter_wrapped": f"counters began anew {count} times; made to run on"}
+    assert found(log) == {"counter_wrapped": f"counters began anew {count} times; unwrapped"}

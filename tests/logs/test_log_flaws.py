@@ -44,7 +44,7 @@ class TestFiles:
 
     def test_not_text(self, file: Path):
         file.write_bytes(b"\xff\xfe\x00\x81" * 10)
-        assert flaw_of(file).message == "is not a text file"
+        assert flaw_of(file).message == "cannot be read: not UTF-8 text"
 
     def test_not_a_table(self, file: Path):
         file.write_text('t,x\n"' + "a" * 200_000 + '",1\n')

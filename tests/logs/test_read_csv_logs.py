@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import make_problem, random_drive
+from builders import problem_of, random_drive
 from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
 
 from oed.kernel.dynamics.space import Spline
@@ -45,7 +45,7 @@ class TestByDefault:
     @pytest.mark.parametrize("runs", [1, 2])
     def test_the_package_reads_the_drives_it_has_written(self, tmp_path: Path, runs: int):
         design = DesignSpace(duration=10, samples=40, runs=runs, spline=Spline(coefficients=8))
-        problem = make_problem(design=design)
+        problem = problem_of(design=design)
         planned = random_drive(problem, 3)
         write_trajectory(tmp_path / "drive.csv", problem, planned, evaluate(problem, planned).states)
         logs = read_logs([tmp_path / "drive.csv"], form(), problem.model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from builders import RADIUS, TRACK, make_problem
+from builders import RADIUS, TRACK, problem_of
 
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.space import Spline
@@ -39,7 +39,7 @@ def random_problem(seed: int) -> Problem:
     """The problem of a seed."""
     rng = np.random.default_rng(seed)
     size = float(10 ** rng.uniform(-1, 1))
-    return make_problem(
+    return problem_of(
         model=_robot(rng),
         design=_space(rng),
         measurement=_measurement(rng),

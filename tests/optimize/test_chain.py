@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import SPEED, make_problem
+from builders import SPEED, problem_of
 
 from oed.kernel.criteria import A, D, E, G, ModifiedE
 from oed.kernel.criteria.prediction import Leg
@@ -56,7 +56,7 @@ VARIANTS = {
 
 def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.ndarray]:
     """A search's program, and a point of it."""
-    design = DesignExpressions(make_problem(**{"design": DesignSpace(**SPACE), **overrides}))
+    design = DesignExpressions(problem_of(**{"design": DesignSpace(**SPACE), **overrides}))
     robots = [[matrix / design.scale for matrix in own] for own in design.robots]
     sought = objective_of(design.problem, robots)
     target = sought.maximised
@@ -103,7 +103,7 @@ def test_so_are_those_of_an_objective_that_bends_with_the_information(name: str)
 
 
 def test_a_relaxed_program_holds_every_row_twice():
-    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE)))
+    design = DesignExpressions(problem_of(design=DesignSpace(**SPACE)))
     frame = Frame(design.terms, relaxing=True)
     relaxation = ca.SX.sym("relaxation", len(design.rows))
     chain = ChainRule(design, frame, -ca.sum1(relaxation), relaxation, ca.SX(0, 1))
@@ -113,7 +113,7 @@ def test_a_relaxed_program_holds_every_row_twice():
 
 
 def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
-    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=(SPEED,)))
+    design = DesignExpressions(problem_of(design=DesignSpace(**SPACE), limits=(SPEED,)))
     (low, high), (least, _) = Frame(design.terms, relaxing=False).bounds(np.array([0.25]))
     np.testing.assert_allclose(high, np.full(design.size, 0.75))
     np.testing.assert_allclose(low, -high)
@@ -123,7 +123,7 @@ def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
 def test_tightening_leaves_something_of_what_several_limits_leave_of_an_unknown():
     """Speeds and accelerations of at least 0 leave the last speeds before rest nothing but 0."""
     limits = (WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=(0, 20)))
-    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=limits))
+    design = DesignExpressions(problem_of(design=DesignSpace(**SPACE), limits=limits))
     frame = Frame(design.terms, relaxing=False)
     (least, most), _ = frame.bounds(np.zeros(2))
     assert (least == most).any()
@@ -138,7 +138,7 @@ def test_tightening_leaves_something_of_what_several_limits_leave_of_an_unknown(
 def test_bounds_of_an_unknown_that_contradict_each_other_stay_rows():
     """From rest to rest accelerations of at least 1 ask the last speeds to be below 0."""
     limits = (WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=(1, 20)))
-    design = DesignExpressions(make_problem(design=DesignSpace(**SPACE), limits=limits))
+    design = DesignExpressions(problem_of(design=DesignSpace(**SPACE), limits=limits))
     (low, high), (least, most) = Frame(design.terms, relaxing=False).bounds(np.zeros(2))
     assert (low <= high).all()
     assert (least <= most).all()
@@ -149,8 +149,8 @@ def test_bounds_of_an_unknown_that_contradict_each_other_stay_rows():
 
 class TestSharedTerms:
     def test_criteria_of_the_same_matrices_share_them(self):
-        first = make_problem(design=DesignSpace(**SPACE), criterion=E(scaling="none"))
-        second = make_problem(design=DesignSpace(**SPACE), criterion=D(scaling="none"))
+        first = problem_of(design=DesignSpace(**SPACE), criterion=E(scaling="none"))
+        second = problem_of(design=DesignSpace(**SPACE), criterion=D(scaling="none"))
         assert terms_of(first) is terms_of(second)
 
     @pytest.mark.parametrize(
@@ -164,4 +164,4 @@ class TestSharedTerms:
     )
     def test_problems_of_other_matrices_or_limits_do_not(self, other: dict):
         plain = {"design": DesignSpace(**SPACE), "criterion": E(scaling="none")}
-        assert terms_of(make_problem(**plain)) is not terms_of(make_problem(**{**plain, **other}))
+        assert terms_of(problem_of(**plain)) is not terms_of(problem_of(**{**plain, **other}))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import make_problem
+from builders import problem_of
 
 from oed.kernel.coarser import MOST, USUAL, coarse_samples
 from oed.kernel.criteria import D, E
@@ -34,7 +34,7 @@ measurements = pytest.mark.parametrize("measurement", MEASUREMENTS.values(), ids
 
 def fine_problem(samples: int = 240, **overrides: object) -> Problem:
     space = {"duration": 6, "samples": samples, "spline": Spline(coefficients=7)}
-    return make_problem(**{"design": DesignSpace(**space), **overrides})
+    return problem_of(**{"design": DesignSpace(**space), **overrides})
 
 
 def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
@@ -47,13 +47,13 @@ def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
 )
 def test_segments_of_a_coarse_grid_are_equally_long(samples: int, segments, expected: int):
     space = DesignSpace(duration=20, samples=samples)
-    problem = make_problem(design=space, measurement=Displacements(segments=segments))
+    problem = problem_of(design=space, measurement=Displacements(segments=segments))
     assert coarse_samples(problem) == expected
 
 
 def test_splines_of_many_coefficients_need_a_finer_grid():
     space = DesignSpace(duration=20, samples=20000, spline=Spline(coefficients=100))
-    assert coarse_samples(make_problem(design=space)) == 1200
+    assert coarse_samples(problem_of(design=space)) == 1200
 
 
 def test_up_to_600_samples_are_looked_at_one_by_one():

@@ -7,22 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, SPEED, make_problem
+from builders import ACCELERATION, BOX, SPEED, problem_of
 
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starts import random_drives
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 
 
 def make_cornered(lowest: float = 3.0, half_side: float = 0.1) -> Problem:
     """Wheels that must turn forward all the time, in a box too small to turn in."""
-    return make_problem(
-        design=DesignSpace(duration=5, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+    return problem_of(
+        duration=5,
+        rest_to_rest=False,
         limits=(
             WheelSpeed(bounds=(lowest, 10)),
             Rectangle(x=(-half_side, half_side), y=(-half_side, half_side)),
@@ -76,4 +75,4 @@ def test_a_limit_that_is_not_in_the_way_is_not_named():
 
 
 def test_limits_that_agree_do_not_conflict():
-    assert describe(make_problem(limits=(SPEED, ACCELERATION, BOX))) == ""
+    assert describe(problem_of(limits=(SPEED, ACCELERATION, BOX))) == ""

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from builders import SPEED, make_problem, upper_bound
+from builders import SPEED, problem_of, upper_bound
 from pydantic import ValidationError
 
 from oed.foundation.errors import Failure, ProblemError
@@ -21,7 +21,7 @@ from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
 
-PROBLEM = make_problem()
+PROBLEM = problem_of()
 SEARCHES = {
     "genetic": Genetic(population=60, generations=40),
     "cmaes": CmaEs(population=30, generations=40),
@@ -82,7 +82,7 @@ class TestOptimum:
             "held": DesignSpace(duration=10, samples=40, spline=Spline(degree=0, coefficients=10)),
         }
         limits = (SPEED, Rectangle(x=(0, 1), y=(-1, 1)))
-        problem = make_problem(design=designs[space], limits=limits)
+        problem = problem_of(design=designs[space], limits=limits)
         solution = solve(problem, Genetic(population=40, generations=15), seed=seed, workers=1)
         assert solution.evaluation.feasible
         assert 0.3 * upper_bound(4) <= solution.evaluation.objective <= upper_bound(4) * (1 + 1e-9)
@@ -200,8 +200,9 @@ class TestEnd:
 
     @tiny
     def test_no_feasible_drive(self, search):
-        problem = make_problem(
-            design=DesignSpace(duration=20, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+        problem = problem_of(
+            duration=20,
+            rest_to_rest=False,
             limits=(WheelSpeed(bounds=(3, 10)), Rectangle(x=(-0.1, 0.1), y=(-0.1, 0.1))),
         )
         solution = solve(problem, search, seed=0, workers=1)
@@ -209,10 +210,11 @@ class TestEnd:
         assert (solution.trajectory, solution.evaluation, solution.history) == (None, None, ())
 
     def test_parameters_that_no_drive_tells_apart(self):
-        problem = make_problem(
-            design=DesignSpace(
-                duration=4, samples=20, spline=Spline(degree=0, coefficients=1), rest_to_rest=False
-            ),
+        problem = problem_of(
+            duration=4,
+            samples=20,
+            spline=Spline(degree=0, coefficients=1),
+            rest_to_rest=False,
             measurement=Displacements(segments=2, regressor="heading"),
             limits=(SPEED,),
         )
@@ -268,7 +270,7 @@ class TestPolish:
 
     def test_with_a_free_start(self):
         space = DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free")
-        problem = make_problem(design=space)
+        problem = problem_of(design=space)
         earlier = solve(problem, TINY["genetic"], seed=0, workers=1)
         polished = self.polish(problem, earlier)
         assert polished.evaluation.objective >= earlier.evaluation.objective * (1 - 1e-9)
@@ -288,7 +290,7 @@ class TestPolish:
 @pytest.mark.slow
 def test_a_drive_of_many_samples_is_searched_on_fewer():
     space = DesignSpace(duration=6, samples=3000, spline=Spline(coefficients=7))
-    problem = make_problem(design=space)
+    problem = problem_of(design=space)
     found = solve(problem, Genetic(population=20, generations=5), seed=0, workers=1)
     assert found.trajectory.samples == 3000
     assert found.evaluation.feasible

@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem, upper_bound
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, problem_of, upper_bound
 from pydantic import ValidationError
 
 from oed.foundation.work.parallel import run_tasks
@@ -79,8 +79,9 @@ class TestFlagship:
 
 
 def three_small_segments() -> Problem:
-    return make_problem(
-        design=DesignSpace(duration=10, samples=50, spline=Spline(coefficients=10)),
+    return problem_of(
+        samples=50,
+        coefficients=10,
         measurement=Displacements(segments=3),
     )
 
@@ -156,7 +157,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[Workers]):
-    problem, options = make_problem(), Ipopt(starts=4, perturbations=2)
+    problem, options = problem_of(), Ipopt(starts=4, perturbations=2)
     single = solve(problem, options, seed=3, workers=1)
     again = solve(problem, options, seed=3, workers=1)
     np.testing.assert_array_equal(single.trajectory.coefficients, again.trajectory.coefficients)
@@ -279,7 +280,7 @@ KNOWN_OPTIMA = {
 @pytest.mark.slow
 @pytest.mark.parametrize(("overrides", "optimum", "share"), KNOWN_OPTIMA.values(), ids=KNOWN_OPTIMA.keys())
 def test_known_optima(overrides, optimum: float, share: float):
-    problem = make_problem(**overrides)
+    problem = problem_of(**overrides)
     solution = solve(problem, QUICK, seed=0, workers=1)
     assert solution.status is Status.CONVERGED
     assert solution.evaluation.feasible
@@ -300,8 +301,10 @@ def test_the_papers_table_is_surpassed(three_segments: Problem, three_segment_so
 @pytest.mark.slow
 def test_per_sample_form_comes_near_its_proven_bound():
     # 85.823 bounds every drive of these limits, splines or not; these splines cost a few per cent.
-    problem = make_problem(
-        design=DesignSpace(duration=10, samples=100, spline=Spline(coefficients=30), integration="midpoint"),
+    problem = problem_of(
+        samples=100,
+        coefficients=30,
+        integration="midpoint",
         measurement=Displacements(segments="samples"),
         limits=(SPEED, ACCELERATION),
     )
@@ -338,7 +341,7 @@ class TestInterrupted:
     @pytest.mark.slow
     def test_the_best_so_far_is_kept(self, steps: int):
         listener = Listener(steps, interrupt)
-        problem, options = make_problem(), Ipopt(starts=3, perturbations=4)
+        problem, options = problem_of(), Ipopt(starts=3, perturbations=4)
         solution = solve(problem, options, seed=0, workers=1, progress=listener)
         assert solution.status is Status.INTERRUPTED
         assert solution.status.usable
@@ -353,14 +356,14 @@ class TestInterrupted:
             def begin(self, description: str, total: int) -> None:
                 interrupt()
 
-        solution = solve(make_problem(), QUICK, workers=1, progress=Hasty(0, interrupt))
+        solution = solve(problem_of(), QUICK, workers=1, progress=Hasty(0, interrupt))
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is None
         assert "No design had been found by then" in solution.message
 
     @pytest.mark.slow
     def test_workers_are_stopped(self):
-        problem, listener = make_problem(), Listener(2, interrupt)
+        problem, listener = problem_of(), Listener(2, interrupt)
         solution = solve(problem, Ipopt(starts=6), seed=0, workers=2, progress=listener)
         assert solution.status is Status.INTERRUPTED
         assert len(solution.starts) == 2
@@ -385,8 +388,9 @@ class TestInterrupted:
 
 @pytest.mark.slow
 def test_infeasible_limits_are_named():
-    problem = make_problem(
-        design=DesignSpace(duration=20, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
+    problem = problem_of(
+        duration=20,
+        rest_to_rest=False,
         limits=(WheelSpeed(bounds=(3, 10)), Rectangle(x=(-0.1, 0.1), y=(-0.1, 0.1))),
     )
     solution = solve(problem, Ipopt(starts=2), seed=0, workers=1)
@@ -401,7 +405,7 @@ def test_infeasible_limits_are_named():
 
 def test_parameters_that_no_drive_tells_apart_are_singular():
     # One coefficient: both segments turn alike.
-    problem = make_problem(
+    problem = problem_of(
         design=held_space(20, 1),
         measurement=Displacements(segments=2, regressor="heading"),
         limits=(SPEED,),
@@ -412,7 +416,7 @@ def test_parameters_that_no_drive_tells_apart_are_singular():
 
 
 def test_time_limit_before_any_design():
-    solution = solve(make_problem(), Ipopt(time_limit=1e-6), seed=0, workers=1)
+    solution = solve(problem_of(), Ipopt(time_limit=1e-6), seed=0, workers=1)
     assert solution.status is Status.TIME_LIMIT
     assert solution.trajectory is None
     assert Status.TIME_LIMIT.sentence in solution.message
@@ -420,7 +424,7 @@ def test_time_limit_before_any_design():
 
 @pytest.mark.slow
 def test_iteration_limit():
-    problem = make_problem(limits=(SPEED,))
+    problem = problem_of(limits=(SPEED,))
     solution = solve(problem, Ipopt(starts=2, perturbations=0, max_iterations=8), seed=0, workers=1)
     assert solution.status is Status.ITERATION_LIMIT
     assert solution.evaluation.feasible

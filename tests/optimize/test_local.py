@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from builders import SPEED, make_problem
+from builders import SPEED, problem_of
 
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 
 OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
 
@@ -20,8 +18,9 @@ OPTIONS = Ipopt(starts=4, perturbations=0, second_stage="none")
 @pytest.fixture(scope="module")
 def coarse() -> Problem:
     """Few samples at high speed: the box is easily left and entered again between two of them."""
-    return make_problem(
-        design=DesignSpace(duration=10, samples=20, spline=Spline(coefficients=10)),
+    return problem_of(
+        samples=20,
+        coefficients=10,
         measurement=Displacements(segments="samples"),
         limits=(SPEED, Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))),
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from math import lcm
 from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, make_problem
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, problem_of
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
@@ -260,8 +261,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
 }
 
 
-def problem_of(overrides: dict[str, Any]) -> Problem:
-    return make_problem(**{"design": space(), **overrides})
+small_problem = partial(problem_of, **SPACE)
 
 
 def short(problem: Problem) -> Layout:
@@ -288,7 +288,7 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
     ],
 )
 def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
-    problem = problem_of(overrides)
+    problem = small_problem(**overrides)
     agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
 
 
@@ -301,7 +301,7 @@ BETWEEN = [
 
 @pytest.mark.parametrize("overrides", BETWEEN)
 def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
-    problem = problem_of(overrides)
+    problem = small_problem(**overrides)
     agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
 
 
@@ -333,8 +333,8 @@ def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
 
 
 def test_a_limit_is_asked_of_what_it_looks_at():
-    problem = problem_of(
-        {"limits": (*OWN, EndHeading(at="start"), Unsaid(), Steps(), Splines(), Held(), Product())}
+    problem = small_problem(
+        limits=(*OWN, EndHeading(at="start"), Unsaid(), Steps(), Splines(), Held(), Product())
     )
     needs = needs_of(problem, terms_of(problem).coefficients, 3)
     names = [limit.name for limit in problem.limits]
@@ -349,17 +349,17 @@ def test_a_limit_is_asked_of_what_it_looks_at():
 
 
 def test_a_lag_has_two_motions_in_a_sample():
-    lag = problem_of(PROBLEMS["lag"])
+    lag = small_problem(**PROBLEMS["lag"])
     assert asked_of(lag, Power()) == Asked(2, 1, first=False)
 
 
 @pytest.mark.parametrize("limit", [EndPosition(at="start"), PathLength(bounds=3), Unsaid(), Bend()])
 def test_a_limit_on_whole_runs_leaves_the_rest_to_pieces(limit: Limit):
-    assert isinstance(terms_of(problem_of({"limits": (SPEED, BOX, limit)})), Pieces)
+    assert isinstance(terms_of(small_problem(limits=(SPEED, BOX, limit))), Pieces)
 
 
 def test_scores_and_bounded_unknowns_agree():
-    problem = problem_of({"limits": (*EVERYTHING, *WHOLE_RUNS[::2])})
+    problem = small_problem(limits=(*EVERYTHING, *WHOLE_RUNS[::2]))
     pieces, whole = terms_of(problem), Unrolled(problem)
     assert isinstance(pieces, Pieces)
     z = np.random.default_rng(1).uniform(-3, 3, (whole.size, 5))
@@ -385,14 +385,14 @@ WHOLE: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("overrides", WHOLE.values(), ids=WHOLE.keys())
 def test_other_drives_are_written_out(overrides: dict[str, Any]):
-    problem = problem_of(overrides)
+    problem = small_problem(**overrides)
     assert divisible(problem) is None
     assert isinstance(terms_of(problem), Unrolled)
 
 
 def test_so_are_those_that_nobody_differentiates():
-    assert isinstance(terms_of(problem_of({}), refine=2, differentiated=False), Unrolled)
-    assert isinstance(terms_of(problem_of({}), refine=2), Pieces)
+    assert isinstance(terms_of(small_problem(), refine=2, differentiated=False), Unrolled)
+    assert isinstance(terms_of(small_problem(), refine=2), Pieces)
 
 
 @pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
@@ -401,7 +401,7 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
     counts = []
     for samples in (200, 2000):
         limits = (SPEED, ACCELERATION, BOX, *more)
-        problem = problem_of({"measurement": measurement, "design": space(samples=samples), "limits": limits})
+        problem = small_problem(measurement=measurement, samples=samples, limits=limits)
         terms = terms_of(problem)
         assert isinstance(terms, Pieces)
         counts.append(terms.hessian.n_nodes())
@@ -410,13 +410,13 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
 
 
 def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
-    problem = problem_of({"limits": (WheelSpeed(bounds=(-2, 8)), BOX)})
+    problem = small_problem(limits=(WheelSpeed(bounds=(-2, 8)), BOX))
     z = np.random.default_rng(2).uniform(-1, 1, Unrolled(problem).size)
     assert_close(terms_of(problem).values(z)[0], Unrolled(problem).values(z)[0])
 
 
 def test_input_limits_alone_leave_no_rows_to_the_pieces():
-    problem = problem_of({"limits": input_limits(problem_of({}).model), "measurement": POSES})
+    problem = small_problem(limits=input_limits, measurement=POSES)
     pieces, whole = terms_of(problem), Unrolled(problem)
     z, rows = np.full(whole.size, 0.3), sum(len(one.lower) for one in whole.rows)
     assert_close(pieces.jacobian(z)[1], whole.jacobian(z)[1])

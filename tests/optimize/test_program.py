@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive
 
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
@@ -35,7 +35,7 @@ variants = pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS.
 
 
 def make_design(overrides: dict) -> DesignExpressions:
-    return DesignExpressions(make_problem(**{"design": DesignSpace(**SPACE), **overrides}))
+    return DesignExpressions(problem_of(**{"design": DesignSpace(**SPACE), **overrides}))
 
 
 def random_unknowns(design: DesignExpressions, seed: int = 0, share: float = 0.5) -> np.ndarray:
@@ -104,7 +104,7 @@ def test_a_drive_and_its_unknowns_are_one_to_one(overrides):
 
 def test_unknowns_of_another_spline_are_refused():
     design = make_design({})
-    other = make_problem(design=DesignSpace(duration=6, samples=24, spline=Spline(degree=2, coefficients=7)))
+    other = problem_of(duration=6, samples=24, spline=Spline(degree=2, coefficients=7))
     with pytest.raises(ValueError, match="not those of the design space"):
         design.unknowns_of(random_drive(other, 0))
 
@@ -178,7 +178,7 @@ class TestGoingOn:
 
     @pytest.fixture
     def search(self) -> LocalSearch:
-        problem = make_problem(design=DesignSpace(**SPACE))
+        problem = problem_of(design=DesignSpace(**SPACE))
         return LocalSearch(problem, Settings(300, 1e-8, None, "none"))
 
     def test_multipliers_that_mislead_are_forgotten(self, search: LocalSearch, monkeypatch):

@@ -47,7 +47,7 @@ def solved(name: str) -> tuple[Study, Evaluation]:
 
 
 def test_every_robot_has_a_problem():
-    kinds = {load_study(file).problem.model.kind for file in PROBLEMS.glob("*.yaml")}
+    kinds = {load_study(file).echo()["robot"]["kind"] for file in PROBLEMS.glob("*.yaml")}
     assert {model.model_fields["kind"].default for model in MODELS} <= kinds
 
 

@@ -9,7 +9,7 @@ from places import PROBLEMS
 
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.workflow.studies import parse_study
 
 RADII = "{wheel_radius_right: 5 %, wheel_radius_left: 5 %, track: 5 %}"
@@ -35,7 +35,7 @@ def test_a_laser_trackers_drive_keeps_half_of_the_cap():
     cap = readings * (1.0**2 + 1.0**2) / (3 * sigma**2)
     assert found.evaluation.feasible
     assert found.evaluation.objective >= 0.95 * 0.489 * cap
-    assert leaving(problem, found.trajectory, **FRESH).probability <= LEFT_BY
+    assert violation_probability(problem, found.trajectory, **FRESH).probability <= LEFT_BY
 
 
 def test_the_flagships_drive_costs_nothing():
@@ -44,5 +44,5 @@ def test_the_flagships_drive_costs_nothing():
     sure = solve(problem, options, seed=2, workers=1)
     plain = solve(replace(problem, robust=None), options, seed=2, workers=1)
     assert sure.evaluation.objective == pytest.approx(plain.evaluation.objective, rel=2e-3)
-    assert leaving(problem, sure.trajectory, **FRESH).probability <= LEFT_BY
-    assert leaving(problem, plain.trajectory, **FRESH).probability > 0.5
+    assert violation_probability(problem, sure.trajectory, **FRESH).probability <= LEFT_BY
+    assert violation_probability(problem, plain.trajectory, **FRESH).probability > 0.5

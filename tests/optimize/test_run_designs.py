@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, TRACK, make_problem, random_drive, upper_bound
+from builders import RADIUS, TRACK, problem_of, random_drive, upper_bound
 
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
-from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.transcription.design import DesignExpressions
@@ -31,15 +30,20 @@ SEARCHES = {
 starts = pytest.mark.parametrize("start", STARTS)
 
 
-def problem_of(start: str = "fixed", **parts) -> Problem:
-    space = DesignSpace(duration=4, samples=16, spline=Spline(coefficients=7), start=STARTS[start], runs=RUNS)
-    given = {"measurement": Displacements(segments=SEGMENTS), **parts}
-    return make_problem(**{"design": space, **given})
+runs_problem = partial(
+    problem_of,
+    duration=4,
+    samples=16,
+    coefficients=7,
+    start=STARTS["fixed"],
+    runs=RUNS,
+    measurement=Displacements(segments=SEGMENTS),
+)
 
 
 @cache
 def solved(search: str, start: str, workers: int = 1) -> Solution:
-    return solve(problem_of(start), SEARCHES[search], seed=1, workers=workers)
+    return solve(runs_problem(start=STARTS[start]), SEARCHES[search], seed=1, workers=workers)
 
 
 def by_oracle(drive: Trajectory, segments: int) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +67,7 @@ def by_oracle(drive: Trajectory, segments: int) -> tuple[np.ndarray, np.ndarray]
 class TestDesigns:
     def test_feasible_by_evaluate(self, search: str, start: str):
         solution = solved(search, start)
-        found = evaluate(problem_of(start), solution.trajectory)
+        found = evaluate(runs_problem(start=STARTS[start]), solution.trajectory)
         assert found.feasible
         assert found.objective == pytest.approx(solution.evaluation.objective, rel=1e-12)
         assert solution.trajectory.runs == RUNS
@@ -82,7 +86,7 @@ class TestDesigns:
             np.testing.assert_allclose(one.inputs_at(np.array([0.0, one.duration])), 0, atol=1e-12)
             assert np.abs(one.inputs).max() > 1.0
             if start != "free":
-                np.testing.assert_array_equal(one.start, problem_of(start).fixed_starts[run])
+                np.testing.assert_array_equal(one.start, runs_problem(start=STARTS[start]).fixed_starts[run])
         if start == "free":
             assert len(np.unique(drive.start[:, 0])) == RUNS
 
@@ -90,7 +94,10 @@ class TestDesigns:
         assert solved(search, start).evaluation.objective <= upper_bound(RUNS * SEGMENTS) * (1 + 1e-9)
 
     def test_the_number_of_workers_changes_nothing(self, search: str, start: str):
-        one, two = solved(search, start), solve(problem_of(start), SEARCHES[search], seed=1, workers=2)
+        one, two = (
+            solved(search, start),
+            solve(runs_problem(start=STARTS[start]), SEARCHES[search], seed=1, workers=2),
+        )
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
         np.testing.assert_array_equal(one.trajectory.start, two.trajectory.start)
 
@@ -99,7 +106,7 @@ class TestDesigns:
 def test_the_optimum_of_all_runs_is_reached():
     """Every segment of every run turns half round: lambda_min is 2 (3 P) (B / r)^2 and cannot be more."""
     space = DesignSpace(duration=8, samples=32, spline=Spline(coefficients=10), runs=RUNS)
-    problem = make_problem(design=space, measurement=Displacements(segments=4))
+    problem = problem_of(design=space, measurement=Displacements(segments=4))
     solution = solve(problem, Ipopt(starts=2, perturbations=0, second_stage="none"), seed=0, workers=1)
     assert (
         0.999 * upper_bound(4 * RUNS) <= solution.evaluation.objective <= upper_bound(4 * RUNS) * (1 + 1e-9)
@@ -112,7 +119,7 @@ def test_the_optimum_of_all_runs_is_reached():
 @pytest.mark.slow
 def test_sensors_with_unknown_starts():
     measurement = Poses(noise={"position": 1e-3, "heading": 0.01})
-    problem = problem_of("listed", measurement=measurement)
+    problem = runs_problem(start=STARTS["listed"], measurement=measurement)
     solution = solve(problem, Ipopt(starts=1, perturbations=0), seed=0, workers=1)
     assert evaluate(problem, solution.trajectory).feasible
     best = solution.evaluation.objective
@@ -123,8 +130,8 @@ class TestProgram:
     @starts
     @pytest.mark.parametrize("rest", [True, False])
     def test_unknowns_and_drives_are_each_others_inverse(self, start: str, rest: bool):
-        space = problem_of(start).design.model_copy(update={"rest_to_rest": rest})
-        problem = problem_of(start, design=space)
+        space = runs_problem(start=STARTS[start]).design.model_copy(update={"rest_to_rest": rest})
+        problem = runs_problem(start=STARTS[start], design=space)
         design = DesignExpressions(problem)
         free = 7 - 2 * rest
         assert design.size == RUNS * 2 * free + (3 * RUNS if start == "free" else 0)
@@ -139,8 +146,8 @@ class TestProgram:
     @pytest.mark.parametrize("degree", [0, 1, 3])
     def test_it_scores_as_evaluate(self, start: str, degree: int):
         spline = Spline(degree=degree, coefficients=7)
-        space = problem_of(start).design.model_copy(update={"spline": spline})
-        problem = problem_of(start, design=space)
+        space = runs_problem(start=STARTS[start]).design.model_copy(update={"spline": spline})
+        problem = runs_problem(start=STARTS[start], design=space)
         design = DesignExpressions(problem)
         drives = [random_drive(problem, seed, 4.0) for seed in range(5)]
         values, violations = design.score_many(np.array([design.unknowns_of(drive) for drive in drives]))
@@ -155,13 +162,13 @@ class TestProgram:
             assert row[1] >= margins["wheel_acceleration"] - 1e-9
 
     def test_another_spaces_drive_is_refused(self):
-        design = DesignExpressions(problem_of())
-        one = problem_of("free", design=problem_of().design.model_copy(update={"runs": 1}))
+        design = DesignExpressions(runs_problem())
+        one = runs_problem(start=STARTS["free"], design=runs_problem().design.model_copy(update={"runs": 1}))
         with pytest.raises(ValueError, match="not those of the design space"):
             design.unknowns_of(random_drive(one, 0))
 
     def test_random_starts_fill_the_room_in_every_run(self):
-        design = DesignExpressions(problem_of("free"))
+        design = DesignExpressions(runs_problem(start=STARTS["free"]))
         bounds = start_bounds(design)
         np.testing.assert_array_equal(bounds, np.tile([[-1, 1], [-1, 1], [-np.pi, np.pi]], (RUNS, 1)))
         poses = random_starts(design, 2000, np.random.default_rng(0))

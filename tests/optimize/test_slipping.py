@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from builders import make_problem
+from builders import problem_of
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
-from oed.robots.space import DesignSpace
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
 GENETIC = Genetic(population=40, generations=30)
@@ -26,8 +24,9 @@ def behind_a_wall(thickness: float, width: float) -> Problem:
     """Ten steps of a second to a place behind a wall, at whose ends there is room."""
     near, far, half = 0.3, 0.3 + thickness, width / 2
     corners = [(near, -half), (far, -half), (far, half), (near, half)]
-    return make_problem(
-        design=DesignSpace(duration=10, samples=10, spline=Spline(coefficients=6)),
+    return problem_of(
+        samples=10,
+        coefficients=6,
         measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
         limits=(
             WheelSpeed(bounds=10),

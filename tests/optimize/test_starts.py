@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, make_problem
+from builders import ACCELERATION, problem_of
 
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
@@ -25,7 +25,7 @@ def design(request) -> DesignExpressions:
     box = Rectangle(x=(3, 4), y=(-2, 0))
     space = DesignSpace(**SPACE, start="free", rest_to_rest=False)
     limits = (WheelSpeed(bounds=request.param), ACCELERATION, box)
-    return DesignExpressions(make_problem(design=space, limits=limits))
+    return DesignExpressions(problem_of(design=space, limits=limits))
 
 
 def assert_within_bounds(design: DesignExpressions, unknowns: np.ndarray) -> None:
@@ -60,9 +60,9 @@ class Facing(Limit):
 def test_free_starts_are_where_all_limits_let_states_be():
     space = DesignSpace(**SPACE, start="free", runs=2)
     limits = (WheelSpeed(bounds=10), Facing(), Rectangle(x=(3, 4), y=(-2, 0)))
-    bounds = start_bounds(DesignExpressions(make_problem(design=space, limits=limits)))
+    bounds = start_bounds(DesignExpressions(problem_of(design=space, limits=limits)))
     np.testing.assert_array_equal(bounds, [[3, 4], [-1, 0], [0, 1]] * 2)
-    alone = make_problem(design=space, limits=limits[:1])
+    alone = problem_of(design=space, limits=limits[:1])
     expected = [[-1e-3, 1e-3], [-1e-3, 1e-3], [-np.pi, np.pi]] * 2
     np.testing.assert_array_equal(start_bounds(DesignExpressions(alone)), expected)
 
@@ -86,7 +86,7 @@ def test_perturbed_drives_stay_within_the_bounds(design):
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_starts_are_reproducible(count: int):
-    design = DesignExpressions(make_problem())
+    design = DesignExpressions(problem_of())
     first, second = (starting_points(design, count, np.random.default_rng(7)) for _ in range(2))
     assert len(first) == count
     np.testing.assert_array_equal(first, second)
@@ -94,7 +94,7 @@ def test_starts_are_reproducible(count: int):
 
 
 def test_screened_starts_are_better_than_random_ones():
-    design = DesignExpressions(make_problem(limits=(WheelSpeed(bounds=10), TIGHT)))
+    design = DesignExpressions(problem_of(limits=(WheelSpeed(bounds=10), TIGHT)))
     rng = np.random.default_rng(0)
     screened = np.array(starting_points(design, 12, rng)[0::2])
     any_size, full_size = (random_drives(design, rng.uniform(low, 1, 200), rng) for low in (0.05, 1))

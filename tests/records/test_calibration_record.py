@@ -11,7 +11,8 @@ from oed.foundation.errors import RecordError
 from oed.records.calibration_record import EstimateRecord, load_estimate
 from oed.workflow.saving import save_estimate
 
-RECORD = EstimateRecord({"format": 1, "parameters": [{"name": "track", "value": 0.2}], "notes": []})
+DATA = {"format": 1, "parameters": [{"name": "track", "value": 0.2}], "notes": []}
+RECORD = EstimateRecord.model_validate(DATA)
 
 
 class TestSaving:
@@ -29,13 +30,14 @@ class TestSaving:
         model = {**own, **numbers, "scores": {"bic": score}}
         found = {"readings": 6.0, "inflation": 1.0, "inflation_by": "blocks", "best": {"bic": "a"}}
         comparison = {**found, "models": [model], "agree": None, "favourites": ["a"]}
-        path = save_estimate(EstimateRecord({**RECORD.data, "comparison": comparison}), tmp_path / "new")
+        made = EstimateRecord.model_validate({**DATA, "comparison": comparison})
+        path = save_estimate(made, tmp_path / "new")
         (read,) = load_estimate(path).models
         assert (read.name, read.scores["bic"].value) == ("a", 1.0)
 
     def test_what_json_cannot_hold_is_not_written(self, tmp_path: Path):
         with pytest.raises(ValueError, match="not JSON compliant"):
-            save_estimate(EstimateRecord({**RECORD.data, "x": math.nan}), tmp_path)
+            save_estimate(EstimateRecord.model_validate({**DATA, "x": math.nan}), tmp_path)
         assert list(tmp_path.iterdir()) == []
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +20,7 @@ from oed.robots.limits import WheelJerk
 from oed.robots.models import SkidSteer
 from oed.robots.space import DesignSpace, StartPose
 
-PROBLEM = make_problem()
+PROBLEM = problem_of()
 HEADER = "t,wheel_speed_right,wheel_speed_left"
 POSES = f"{HEADER},x,y,heading"
 SPACES = {
@@ -54,7 +54,7 @@ class TestRoundTrip:
     @given(seed=st.integers(0, 2**32 - 1))
     @pytest.mark.slow
     def test_the_score_is_the_same(self, tmp_path: Path, space: DesignSpace, seed: int):
-        problem = make_problem(design=space, limits=(SPEED, ACCELERATION, BOX))
+        problem = problem_of(design=space, limits=(SPEED, ACCELERATION, BOX))
         drive = random_drive(problem, seed)
         before = evaluate(problem, drive)
         write_trajectory(tmp_path / "path.csv", problem, drive, before.states)
@@ -77,7 +77,7 @@ class TestRoundTrip:
 
     def test_the_jerk_of_a_drive_is_that_of_its_reverse(self, tmp_path: Path):
         # Of a robot that jumps from rest, and of one that jumps to it.
-        problem = make_problem(limits=(SPEED, WheelJerk(bounds=5.0)))
+        problem = problem_of(limits=(SPEED, WheelJerk(bounds=5.0)))
         rows = [f"{speed:.1f},{speed:.1f}" for speed in np.linspace(4, 0.4, 10)]
         found = [
             evaluate(problem, read(tmp_path, HEADER, *(f"{time},{row}" for time, row in enumerate(order))))
@@ -88,7 +88,7 @@ class TestRoundTrip:
 
     def test_another_robots_slip_is_not_in_the_file(self, tmp_path: Path):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)
-        problem = make_problem(model=robot)
+        problem = problem_of(model=robot)
         drive = random_drive(problem, 1)
         text = trajectory_csv(problem, drive, evaluate(problem, drive).states)
         again = read(tmp_path, *text.splitlines(), problem=problem)
@@ -115,14 +115,14 @@ def test_the_files_form():
 
 class TestReading:
     def test_without_poses_the_studys_start_is_taken(self, tmp_path: Path):
-        problem = make_problem(design=SPACES["elsewhere"])
+        problem = problem_of(design=SPACES["elsewhere"])
         drive = read(tmp_path, HEADER, "0,1,2", "0.5,3,4", "1,5,6", problem=problem)
         assert drive.start.tolist() == [0.5, -0.2, 2.0]
         assert drive.inputs.tolist() == [[1, 2], [3, 4], [5, 6]]
         assert (drive.duration, drive.samples) == (1.5, 3)
 
     def test_without_poses_a_free_start_is_the_origin(self, tmp_path: Path):
-        problem = make_problem(design=SPACES["free"])
+        problem = problem_of(design=SPACES["free"])
         assert read(tmp_path, HEADER, "0,1,2", "1,3,4", problem=problem).start.tolist() == [0, 0, 0]
 
     def test_the_first_pose_is_the_start(self, tmp_path: Path):
@@ -161,7 +161,7 @@ class TestReading:
 
     def test_rest_is_the_studys(self, tmp_path: Path):
         lines = (HEADER, "0,1,2", "1,3,4")
-        moving = make_problem(design=SPACES["free"])
+        moving = problem_of(design=SPACES["free"])
         ends = [read(tmp_path, *lines, problem=one).inputs_at(np.array([0.0])) for one in (PROBLEM, moving)]
         assert [end.tolist() for end in ends] == [[[0, 0]], [[1, 2]]]
 
@@ -334,7 +334,7 @@ class TestMistakes:
             read_trajectory(tmp_path / "nowhere.csv", PROBLEM)
 
     def test_a_folder(self, tmp_path: Path):
-        with pytest.raises(PathFileError, match="cannot be read"):
+        with pytest.raises(PathFileError, match="expected a file, got a folder"):
             read_trajectory(tmp_path, PROBLEM)
 
     def test_no_text(self, tmp_path: Path):

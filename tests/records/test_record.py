@@ -21,6 +21,7 @@ from oed.records.numbers import finite
 from oed.records.outcomes import result_of, validation_of
 from oed.records.record import Record, drive_of, load_record, save_record
 from oed.records.stored.result import Result
+from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
 from oed.study.study import ValidationOptions
 from oed.workflow.runner import record
@@ -60,7 +61,7 @@ def solutions() -> list[Solution]:
 def made() -> Record:
     result = validate(PROBLEM, random_drive(PROBLEM, 3, 1.0), replicates=200, seed=0)
     options = ValidationOptions(replicates=200).model_dump(mode="json")
-    validation = {**options, "seed": 0, "results": [validation_of("ipopt", result)]}
+    validation = StoredValidation.model_construct(**options, seed=0, results=[validation_of("ipopt", result)])
     return record(STUDY, solutions(), 3, validation=validation)
 
 
@@ -151,7 +152,7 @@ class TestContract:
             assert isinstance(found[key], kind), key
 
     def test_every_result_has_the_same_keys(self, made: Record):
-        assert len({frozenset(result) for result in made.results}) == 1
+        assert len({frozenset(result) for result in made.data["results"]}) == 1
 
     def test_starts(self, made: Record):
         first, second = entry(made, "ipopt")["starts"]
@@ -213,18 +214,18 @@ class TestContract:
 class TestBest:
     def test_the_best_feasible_result(self, made: Record):
         assert made.data["best"] == "ipopt"
-        assert made.best["name"] == "ipopt"
+        assert made.best.name == "ipopt"
 
     def test_the_one_named(self, made: Record):
-        assert Record({**made.data, "best": "straight"}).best["name"] == "straight"
+        assert Record({**made.data, "best": "straight"}).best.name == "straight"
 
     @pytest.mark.parametrize("named", [None, "fast", "nobody"])
     def test_unless_it_cannot_be(self, made: Record, named: str | None):
-        assert Record({**made.data, "best": named}).best["name"] == "ipopt"
+        assert Record({**made.data, "best": named}).best.name == "ipopt"
 
     def test_of_a_record_that_names_none(self, made: Record):
         data = {key: value for key, value in made.data.items() if key != "best"}
-        assert Record(data).best["name"] == "ipopt"
+        assert Record(data).best.name == "ipopt"
 
     def test_nothing_feasible(self, made: Record):
         data = {**made.data, "results": [entry(made, "fast"), entry(made, "genetic")]}
@@ -236,14 +237,14 @@ class TestDrive:
     @given(seed=st.integers(0, 2**32 - 1), amplitude=st.floats(1e-3, 100))
     def test_a_drive_is_kept_exactly(self, seed: int, amplitude: float):
         drive = random_drive(PROBLEM, seed, amplitude)
-        entry = json.loads(json.dumps(result_of(scored(STUDY.problem, drive, "drive"), "drive.csv").plain()))
-        again = drive_of(entry)
+        text = json.dumps(result_of(scored(STUDY.problem, drive, "drive"), "drive.csv").plain())
+        again = drive_of(Result.model_validate_json(text))
         for name in ("knots", "coefficients", "start"):
             np.testing.assert_array_equal(getattr(again, name), getattr(drive, name))
         assert (again.degree, again.samples) == (drive.degree, drive.samples)
 
     def test_no_drive(self, made: Record):
-        assert drive_of(entry(made, "genetic")) is None
+        assert drive_of(made.result("genetic")) is None
 
     def test_poses_are_there_to_be_drawn(self, made: Record):
         poses = solutions()[0].evaluation.states
@@ -254,7 +255,7 @@ class TestParts:
     def test_are_the_data_with_names_and_types(self, made: Record):
         for one, data in zip(made.results, made.data["results"], strict=True):
             assert one.plain() == data
-            assert {key: one[key] for key in one} == {key: getattr(one, key) for key in data}
+            assert all(hasattr(one, key) for key in data)
         found = made.results[0]
         assert found.drive is not None
         assert found.drive.trajectory.samples == 40
@@ -294,7 +295,7 @@ class TestFiles:
 
     def test_trajectories_are_written_beside_it(self, tmp_path: Path):
         made = record(STUDY, solutions(), 3, tmp_path)
-        files = {result["trajectory"] for result in made.results} - {None}
+        files = {result.trajectory for result in made.results} - {None}
         assert files == {"ipopt.csv", "straight.csv", "fast.csv"}
         assert {path.name for path in tmp_path.iterdir()} == {*files, "record.json"}
         assert load_record(tmp_path).data == made.data

@@ -7,10 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from oed.records.calibration_record import EstimateRecord
+from oed.records.numbers import plain
+
 Data = dict[str, Any]
 
 ODD = "a|b <i>$x$ `run` *1*"
 """A name that means something else in Markdown, HTML and formulas."""
+
+
+def read(data: Data) -> EstimateRecord:
+    """What a file of such data holds: JSON has no infinite numbers."""
+    return EstimateRecord.model_validate(plain(data))
 
 
 def parameter(name: str, unit: str, nominal: float, value: float, error: float) -> Data:

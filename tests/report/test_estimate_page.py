@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 import xml.etree.ElementTree as ElementTree
@@ -10,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part
+from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part, read
 
 from oed.cli.terminal.console import print_estimate
 from oed.report import write_estimate
 from oed.report.estimate.gist import gains, warnings
-from oed.report.estimate.numbers import decimals_of, error_text, lasting, size_text, span_text, to_error
 from oed.report.estimate.page import estimate_sections
-from oed.report.estimate.residuals import residuals_of
+from oed.report.figures.residuals import residuals_of
+from oed.report.parts.rounding import decimals_of, error_text, lasting, size_text, span_text, to_error
 from oed.report.parts.section import Section
 from oed.report.parts.tables import Table
 
 
 def section(data: Data, title: str) -> Section:
-    return next(one for one in estimate_sections(data) if one.title == title)
+    return next(one for one in estimate_sections(read(data)) if one.title == title)
 
 
 def table(part_: Section, caption: str) -> Table:
@@ -38,21 +37,21 @@ def visible(html: str) -> str:
 def undrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a page without figures, which take long."""
     folder = tmp_path_factory.mktemp("undrawn")
-    write_estimate({**estimate(), "residuals": [], "paths": []}, folder)
+    write_estimate(read({**estimate(), "residuals": [], "paths": []}), folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("estimate")
-    assert write_estimate(estimate(), folder) == folder / "estimate.html"
+    assert write_estimate(read(estimate()), folder) == folder / "estimate.html"
     return folder
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_estimate_gets_a_whole_page(kind: str, tmp_path: Path):
-    html = write_estimate(KINDS[kind](), tmp_path).read_text(encoding="utf-8")
+    html = write_estimate(read(KINDS[kind]()), tmp_path).read_text(encoding="utf-8")
     markdown = (tmp_path / "estimate.md").read_text(encoding="utf-8")
     files = {file.name for file in (tmp_path / "figures").glob("*")}
     assert set(re.findall(r"\]\(figures/([^)]*)\)", markdown)) == files
@@ -122,16 +121,16 @@ def test_warnings_come_first():
 def test_failed_tests_matter_where_error_bars_rest_on_them():
     data = estimate()
     data["covariance_kind"] = "bootstrap"
-    assert not any("white" in text for text in warnings(data))
+    assert not any("white" in text for text in warnings(read(data)))
     data["covariance_kind"] = "information"
-    assert "Position residuals are not white: F⁻¹ promises too much." in warnings(data)
+    assert "Position residuals are not white: F⁻¹ promises too much." in warnings(read(data))
 
 
 def test_means_are_of_the_logs_that_have_the_number():
     data = estimate()
     data["held_out"] = None
     data["left_out"][0]["before"][0]["rmse_heading"] = None
-    (text,) = gains(data)
+    (text,) = gains(read(data))
     assert text.startswith("Dead reckoning of each log, by the estimate from the others")
     assert "position error (RMS) from 45.0 mm to 25.0 mm" in text
     assert "heading error (RMS) from 2.29 deg to 1.15 deg" in text
@@ -139,7 +138,7 @@ def test_means_are_of_the_logs_that_have_the_number():
 
 def test_hundreds_of_logs_stay_readable():
     data = many()
-    for one in estimate_sections(data):
+    for one in estimate_sections(read(data)):
         assert all(len(table_.rows) <= 18 for table_ in one.tables)
     logs = section(data, "Logs")
     names = [row[1] for row in table(logs, "Logs").rows]
@@ -147,10 +146,10 @@ def test_hundreds_of_logs_stay_readable():
     assert names[-1] == "and 385 more"
     found = table(logs, "What was found").rows
     assert [row[:3] for row in found] == [("pose jump", 4.0, True), ("stationary end", 400.0, False)]
-    left = table(section(data, "Logs that the estimate did not know"), "Each log by an estimate")
+    left = table(section(data, "Cross-validation and test set"), "Cross-validation: each log by an estimate")
     assert left.rows[0][0] == "drive_399"
     assert [row[0] for row in left.rows[-2:]] == ["and 385 more, on average", "mean of all 400"]
-    (doubt,) = [text for text in warnings(data) if "jumps" in text]
+    (doubt,) = [text for text in warnings(read(data)) if "jumps" in text]
     assert doubt == "drive_002: the pose jumps once (and something alike in 3 other logs)."
 
 
@@ -161,23 +160,23 @@ def test_segments_and_ways_to_errors_are_side_by_side():
     segments = table(made, "Size of the residuals")
     assert [row[0] for row in segments.rows] == ["1 s", "2 s", "whole logs"]
     assert [row[-1] for row in segments.rows] == ["", "chosen", ""]
-    assert "2 times those that F⁻¹ would promise" in made.paragraphs[1]
+    assert "2 times those that F⁻¹ predicts" in made.paragraphs[1]
 
 
 def test_estimates_of_other_parameters_than_these_are_not_mistaken():
     data = estimate()
     data["left_out"][0]["parameters"] = [0.1, 0.2, 0.3]
-    made = section(data, "Logs that the estimate did not know")
+    made = section(data, "Cross-validation and test set")
     assert not any(one.caption.startswith("Estimates without") for one in made.tables)
 
 
 def test_models_are_compared():
-    made = section(estimate(), "Models compared")
+    made = section(estimate(), "Model selection")
     assert made.notices == (
         f"{ODD}: its search did not converge.",
         "skid steer cannot be compared: the logs do not tell slip_outer.",
     )
-    best = "wide track is the best by AICc, BIC and the prediction of logs left out"
+    best = "wide track is the best by AICc, BIC and cross-validation"
     assert made.paragraphs[0] == f"Of 3 models {best}."
     assert "so that 4 readings count as one, judged by how much successive parts" in made.paragraphs[1]
     assert "of 4000 there remain 1000" in made.paragraphs[1]
@@ -195,7 +194,7 @@ def test_models_are_compared():
     ]
     assert likely[1][4:] == ["0.0", "0.0", "–", "best"]
     assert likely[2][4:] == ["1.0", "7.0", "4.0", "practically equal by AICc"]
-    told = table(made, "Models by dead reckoning").cells
+    told = table(made, "Models by cross-validated").cells
     assert told[0][1:] == ["31.1", "48.1", "19.0 to 81.0", "worse"]
     assert told[2][4] == "practically equal"
     assert table(made, "What each model").cells[0][1:] == ["wheel radius", "mm", "200.0", "1.0"]
@@ -204,7 +203,7 @@ def test_models_are_compared():
 def test_states_of_starts_are_told():
     data = estimate()
     data["comparison"]["models"][1]["starts"] = 24.0
-    made = section(data, "Models compared")
+    made = section(data, "Model selection")
     assert (
         "(24 of wide track): they weigh against such a model where segments are short" in made.paragraphs[1]
     )
@@ -214,11 +213,11 @@ def test_states_of_starts_are_told():
 def test_models_that_do_not_agree_are_told_so():
     data = estimate()
     data["comparison"]["best"]["bic"] = "differential_drive"
-    first = section(data, "Models compared").paragraphs[0]
-    assert "wide track is the best by AICc and the prediction of logs left out; differential drive" in first
+    first = section(data, "Model selection").paragraphs[0]
+    assert "wide track is the best by AICc and cross-validation; differential drive" in first
     assert first.endswith("As good as the best by all 3: wide track.")
     data["comparison"]["favourites"] = []
-    assert section(data, "Models compared").paragraphs[0].endswith("They disagree.")
+    assert section(data, "Model selection").paragraphs[0].endswith("They disagree.")
 
 
 def test_models_of_a_robust_loss_are_compared_by_prediction_alone():
@@ -227,25 +226,25 @@ def test_models_of_a_robust_loss_are_compared_by_prediction_alone():
     data["comparison"]["best"] = {"held_out": "wide_track"}
     for one in data["comparison"]["models"]:
         one["scores"] = {key: value for key, value in one["scores"].items() if key == "held_out"}
-    made = section(data, "Models compared")
+    made = section(data, "Model selection")
     assert made.paragraphs[1].startswith("A robust loss is no likelihood")
     assert [one.caption for one in made.tables] == [
-        "Models by dead reckoning of logs left out",
+        "Models by cross-validated dead reckoning",
         "What each model is fitted with",
     ]
 
 
 def test_a_single_log_without_positions_leaves_sections_out():
-    titles = [one.title for one in estimate_sections(bare())]
+    titles = [one.title for one in estimate_sections(read(bare()))]
     assert titles == ["Summary", "What the error bars rest on", "Logs", "Provenance"]
 
 
 def test_residuals_are_drawn_in_units_that_suit_them():
-    position, heading = residuals_of(estimate())
+    position, heading = residuals_of(read(estimate()))
     assert (position.unit, heading.unit) == ("mm", "deg")
     assert position.at_rest == pytest.approx(0.6)
     assert list(position.quantities) == ["x", "y"]
-    windows = residuals_of({**estimate(), "method": "gls"})[0]
+    windows = residuals_of(read({**estimate(), "method": "gls"}))[0]
     assert windows.at_rest is None
     normal, found = position.against_normal()
     assert np.all(np.diff(normal) > 0)
@@ -273,15 +272,20 @@ def test_numbers_are_read_easily():
 
 def test_the_design_report_beside_it_is_left_alone(tmp_path: Path):
     (tmp_path / "report.html").write_text("design", encoding="utf-8")
-    write_estimate(bare(), tmp_path)
+    write_estimate(read(bare()), tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == "design"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["estimate.html", "estimate.md", "report.html"]
+
+
+def test_plain_data_are_refused(tmp_path: Path):
+    with pytest.raises(TypeError, match="expected an EstimateRecord"):
+        write_estimate(estimate(), tmp_path)
 
 
 def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
     data = estimate()
     data["notes"] = ["sensor_y is hidden"]
-    print_estimate(data)
+    print_estimate(read(data))
     lines = capsys.readouterr().out
     row = next(line for line in lines.splitlines() if line.startswith("wheel radius"))
     assert row.split()[2:6] == ["mm", "42", "41.852", "0.013"]
@@ -293,15 +297,12 @@ def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
     assert "warning: a|b <i>$x$ `run` *1*: 1 gap in the inputs" in text
     assert "note: Sensor_y is hidden." in text
     assert (
-        "model wide track: 3 parameters, AICc best, BIC best, position error of logs left out 21.0 mm" in text
+        "model wide track: 3 parameters, AICc best, BIC best, cross-validated position error 21.0 mm" in text
     )
     assert "model skid steer: not comparable: the logs do not tell slip_outer" in text
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_console_copes_with_what_is_missing(kind: str, capsys: pytest.CaptureFixture[str]):
-    data = KINDS[kind]()
-    before = copy.deepcopy(data)
-    print_estimate(data)
+    print_estimate(read(KINDS[kind]()))
     assert not {"nan", "None", "NaN"} & set(re.findall(r"[A-Za-z]+", capsys.readouterr().out))
-    assert data == before

@@ -6,14 +6,15 @@ from typing import Any
 
 import pytest
 
+from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.report.figures import chart as charts
 from oed.report.figures.chart import Chart
 from oed.report.figures.draw import drawn
 from oed.report.sweep import charted
 
 
-def table(*keys: tuple[str, str, dict[str, float | None]]) -> dict[str, Any]:
-    """A sweep's table over keys: name, unit, number by text (None: a word)."""
+def table(*keys: tuple[str, str, dict[str, float | None]]) -> StoredSweep:
+    """A sweep over keys: name, unit, number by text (None: a word)."""
     points: list[dict[str, Any]] = [{"values": {}, "numbers": {}, "folder": "p"}]
     for name, _, values in keys:
         points = [
@@ -35,7 +36,10 @@ def table(*keys: tuple[str, str, dict[str, float | None]]) -> dict[str, Any]:
         }
         for name, unit, values in keys
     ]
-    return {"keys": told, "points": points}
+    return StoredSweep.model_construct(
+        keys=[SweptKey.model_construct(**one) for one in told],
+        points=[SweptPoint.model_construct(**one) for one in points],
+    )
 
 
 SPEED = ("wheel_speed", "rad/s^2", {"20 x": 20.0, "5 x": 5.0})
@@ -51,7 +55,7 @@ class TestChart:
 
     def test_the_longest_numeric_key_lies_along_the_axis_and_the_others_make_lines(self):
         data = table(KIND, SPEED, STARTS)
-        chart = charted(data, "objective", {point["folder"]: 1.0 for point in data["points"]})
+        chart = charted(data, "objective", {point.folder: 1.0 for point in data.points})
         assert chart.places == (1.0, 2.0, 4.0)
         assert len(chart.series) == 8
         assert chart.series[0][0] == "criterion E, wheel speed 20 x"

@@ -8,12 +8,11 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 from scipy import stats
 
 from oed.estimation.methods import EstimatorName, Heading, Regression, missing_noise
 from oed.foundation.errors import ProblemError
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -21,7 +20,6 @@ from oed.kernel.problem import Problem
 from oed.optimize import Silent
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
 from oed.simulation.checks import check_all
 from oed.simulation.monte_carlo import BATCH, SHOWN
@@ -33,8 +31,8 @@ REPLICATES = 4000
 
 @cache
 def make(regressor: str = "both", segments: int | str = 10, rule: str = "arc", **noise) -> Problem:
-    return make_problem(
-        design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), integration=rule),
+    return problem_of(
+        integration=rule,
         measurement=Displacements(segments=segments, regressor=regressor, noise=noise or NOISE),
         limits=(SPEED,),
     )
@@ -68,7 +66,7 @@ def simulated(
 ):
     """The regression, and its estimates and linear estimates (R, p)."""
     regression = Regression(problem, drive, name, heading)
-    return regression, *regression.replicate(np.random.default_rng(seed), replicates)
+    return regression, *regression.simulate(np.random.default_rng(seed), replicates)
 
 
 class TestKnownHeading:
@@ -79,7 +77,7 @@ class TestKnownHeading:
         result = validated("known", regressor)
         assert result.passed
         assert len(result.checks) == 6
-        assert "as promised" in result.verdict
+        assert "as predicted" in result.verdict
 
     def test_estimates_are_linear(self):
         _, estimates, linear = simulated(make(), "known", 200)
@@ -91,7 +89,7 @@ class TestKnownHeading:
 
     def test_the_sample_covariance_is_within_its_interval(self):
         result = validated("known")
-        share = np.diag(result.sampled) / np.diag(result.promised)
+        share = np.diag(result.sampled) / np.diag(result.predicted)
         low, high = stats.chi2.ppf([0.0005, 0.9995], REPLICATES - 1) / (REPLICATES - 1)
         assert np.all((low < share) & (share < high))
 
@@ -100,7 +98,7 @@ class TestKnownHeading:
         expected = np.zeros((4, 4))
         expected[:2, :2] = math.radians(2) ** 2 * np.linalg.inv(designs["heading"].T @ designs["heading"])
         expected[2:, 2:] = 0.01**2 * np.linalg.inv(designs["position"].T @ designs["position"])
-        np.testing.assert_allclose(validated("known").promised, expected, rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(validated("known").predicted, expected, rtol=1e-9, atol=1e-18)
         deviations = evaluate(make(), DRIVE).standard_deviations
         np.testing.assert_allclose(np.sqrt(np.diag(expected)), list(deviations.values()), rtol=1e-9)
 
@@ -114,12 +112,12 @@ class TestKnownHeading:
         assert (result.replicates, result.seed, result.alpha) == (REPLICATES, 0, 0.01)
         assert (result.estimator, result.heading) == ("ols", "known")
         assert result.estimates.shape == (SHOWN, 4)
-        standard_errors = np.sqrt(np.diag(result.promised) / REPLICATES)
+        standard_errors = np.sqrt(np.diag(result.predicted) / REPLICATES)
         assert np.all(np.abs(result.mean - result.true) < 4 * standard_errors)
 
     def test_a_robot_with_slip(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1, slip_inner=-0.05)
-        problem = make_problem(model=robot, measurement=Displacements(segments=10, noise=NOISE))
+        problem = problem_of(model=robot, measurement=Displacements(segments=10, noise=NOISE))
         assert validate(problem, random_drive(problem, 3, 5.0), replicates=1000).passed
 
 
@@ -130,8 +128,8 @@ class TestNegativeControls:
     def passes(seed: int, replicates: int, factor: float) -> bool:
         """Whether `factor` times the right covariance passes."""
         regression, estimates, _ = simulated(make(), "known", replicates, seed=seed)
-        assert regression.promised.shape == (4, 4)
-        checks = check_all(estimates - regression.true, factor * regression.promised, 0.01)
+        assert regression.covariance.shape == (4, 4)
+        checks = check_all(estimates - regression.true, factor * regression.covariance, 0.01)
         return all(check.passed for check in checks)
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
@@ -163,14 +161,14 @@ class TestNegativeControls:
     def test_a_broken_promise_is_put_into_words(self):
         result = validated("measured", "position", ("1 mm", "10 deg"))
         assert not result.passed
-        assert "the promise did not hold" in result.verdict
+        assert "the prediction did not hold" in result.verdict
         failed = [check.name for check in result.checks if not check.passed]
         assert ", ".join(failed) in result.verdict
-        assert "times as much as promised" in result.verdict
+        assert "times as much as predicted" in result.verdict
 
 
 class TestPredictedHeading:
-    """The first stage's errors enter the second: its positions scatter more than promised."""
+    """The first stage's errors enter the second: its positions scatter more than predicted."""
 
     def test_little_noise_of_the_turns_does_little(self):
         result = validated("predicted", "position", ("1 cm", "0.001 deg"))
@@ -217,8 +215,10 @@ def test_linear_estimates_hold_the_first_order_of_all_noise(name: EstimatorName,
 
 def long_drive(segments: int | str) -> tuple[Problem, Trajectory]:
     """100 s of fast winding with hardly any position noise, headings measured to 10 degrees."""
-    problem = make_problem(
-        design=DesignSpace(duration=100, samples=1000, spline=Spline(coefficients=60)),
+    problem = problem_of(
+        duration=100,
+        samples=1000,
+        coefficients=60,
         measurement=Displacements(segments=segments, noise={"position": "1 mm", "heading": "10 deg"}),
         limits=(SPEED,),
     )
@@ -365,7 +365,7 @@ class TestMistakes:
     )
     def test_a_singular_design(self, speeds, regressor: str, names: str):
         drive = Trajectory.from_samples(np.tile(speeds, (40, 1)), 10.0, (0, 0, 0))
-        with pytest.raises(ProblemError, match=f"does not tell {names} apart"):
+        with pytest.raises(ProblemError, match=f"does not identify {names}"):
             validate(make(regressor), drive, replicates=100)
 
     def test_another_measurement(self):
@@ -375,7 +375,7 @@ class TestMistakes:
             def blocks(self, drive):
                 return Displacements().blocks(drive)
 
-        problem = make_problem(measurement=Guesses())
+        problem = problem_of(measurement=Guesses())
         with pytest.raises(ProblemError, match="no simulation is known for guesses"):
             validate(problem, DRIVE, replicates=100)
 

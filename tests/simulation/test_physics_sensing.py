@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import make_problem
+from builders import problem_of
 from physics_drives import rich_drive
 from pydantic import ValidationError
 
@@ -110,7 +110,7 @@ def test_a_calibration_finds_the_geometry_of_two_wheels():
     logs = [sensing.read(rich_drive(NARROW, 12, seed), rng, f"drive {seed}") for seed in range(3)]
     model = DifferentialDrive(wheel_radius=0.05, track=0.2)
     measurement = Poses(noise=sensing.noise, initial_pose="unknown")
-    problem = make_problem(model=model, measurement=measurement)
+    problem = problem_of(model=model, measurement=measurement)
     found = calibrate(problem, logs, CalibrationOptions(sensor_place=(), clock_offset=False))
     assert found.parameters == ("wheel_radius_right", "wheel_radius_left", "track")
     assert found.values == pytest.approx([0.049, 0.049, 0.18], rel=0.01)

@@ -67,7 +67,7 @@ def test_drives_that_break_the_limits_are_named():
     data["planned"][2]["feasible"] = False
     section = section_of(data)
     assert section is not None
-    assert "Left out, for they break the limits or were not found: circle." in section.notices[0]
+    assert "Left out, as they violate the limits or were not found: circle." in section.notices[0]
 
 
 def test_figures_are_drawn(shown: Section):

@@ -649,7 +649,7 @@ BROKEN_SENSORS = {
         "kind: gyroscope",
         "- kind: gyroscope",
         "measurement.1",
-        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', got 'gyroscope'",
+        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', 'python', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",
@@ -691,7 +691,7 @@ BROKEN_SENSORS = {
         "[x, heading]",
         "noise:",
         "measurement.0.noise",
-        "the noise of heading is needed to weigh the readings",
+        "the noise of heading is needed to weight the readings",
     ),
     "negative noise": (
         "noise: 10 cm",

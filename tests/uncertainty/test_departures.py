@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import erf
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 import pytest
-from builders import ACCELERATION, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, RADIUS, SPEED, TRACK, problem_of, random_drive
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from oed.kernel.criteria import E
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.system import Input, Parameter
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
@@ -28,33 +27,31 @@ from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Model
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace
-from oed.uncertainty.departures import leaving, path_limits, paths, violated
-from oed.uncertainty.uncertainty import Uncertainty, spread_of
+from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
+from oed.uncertainty.uncertainty import spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "5 %", "track": "5 %"}
 SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})
-COUNT = 20
+COUNT = 14
 FEW = 12
 """Robots of the tests that are not slow."""
 
 
-def problem_of(*limits: Any, within: dict[str, Any] = RADII, **parts: Any) -> Problem:
-    runs = parts.pop("runs", 1)
-    space = DesignSpace(duration=6, samples=12, spline=Spline(coefficients=8), runs=runs)
-    given = {
-        "design": space,
-        "measurement": SENSOR,
-        "criterion": E(scaling="relative"),
-        "limits": (SPEED, ACCELERATION, *limits),
-        "uncertainty": Uncertainty(within=within),
-    }
-    return make_problem(**{**given, **parts})
+uncertain_problem = partial(
+    problem_of,
+    duration=6,
+    samples=12,
+    measurement=SENSOR,
+    criterion=E(scaling="relative"),
+    limits=(SPEED, ACCELERATION),
+    within=RADII,
+)
 
 
 def farthest(within: dict[str, Any] = RADII, seed: int = 2, **parts: Any) -> tuple[Trajectory, np.ndarray]:
     """A drive, and how far its nominal path goes along x and y."""
-    problem = problem_of(within=within, **parts)
+    problem = uncertain_problem(within=within, **parts)
     drive = random_drive(problem, seed, 7.0)
     return drive, np.abs(evaluate(problem, drive).path[:, :2]).max(axis=0)
 
@@ -63,33 +60,35 @@ def boxed(share: float = 1.01, **parts: Any) -> tuple[Problem, Trajectory]:
     """A room that is larger than the nominal path by a share, and another limit that it touches."""
     drive, (x, y) = farthest(**parts)
     room = Rectangle(x=(-share * x, share * x), y=(-2 * y, 2 * y))
-    tip = evaluate(problem_of(**parts), drive).path[-1]
+    tip = evaluate(uncertain_problem(**parts), drive).path[-1]
     column = {"kind": "circle", "x": tip[0] + 0.3, "y": tip[1], "radius": 0.3 - 0.005}
-    return problem_of(room, Obstacles(shapes=[column]), PathLength(bounds=1000), **parts), drive
+    return uncertain_problem(also=(room, Obstacles(shapes=[column]), PathLength(bounds=1000)), **parts), drive
 
 
 def bulging() -> tuple[Problem, Trajectory]:
     """A room that a circle's top leaves between two samples: the nominal robot's just does not."""
-    plain = problem_of()
+    plain = uncertain_problem()
     coefficients = np.zeros((8, 2))
     coefficients[1:-1] = 7.4, 3.7
     drive = plain.design.trajectory(coefficients, plain.fixed_starts)
     top = evaluate(plain, drive).path[:, 1].max()
-    return problem_of(Rectangle(x=(-3, 3), y=(-top, top))), drive
+    return uncertain_problem(also=(Rectangle(x=(-3, 3), y=(-top, top)),)), drive
 
 
 def rounded(share: float = 1.01) -> tuple[Problem, Trajectory]:
     drive, _ = farthest()
-    reach = np.hypot(*evaluate(problem_of(), drive).path[:, :2].T).max()
-    return problem_of(Circle(radius=share * reach)), drive
+    reach = np.hypot(*evaluate(uncertain_problem(), drive).path[:, :2].T).max()
+    return uncertain_problem(also=(Circle(radius=share * reach),)), drive
 
 
 def trailing() -> tuple[Problem, Trajectory]:
     robot = TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=0.1, trailer_length=0.4)
     within = {RIGHT: "5 %", "trailer_length": "10 %"}
     drive, _ = farthest(within=within, model=robot)
-    largest = np.abs(evaluate(problem_of(within=within, model=robot), drive).path[:, 3]).max()
-    return problem_of(TrailerAngle(bounds=(-largest, largest)), within=within, model=robot), drive
+    largest = np.abs(evaluate(uncertain_problem(within=within, model=robot), drive).path[:, 3]).max()
+    return uncertain_problem(
+        also=(TrailerAngle(bounds=(-largest, largest)),), within=within, model=robot
+    ), drive
 
 
 def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
@@ -130,7 +129,7 @@ CASES = {
 def counted(name: str) -> tuple[Problem, Trajectory, Leaving, np.ndarray]:
     problem, drive = CASES[name]()
     count = FEW if name == "box" else COUNT
-    found = leaving(problem, drive, draws=count, seed=0)
+    found = violation_probability(problem, drive, draws=count, seed=0)
     return (
         problem,
         drive,
@@ -181,7 +180,7 @@ class TestCounts:
         fast = replace(drive, coefficients=5 * drive.coefficients)
         room = replace(problem, limits=(SPEED, Rectangle(x=(-100, 100), y=(-100, 100))))
         assert not evaluate(replace(room, uncertainty=None), fast).feasible
-        assert leaving(room, fast, draws=20).probability == 0.0
+        assert violation_probability(room, fast, draws=20).probability == 0.0
 
     def test_a_robot_may_leave_between_the_samples_alone(self):
         problem, drive = bulging()
@@ -196,44 +195,44 @@ class TestCounts:
     def test_nobody_leaves_a_room_that_is_large_enough(self):
         problem, drive = boxed(3.0)
         problem = replace(problem, limits=problem.limits[:3])
-        found = leaving(problem, drive, draws=COUNT)
+        found = violation_probability(problem, drive, draws=COUNT)
         assert (found.probability, found.farthest, found.by_limit) == (0.0, 0.0, {"workspace": 0.0})
         assert len(found.worst) == 0
 
     def test_everybody_leaves_a_room_that_is_too_small(self):
         problem, drive = boxed(0.5)
-        found = leaving(problem, drive, draws=COUNT)
+        found = violation_probability(problem, drive, draws=COUNT)
         assert (found.probability, found.interval[1]) == (1.0, 1.0)
         assert found.farthest > 0.8
 
     def test_without_limits_on_the_path_nobody_leaves(self):
-        problem = problem_of(PathLength(bounds=1000))
+        problem = uncertain_problem(also=(PathLength(bounds=1000),))
         drive = random_drive(problem, 0)
-        found = leaving(problem, drive, draws=200)
+        found = violation_probability(problem, drive, draws=200)
         assert (found.probability, found.by_limit, found.farthest) == (0.0, {}, 0.0)
         assert not violated(problem, drive, draws_of(problem, 5, 0)).any()
 
     def test_it_needs_something_uncertain(self):
         problem, drive = boxed()
         with pytest.raises(ValueError, match="neither an uncertainty nor a prior"):
-            leaving(replace(problem, uncertainty=None), drive)
+            violation_probability(replace(problem, uncertainty=None), drive)
 
 
 class TestDraws:
     def test_the_same_seed_tells_the_same(self):
         problem, drive, found, _ = counted("box")
-        again = leaving(problem, drive, draws=FEW, seed=0)
+        again = violation_probability(problem, drive, draws=FEW, seed=0)
         assert replace(again, worst=None) == replace(found, worst=None)
         np.testing.assert_array_equal(again.worst, found.worst)
 
     def test_another_seed_draws_others(self):
         problem, drive, found, _ = counted("box")
-        assert not np.array_equal(leaving(problem, drive, draws=FEW, seed=1).worst, found.worst)
+        assert not np.array_equal(violation_probability(problem, drive, draws=FEW, seed=1).worst, found.worst)
 
     def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         problem, drive, found, _ = counted("box")
         monkeypatch.setattr("oed.uncertainty.departures.BATCH", 7)
-        again = leaving(problem, drive, draws=FEW, seed=0)
+        again = violation_probability(problem, drive, draws=FEW, seed=0)
         assert (again.probability, again.farthest) == (found.probability, pytest.approx(found.farthest))
 
 
@@ -241,7 +240,7 @@ class TestInterval:
     @given(draws=st.integers(1, 80), seed=st.integers(0, 99))
     def test_it_is_clopper_and_pearsons(self, draws: int, seed: int):
         problem, drive, _, _ = counted("box")
-        found = leaving(problem, drive, draws=draws, seed=seed)
+        found = violation_probability(problem, drive, draws=draws, seed=seed)
         expected = binomtest(round(found.probability * draws), draws).proportion_ci(0.95, "exact")
         np.testing.assert_allclose(found.interval, (expected.low, expected.high), atol=1e-9)
 
@@ -259,9 +258,9 @@ def test_a_post_between_the_samples_counts():
     # Straight through a post of 1 cm that no robot has a point of its grid in, whatever its radii.
     post = Obstacles.model_validate([{"kind": "circle", "x": 0.76, "y": 0, "radius": 0.01}])
     space = DesignSpace(duration=6, samples=6, rest_to_rest=False)
-    problem = problem_of(post, design=space, within={RIGHT: "0.01 %", LEFT: "0.01 %"})
+    problem = uncertain_problem(also=(post,), design=space, within={RIGHT: "0.01 %", LEFT: "0.01 %"})
     drive = Trajectory.from_samples(np.full((6, 2), 0.5 / RADIUS), 6.0, (0, 0, 0), rest_to_rest=False)
-    found = leaving(problem, drive, draws=200, seed=3)
+    found = violation_probability(problem, drive, draws=200, seed=3)
     assert found.probability == 1
     assert found.by_limit == {"obstacles": 1.0}
     assert violated(problem, drive, np.array([[RADIUS, RADIUS]])).all()
@@ -304,13 +303,13 @@ class Pointwise(Curved):
 def test_a_drive_that_is_not_a_number_anywhere_leaves():
     room = Rectangle(x=(-99, 99), y=(-99, 99))
     space = DesignSpace(duration=10, samples=10, rest_to_rest=False)
-    problem = problem_of(room, model=Root(), design=space, within={"gain": 0.5}, limits=(SPEED, room))
+    problem = uncertain_problem(model=Root(), design=space, within={"gain": 0.5}, limits=(SPEED, room))
     inputs = np.column_stack([np.full(10, 0.3), np.linspace(0, 0.85, 10)])
     drive = Trajectory.from_samples(inputs, 10.0, (0, 0, 0), rest_to_rest=False)
     broken = draws_of(problem, 200, 0)[:, 0] < 0.85**2
     assert 10 < broken.sum() < 190
     np.testing.assert_array_equal(violated(problem, drive, draws_of(problem, 200, 0)), broken)
-    found = leaving(problem, drive, draws=200, seed=0)
+    found = violation_probability(problem, drive, draws=200, seed=0)
     assert found.probability == found.by_limit["workspace"] == broken.mean()
     assert found.farthest == np.inf
     assert np.all(found.worst[:, 0] < 0.85**2)
@@ -322,11 +321,11 @@ def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved])
     parts: dict[str, Any] = {"design": space, "within": {"track": 1e-5}}
     speeds = np.tile([0.581, 0.419], (6, 1)) / RADIUS
     drive = Trajectory.from_samples(speeds, 6.0, (0, 0, 0), rest_to_rest=False)
-    y = evaluate(problem_of(**parts), drive).path[:, 1]
+    y = evaluate(uncertain_problem(**parts), drive).path[:, 1]
     # All robots are above between two samples, none at any.
-    problem = problem_of(kind(top=(y[::10].max() + y.max()) / 2), **parts)
+    problem = uncertain_problem(also=(kind(top=(y[::10].max() + y.max()) / 2),), **parts)
     assert not evaluate(replace(problem, uncertainty=None), drive).feasible
-    found = leaving(problem, drive, draws=50)
+    found = violation_probability(problem, drive, draws=50)
     assert found.probability == 1
     assert found.checked_at_points == ("curved",)
     assert "points only: curved" in found.sentence
@@ -336,8 +335,8 @@ def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved])
 
 def test_what_patience_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch):
     problem, drive = bulging()
-    found = leaving(problem, drive, draws=5)
+    found = violation_probability(problem, drive, draws=5)
     assert found.checked_at_points == ()
     assert "points only" not in found.sentence
     monkeypatch.setattr("oed.kernel.between.search.PATIENCE", -(10**6))
-    assert leaving(problem, drive, draws=5).checked_at_points == ("workspace",)
+    assert violation_probability(problem, drive, draws=5).checked_at_points == ("workspace",)

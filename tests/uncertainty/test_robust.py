@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import casadi as ca
@@ -13,7 +13,7 @@ import oracle
 import pytest
 import sample_robots as robots
 import shapely
-from builders import ACCELERATION, RADIUS, SPEED, TRACK, make_problem, random_drive
+from builders import ACCELERATION, RADIUS, SPEED, TRACK, problem_of, random_drive
 from pydantic import ValidationError
 from scipy.stats import norm
 
@@ -31,7 +31,7 @@ from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Uncertainty, spread_of
+from oed.uncertainty.uncertainty import spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
 RADII = {RIGHT: "5 %", LEFT: "3 %", "track": "4 %"}
@@ -47,17 +47,15 @@ def space(**options: Any) -> DesignSpace:
     return DesignSpace(duration=6, samples=12, spline=Spline(coefficients=8), **options)
 
 
-def problem_of(robust: Robust | None, within: dict[str, Any], *limits: Any, **parts: Any) -> Problem:
-    """A robust problem of few samples, by absolute poses."""
-    given = {
-        "design": space(),
-        "measurement": SENSOR,
-        "criterion": E(scaling="relative"),
-        "limits": (SPEED, ACCELERATION, *limits),
-        "uncertainty": Uncertainty(within=within),
-        "robust": robust,
-    }
-    return make_problem(**{**given, **parts})
+robust_problem = partial(
+    problem_of,
+    duration=6,
+    samples=12,
+    measurement=SENSOR,
+    criterion=E(scaling="relative"),
+    limits=(SPEED, ACCELERATION),
+)
+"""Of few samples, by absolute poses."""
 
 
 def simulated(problem: Problem, drive: Trajectory, parameters: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -141,7 +139,9 @@ CASES = {
 
 
 def made(case: Case, robust: Robust) -> tuple[Problem, Trajectory]:
-    problem = problem_of(robust, case.within, case.limit, model=case.model, design=case.design)
+    problem = robust_problem(
+        robust=robust, within=case.within, also=(case.limit,), model=case.model, design=case.design
+    )
     return problem, random_drive(problem, 2, 7.0)
 
 
@@ -271,7 +271,7 @@ class TestBackOff:
     def test_more_uncertainty_leaves_less_room(self):
         margins = []
         for percent in (1, 2, 4, 8):
-            problem = problem_of(Robust(), {"track": f"{percent} %"}, BOX)
+            problem = robust_problem(robust=Robust(), within={"track": f"{percent} %"}, also=(BOX,))
             margins.append(evaluate(problem, random_drive(problem, 2, 7.0)).margins[2].margin)
         assert margins == sorted(margins, reverse=True)
         assert len(set(margins)) == 4
@@ -327,7 +327,9 @@ class TestObjective:
 
     def problem(self, objective: str, criterion: Any, within: dict[str, str]) -> tuple[Problem, Trajectory]:
         robust = Robust(objective=objective)
-        problem = problem_of(robust, within, BOX, criterion=criterion(scaling="relative"))
+        problem = robust_problem(
+            robust=robust, within=within, also=(BOX,), criterion=criterion(scaling="relative")
+        )
         return problem, random_drive(problem, 2, 7.0)
 
     @pytest.mark.parametrize("criterion", [E, *(pytest.param(one, marks=pytest.mark.slow) for one in (D, A))])
@@ -360,14 +362,14 @@ class TestObjective:
 
 class TestNothingAsked:
     def test_an_uncertainty_alone_changes_nothing(self):
-        problem = problem_of(None, RADII, BOX)
+        problem = robust_problem(robust=None, within=RADII, also=(BOX,))
         drive = random_drive(problem, 2, 7.0)
         one, two = evaluate(problem, drive), evaluate(replace(problem, uncertainty=None), drive)
         assert (one.objective, one.margins) == (two.objective, two.margins)
         np.testing.assert_array_equal(one.path, two.path)
 
     def test_without_limits_on_the_path_nothing_is_backed_off(self):
-        problem = problem_of(Robust(), RADII)
+        problem = robust_problem(robust=Robust(), within=RADII)
         drive = random_drive(problem, 2, 7.0)
         assert evaluate(problem, drive).margins == evaluate(replace(problem, robust=None), drive).margins
 
@@ -421,10 +423,10 @@ class TestOptions:
 
     def test_it_needs_something_uncertain(self):
         with pytest.raises(ProblemError, match="robust: needs to know what is uncertain"):
-            make_problem(robust=Robust())
+            problem_of(robust=Robust())
 
     def test_robots_kept_have_a_value_for_everything_uncertain(self):
         with pytest.raises(ProblemError, match="expected 3 values each"):
-            problem_of(Robust(kept=((0.05, 0.05),)), RADII)
+            robust_problem(robust=Robust(kept=((0.05, 0.05),)), within=RADII)
         with pytest.raises(ProblemError, match="y, y, run 2"):
-            problem_of(Robust(kept=((0.05,),)), {"y": "1 cm"}, design=TWO_RUNS)
+            robust_problem(robust=Robust(kept=((0.05,),)), within={"y": "1 cm"}, design=TWO_RUNS)

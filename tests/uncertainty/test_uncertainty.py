@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import pytest
-from builders import RADIUS, TRACK, make_problem
+from builders import RADIUS, TRACK, problem_of
 from hypothesis import given
 from hypothesis import strategies as st
 from oracle import central_difference
@@ -17,7 +17,6 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace, StartPose
@@ -29,15 +28,14 @@ SENSOR = Poses(noise={"position": 0.01, "heading": 0.02})
 CORRELATED = ((4e-6, 3e-6), (3e-6, 9e-6))
 
 
-def problem_of(**overrides: Any) -> Problem:
-    return make_problem(**{"measurement": SENSOR, "criterion": E(scaling="relative"), **overrides})
+sensed_problem = partial(problem_of, measurement=SENSOR, criterion=E(scaling="relative"))
 
 
 def spread_of(within: dict[str, Any] | None = None, distribution: str = "uniform", **parts: Any) -> Spread:
     """The spread of a problem whose robot is uncertain `within`."""
     if within is not None:
         parts["uncertainty"] = Uncertainty.model_validate({"within": within, "distribution": distribution})
-    spread = spread_of_system(problem_of(**parts).uncertain_system)
+    spread = spread_of_system(sensed_problem(**parts).uncertain_system)
     assert spread is not None
     return spread
 
@@ -45,7 +43,7 @@ def spread_of(within: dict[str, Any] | None = None, distribution: str = "uniform
 def flaws_of(within: dict[str, Any], distribution: str = "uniform", **parts: Any) -> dict[str, str]:
     uncertainty = Uncertainty.model_validate({"within": within, "distribution": distribution})
     with pytest.raises(ProblemError) as caught:
-        problem_of(uncertainty=uncertainty, **parts)
+        sensed_problem(uncertainty=uncertainty, **parts)
     return {".".join(map(str, flaw.key)): flaw.message for flaw in caught.value.flaws}
 
 
@@ -253,7 +251,7 @@ class TestPriors:
         assert spread.uniform.tolist() == [False, True]
 
     def test_nothing_said_is_no_spread(self):
-        assert spread_of_system(problem_of().uncertain_system) is None
+        assert spread_of_system(sensed_problem().uncertain_system) is None
 
     def test_a_prior_on_coefficients_is_of_the_coefficients(self):
         names = ("c11", "c12", "c21", "c22")

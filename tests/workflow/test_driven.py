@@ -13,7 +13,7 @@ from oed.kernel.evaluation import evaluate
 from oed.logs import Log
 from oed.records.record import Record, drive_of
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.workflow.driven import driven_parts, score_logs, score_path
 from oed.workflow.runner import run
 from oed.workflow.studies import parse_study
@@ -46,13 +46,13 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     trajectory = drive_of(record.result("square"))
     found = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved)
     # The log is moved to its first motion, so that its last periods differ from the drive's by standing.
-    assert found.first.result["objective"] == pytest.approx(
+    assert found.first.result.objective == pytest.approx(
         evaluate(study.problem, trajectory).objective, rel=0.05
     )
     best = record.best
-    assert found.best == (best["name"], best["objective"])
-    assert found.first.share_of_best == pytest.approx(found.first.result["objective"] / best["objective"])
-    assert found.bound >= best["objective"]
+    assert found.best == (best.name, best.objective)
+    assert found.first.share_of_best == pytest.approx(found.first.result.objective / best.objective)
+    assert found.bound >= best.objective
     assert 0 < found.first.share_of_bound <= found.first.share_of_best
 
 
@@ -75,7 +75,7 @@ def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path)
 
 def test_a_path_file_is_scored_as_it_is(study, record, saved):
     found = score_path(study, saved / "figure_eight.csv", saved)
-    assert found.first.result["objective"] == pytest.approx(record.result("figure_eight")["objective"])
+    assert found.first.result.objective == pytest.approx(record.result("figure_eight").objective)
     assert found.first.share_of_best is not None
 
 
@@ -97,7 +97,7 @@ def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     data = score_path(robust, saved / "square.csv", saved).data
     (found,) = data["robustness"]["results"]
     trajectory = drive_of(record.result("square"))
-    expected = leaving(robust.problem, trajectory, draws=400, seed=robust.seed)
+    expected = violation_probability(robust.problem, trajectory, draws=400, seed=robust.seed)
     assert (found["probability"], found["by_limit"]) == (expected.probability, expected.by_limit)
     assert 0 < found["probability"] < 1
     assert expected.sentence in data["message"]

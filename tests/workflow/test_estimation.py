@@ -76,9 +76,9 @@ def record(folder: Path, study: Study) -> EstimateRecord:
 class TestEstimate:
     def test_intervals_hold_the_truth(self, record: EstimateRecord):
         for entry in record.parameters:
-            low, high = entry["interval"]
-            assert low < TRUTH[entry["name"]] < high
-            assert high - low < 0.01 * entry["value"]
+            low, high = entry.interval
+            assert low < TRUTH[entry.name] < high
+            assert high - low < 0.01 * entry.value
 
     def test_is_written_and_read(self, record: EstimateRecord, folder: Path):
         assert load_estimate(folder / "out").data == record.data

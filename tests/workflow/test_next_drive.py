@@ -40,7 +40,7 @@ def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.ra
 
 
 def errors(found) -> dict[str, float]:
-    return {entry["name"]: entry["standard_error"] / entry["value"] for entry in found.parameters}
+    return {entry.name: entry.standard_error / entry.value for entry in found.parameters}
 
 
 def all_files(folder: Path) -> dict[str, bytes]:
@@ -119,12 +119,12 @@ class TestLoop:
         assert not found.stop
         assert 0.05 < found.gain < 0.9
         for entry in found.precision:
-            assert entry["next"] < entry["now"]
+            assert entry.next < entry.now
         second = drive(study, found.record, None, tmp_path / "second.csv", rng)
         after = errors(estimate(study, [first, second]))
         for entry in found.precision:
             # The log estimates the sensor's place and the clocks along, which the design takes as known.
-            assert 0.6 < after[entry["name"]] * entry["value"] / entry["next"] < 2.0
+            assert 0.6 < after[entry.name] * entry.value / entry.next < 2.0
         assert json.loads((tmp_path / "next" / "next.json").read_text())["stop"] is False
         again = load_study(tmp_path / "next" / "next.yaml")
         assert again.problem.model.nominal == pytest.approx(list(found.estimate.values.values()))

@@ -17,7 +17,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.records.record import Record, drive_of, load_record
 from oed.study.study import Study
-from oed.uncertainty.departures import leaving
+from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.driven import score_logs
 from oed.workflow.next_drive import next_drive
@@ -57,19 +57,21 @@ class TestRecord:
     def test_every_drive_is_simulated(self, ran):
         _, record, _ = ran
         names = [one["name"] for one in record.data["robustness"]["results"]]
-        assert names == [one["name"] for one in record.results]
+        assert names == [one.name for one in record.results]
         assert names[:2] == ["ipopt", "nominal"]
         assert all(set(one) == KNOWN for one in record.data["robustness"]["results"])
 
     def test_numbers_are_those_that_leaving_gives(self, ran):
         study, record, _ = ran
         for result in record.results:
-            found = entry(record, result["name"])
-            own = leaving(study.problem, drive_of(result), draws=found["draws"], seed=found["seed"])
+            found = entry(record, result.name)
+            own = violation_probability(
+                study.problem, drive_of(result), draws=found["draws"], seed=found["seed"]
+            )
             assert found["probability"] == own.probability
             assert found["interval"] == list(own.interval)
             assert found["by_limit"] == own.by_limit
-            assert found["objective"] == result["objective"]
+            assert found["objective"] == result.objective
 
     def test_what_is_uncertain_is_said(self, ran):
         study, record, _ = ran
@@ -93,11 +95,11 @@ class TestRecord:
     def test_the_search_without_reserve_is_told_as_infeasible(self, ran):
         study, record, _ = ran
         nominal = record.result("nominal")
-        assert "workspace" in nominal["violations"]
-        assert not nominal["feasible"]
+        assert "workspace" in nominal.violations
+        assert not nominal.feasible
         assert record.data["best"] == "ipopt"
         assert entry(record, "nominal")["probability"] > 0.02 > entry(record, "ipopt")["interval"][1]
-        assert nominal["objective"] == pytest.approx(evaluate(study.problem, drive_of(nominal)).objective)
+        assert nominal.objective == pytest.approx(evaluate(study.problem, drive_of(nominal)).objective)
 
     def test_it_is_the_same_after_being_saved(self, ran):
         _, record, folder = ran
@@ -143,7 +145,7 @@ class TestWhatIsAsked:
     def test_the_search_without_reserve_may_be_left_out(self, tmp_path):
         text = TEXT.replace("draws: 400", "draws: 400, compare: false")
         record = run(saved_study(tmp_path, text), workers=1)
-        assert [one["name"] for one in record.results][:2] == ["ipopt", "circle"]
+        assert [one.name for one in record.results][:2] == ["ipopt", "circle"]
         assert [one["name"] for one in record.data["robustness"]["bundles"]] == ["ipopt"]
 
     def test_paths_alone_are_simulated_as_well(self, tmp_path):
@@ -164,7 +166,7 @@ class TestWhatIsAsked:
         assert record.best is None
         assert record.data["robustness"]["results"] == []
         assert record.data["robustness"]["bundles"] == []
-        assert "stays well inside would narrow it" in record.results[0]["message"]
+        assert "stays well inside would narrow it" in record.results[0].message
 
     def test_a_result_named_nominal_is_refused(self, tmp_path):
         text = small(solvers="{kind: ipopt, name: nominal}", uncertainty=WITHIN, robust=ROBUST)
@@ -226,6 +228,6 @@ class TestDriven:
         drive = drive_of(record.result("square"))
         log = write_log(tmp_path / "square.csv", study.problem, drive, {})
         scored = score_logs(study, [log], folder).first.result
-        margins = {one["limit"]: one["margin"] for one in scored["margins"]}
-        tight = {one["limit"]: one["margin"] for one in record.result("square")["margins"]}
+        margins = {one.limit: one.margin for one in scored.margins}
+        tight = {one.limit: one.margin for one in record.result("square").margins}
         assert margins["workspace"] > tight["workspace"] + 0.01

@@ -43,15 +43,15 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Record, Path]:
 
 
 def result(record: Record, name: str) -> dict[str, Any]:
-    (found,) = [dict(entry) for entry in record.results if entry["name"] == name]
+    (found,) = [entry.plain() for entry in record.results if entry.name == name]
     return found
 
 
 class TestRecord:
     def test_every_search_and_path_is_there(self, ran):
         _, record, _ = ran
-        assert [entry["name"] for entry in record.results] == NAMES
-        kinds = {entry["name"]: entry["kind"] for entry in record.results}
+        assert [entry.name for entry in record.results] == NAMES
+        kinds = {entry.name: entry.kind for entry in record.results}
         assert kinds == {
             **dict.fromkeys(NAMES, "baseline"),
             "ipopt": "ipopt",
@@ -61,20 +61,20 @@ class TestRecord:
 
     def test_statuses(self, ran):
         _, record, _ = ran
-        statuses = [entry["status"] for entry in record.results]
+        statuses = [entry.status for entry in record.results]
         assert statuses == ["converged", "searched", *["scored"] * 5]
 
     def test_numbers_are_those_that_evaluate_gives(self, ran):
         study, record, _ = ran
         for entry in record.results:
             evaluation = evaluate(study.problem, drive_of(entry))
-            assert entry["objective"] == pytest.approx(evaluation.objective, rel=1e-12, abs=1e-12)
-            assert entry["feasible"] == evaluation.feasible
-            assert entry["violations"] == evaluation.violations
+            assert entry.objective == pytest.approx(evaluation.objective, rel=1e-12, abs=1e-12)
+            assert entry.feasible == evaluation.feasible
+            assert entry.violations == evaluation.violations
 
     def test_the_best_is_named(self, ran):
         _, record, _ = ran
-        assert record.data["best"] == record.best["name"] == "ipopt"
+        assert record.data["best"] == record.best.name == "ipopt"
 
     def test_what_made_it(self, ran):
         study, record, _ = ran
@@ -96,7 +96,7 @@ class TestRecord:
 
     def test_same_length_means_the_best_drives(self, ran):
         _, record, _ = ran
-        length = record.best["path_length"]
+        length = record.best.path_length
         for name in ("straight_same_length", "circle_same_length"):
             assert result(record, name)["path_length"] == pytest.approx(length, rel=1e-3)
 
@@ -119,7 +119,7 @@ class TestRecord:
 class TestFiles:
     def test_what_is_written(self, ran):
         _, record, out = ran
-        drives = {entry["trajectory"] for entry in record.results}
+        drives = {entry.trajectory for entry in record.results}
         assert drives == {f"{name.replace(' ', '_')}.csv" for name in NAMES}
         assert {path.name for path in out.iterdir()} == {*drives, "record.json"}
 
@@ -130,9 +130,9 @@ class TestFiles:
     def test_every_drive_can_be_scored_again(self, ran):
         study, record, out = ran
         for entry in record.results:
-            drive = read_trajectory(out / entry["trajectory"], study.problem)
+            drive = read_trajectory(out / entry.trajectory, study.problem)
             objective = evaluate(study.problem, drive).objective
-            assert objective == pytest.approx(entry["objective"], rel=1e-9, abs=1e-9)
+            assert objective == pytest.approx(entry.objective, rel=1e-9, abs=1e-9)
 
     def test_nothing_without_a_folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         study = make_study(tmp_path, small(solvers=GENETIC, baselines="[circle]"))
@@ -140,8 +140,8 @@ class TestFiles:
         before = sorted(tmp_path.iterdir())
         record = run(study, workers=1)
         assert sorted(tmp_path.iterdir()) == before
-        assert {entry["trajectory"] for entry in record.results} == {None}
-        assert all(entry["drive"] is not None for entry in record.results)
+        assert {entry.trajectory for entry in record.results} == {None}
+        assert all(entry.drive is not None for entry in record.results)
 
 
 TIMES = ("wall_seconds", "seconds", "finished")
@@ -191,7 +191,7 @@ class TestSeed:
         study, record, _ = ran
         solutions, _ = search(study, seed=6, workers=1)
         assert [solution.seed for solution in solutions] == [6, 6]
-        first, other = drive_of(result(record, "ipopt")), solutions[0].trajectory
+        first, other = drive_of(record.result("ipopt")), solutions[0].trajectory
         assert np.abs(first.coefficients - other.coefficients).max() > 0.01
 
 
@@ -226,38 +226,38 @@ class TestInterrupted:
         study, listener = make_study(tmp_path), Listener("starts", 1, interrupt)
         record = run(study, tmp_path / "out", workers=1, progress=listener)
         (entry,) = record.results
-        assert (entry["name"], entry["status"]) == ("ipopt", "interrupted")
-        assert entry["message"].startswith("Interrupted")
-        assert entry["feasible"]
-        assert record.best["name"] == "ipopt"
+        assert (entry.name, entry.status) == ("ipopt", "interrupted")
+        assert entry.message.startswith("Interrupted")
+        assert entry.feasible
+        assert record.best.name == "ipopt"
         assert record.data["validation"] is None
         assert load_record(tmp_path / "out").data == json.loads(record.to_json())
-        drive = read_trajectory(tmp_path / "out" / entry["trajectory"], study.problem)
-        assert evaluate(study.problem, drive).objective == pytest.approx(entry["objective"], rel=1e-9)
+        drive = read_trajectory(tmp_path / "out" / entry.trajectory, study.problem)
+        assert evaluate(study.problem, drive).objective == pytest.approx(entry.objective, rel=1e-9)
 
     def test_in_the_second_search(self, tmp_path: Path):
         listener = Listener("genetic", 2, interrupt)
         record = run(make_study(tmp_path), tmp_path / "out", workers=1, progress=listener)
-        assert [entry["name"] for entry in record.results] == ["ipopt", "genetic"]
-        assert [entry["status"] for entry in record.results] == ["converged", "interrupted"]
-        assert record.best["name"] == "ipopt"
+        assert [entry.name for entry in record.results] == ["ipopt", "genetic"]
+        assert [entry.status for entry in record.results] == ["converged", "interrupted"]
+        assert record.best.name == "ipopt"
         assert (tmp_path / "out" / "ipopt.csv").exists()
 
     def test_before_anything_was_found_nothing_more_is_searched(self, tmp_path: Path):
         listener = Listener("starts", 0, interrupt)
         record = run(make_study(tmp_path), tmp_path / "out", workers=1, progress=listener)
         assert "genetic" not in listener.stages
-        assert [entry["name"] for entry in record.results] == ["ipopt"]
+        assert [entry.name for entry in record.results] == ["ipopt"]
         assert record.best is None
 
-    @pytest.mark.parametrize("stage", ["score everyday paths", "simulate experiments"])
+    @pytest.mark.parametrize("stage", ["score baselines", "simulate experiments"])
     def test_after_the_searches(self, tmp_path: Path, stage: str):
         listener = Listener(stage, 0, interrupt)
         with contextlib.suppress(KeyboardInterrupt):
             run(make_study(tmp_path), tmp_path / "out", workers=1, progress=listener)
         saved = load_record(tmp_path / "out")
-        assert [entry["name"] for entry in saved.results][:2] == ["ipopt", "genetic"]
-        assert saved.best["name"] == "ipopt"
+        assert [entry.name for entry in saved.results][:2] == ["ipopt", "genetic"]
+        assert saved.best.name == "ipopt"
 
 
 def test_a_path_that_is_not_there_is_named_before_anything_is_searched(tmp_path: Path):

@@ -23,6 +23,7 @@ from oed.foundation import files
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.work.folders import interrupted_runs, updated
 from oed.records.record import load_record
+from oed.records.stored.study_record import Provenance
 from oed.study.study import Study
 from oed.workflow.runner import run
 
@@ -79,7 +80,7 @@ class TestAgain:
         }
         assert load_record(finished).data == json.loads(record.to_json())
 
-    @pytest.mark.parametrize("stage", ["genetic", "score everyday paths"])
+    @pytest.mark.parametrize("stage", ["genetic", "score baselines"])
     def test_an_interrupted_one_leaves_it_bit_for_bit(self, study: Study, finished: Path, stage: str):
         before = contents(finished)
         record = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
@@ -91,7 +92,7 @@ class TestAgain:
         assert record.folder == finished.with_name("out.interrupted")
         kept = load_record(record.folder)
         assert kept.data["interrupted"]
-        assert [entry["name"] for entry in kept.results] == ["genetic"]
+        assert [entry.name for entry in kept.results] == ["genetic"]
         assert (record.folder / "genetic.csv").is_file()
         # Nor does one that is cut short take the place of another such.
         again = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
@@ -104,7 +105,7 @@ class TestAgain:
         assert contents(finished) == before
         kept = finished.with_name("out.interrupted")
         assert str(kept) in caught.value.__notes__[0]
-        assert load_record(kept).best["name"] == "genetic"
+        assert load_record(kept).best.name == "genetic"
 
     @pytest.mark.slow
     def test_what_is_kept_has_a_report(self, study: Study, finished: Path, capsys):
@@ -155,7 +156,7 @@ class TestNoRoom:
             "out: cannot write there: No space left on device; what was in out is as it was"
         )
         (place,) = re.findall(r"The results are in (\S+) instead", line)
-        assert load_record(place).best["name"] == "genetic"
+        assert load_record(place).best.name == "genetic"
         assert (Path(place) / "genetic.csv").is_file()
 
     def test_nowhere_at_all(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
@@ -201,7 +202,7 @@ class TestUnreadable:
 
     @pytest.fixture
     def damaged(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        made = {"packages": {}, "python": math.nan, "platform": "any", "finished": "now"}
+        made = Provenance.of(packages={}, python=math.nan, platform="any", finished="now")
         monkeypatch.setattr("oed.workflow.runner.provenance", lambda: made)
         (tmp_path / "spare").mkdir()
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
@@ -230,7 +231,7 @@ class TestUnreadable:
         text = TEXT.replace("10 rad/s", "1e10 rad/s").replace("20 rad/s^2", "1e11 rad/s^2")
         study = saved_study(tmp_path, text.replace("[-1 m, 1 m]", "[-1e11 m, 1e11 m]"))
         record = run(study, tmp_path / "out", workers=1)
-        speeds = [entry["drive"]["coefficients"] for entry in record.results]
+        speeds = [entry.drive.coefficients for entry in record.results]
         assert max(abs(value) for drive in speeds for row in drive for value in row) > 1e9
         assert load_record(tmp_path / "out").data == json.loads(record.to_json())
 
@@ -316,5 +317,5 @@ class TestProcess:
         else:
             # Whoever looks there next puts it in order.
             assert interrupted_runs(finished) == [beside]
-        assert load_record(beside).results[0]["name"] == "genetic"
+        assert load_record(beside).results[0].name == "genetic"
         assert not list(finished.parent.glob(".*"))

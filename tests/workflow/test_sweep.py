@@ -55,16 +55,18 @@ def axes(*over: str) -> list[Axis]:
 
 def test_the_table_says_what_the_records_say(swept):
     folder, data = swept
-    assert json.loads((folder / "out" / "sweep.json").read_text()) == data == load_sweep(folder / "out")
+    assert (
+        json.loads((folder / "out" / "sweep.json").read_text()) == data == load_sweep(folder / "out").plain()
+    )
     assert [row["numbers"] for row in data["points"]] == [
         {"limits.wheel_speed": 5},
         {"limits.wheel_speed": 10},
     ]
     for row in data["points"]:
         record = load_record(folder / "out" / row["record"])
-        assert row["objective"] == record.best["objective"]
-        assert row["standard_deviations"] == record.best["standard_deviations"]
-        assert (folder / "out" / row["folder"] / record.best["trajectory"]).is_file()
+        assert row["objective"] == record.best.objective
+        assert row["standard_deviations"] == record.best.standard_deviations
+        assert (folder / "out" / row["folder"] / record.best.trajectory).is_file()
     best = max(data["points"], key=lambda row: row["objective"])
     assert data["best"] == best["folder"]
 
@@ -86,8 +88,8 @@ def test_a_point_is_what_a_run_of_its_study_is(swept, tmp_path: Path):
     file = write_study(tmp_path, small(solvers=TINY).replace("wheel_speed: 10", "wheel_speed: 5"))
     alone = real_run(load_study(file), workers=1)
     point = load_record(folder / "out" / data["points"][0]["record"])
-    assert point.best["objective"] == alone.best["objective"]
-    assert point.best["drive"] == alone.best["drive"]
+    assert point.best.objective == alone.best.objective
+    assert point.best.drive == alone.best.drive
 
 
 def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, runs: list[str]):
@@ -142,7 +144,7 @@ def test_a_finished_sweep_stays_until_another_is_finished(
     cut = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
     assert all_files(out) == before
     assert cut.folder == tmp_path / "out.interrupted"
-    assert load_sweep(cut.folder) == cut.data
+    assert load_sweep(cut.folder) == cut.found
     # The same command goes on where it stopped.
     monkeypatch.setattr(running, "run", real_run)
     whole = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
@@ -170,7 +172,7 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
     monkeypatch.setattr(running, "run", real_run)
     whole = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     assert whole["kept"] == 1
-    assert load_sweep(tmp_path / "out.interrupted")["interrupted"]
+    assert load_sweep(tmp_path / "out.interrupted").interrupted
 
 
 def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -230,7 +232,7 @@ def test_objectives_of_other_criteria_are_not_ranked(tmp_path: Path):
 
 
 def test_no_sweep_there(tmp_path: Path):
-    with pytest.raises(RecordError, match="cannot be read"):
+    with pytest.raises(RecordError, match="no sweep there; make one with `oed sweep`"):
         load_sweep(tmp_path)
 
 

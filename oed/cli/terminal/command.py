@@ -85,7 +85,7 @@ def place(folder: Path | None, trouble: Exception | None) -> dict[str, str | Non
     return directory if trouble is None else {**directory, "error": str(trouble)}
 
 
-def told(notes: Sequence[str], trouble: Exception | None) -> None:
+def noted(notes: Sequence[str], trouble: Exception | None) -> None:
     """Say on standard error what is to be known of a run."""
     from oed.cli.terminal.messages import say
     from oed.foundation.shown import shown

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -20,12 +20,14 @@ from oed.foundation.work.progress import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
+    from oed.records.calibration_record import EstimateRecord
     from oed.records.stored.certificate import StoredCertificate
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.sweep import StoredSweep
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
+    from oed.workflow.next_drive import NextDrive
 
 
 class _Bars:
@@ -69,13 +71,24 @@ def progress(quiet: bool) -> Iterator[Progress]:
         bars.end()
 
 
+def _console() -> Console:
+    # As wide as the terminal, or as a file's readers have it.
+    return Console(width=None if sys.stdout.isatty() else 120)
+
+
+def _table(headings: Sequence[str], left: Sequence[str], *, no_wrap: bool = False) -> Table:
+    # Text, for rich would take "[m]" for markup.
+    table = Table(box=None, pad_edge=False)
+    for heading in headings:
+        table.add_column(Text(heading), justify="left" if heading in left else "right", no_wrap=no_wrap)
+    return table
+
+
 def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
     """Results as a table and their messages, on standard output; `robustness` as a record has it."""
-    reserved = () if robustness is None else robustness.limits
-    table = Table(box=None, pad_edge=False)
-    for heading in ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]"):
-        # Text, for rich would take "[m]" for markup.
-        table.add_column(Text(heading), justify="left" if heading == "name" else "right")
+    tightened = () if robustness is None else robustness.limits
+    headings = ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]")
+    table = _table(headings, ("name",))
     for one in results:
         table.add_row(
             _cell(one.name),
@@ -87,7 +100,7 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
             "yes" if one.feasible else "no",
             number(one.wall_seconds, 3),
         )
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = _console()
     console.print(table)
     for one in results:
         # A path that was scored and can be driven has said all there is in its row.
@@ -95,7 +108,7 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
             continue
         _print_line(console, f"{one.name}: {one.message}")
         for limit, amount in one.violations.items():
-            how = ", reserve for other robots included" if limit in reserved else ""
+            how = ", back-off for other robots included" if limit in tightened else ""
             _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
         points = [margin.limit for margin in one.margins if margin.certain is False]
         if points and one.feasible:
@@ -112,7 +125,7 @@ def _print_line(console: Console, line: str) -> None:
 
 
 def print_worth(found: DrivenPaths) -> None:
-    """How much driven paths tell of what the best design tells, and of what no drive exceeds."""
+    """The information of driven paths, as a share of the best design's and of what no drive exceeds."""
     for one in found.paths:
         shares = []
         if one.share_of_best is not None and found.best is not None:
@@ -123,26 +136,24 @@ def print_worth(found: DrivenPaths) -> None:
             tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
 
 
-def print_next(found: Mapping[str, Any]) -> None:
+def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
     from oed.foundation.text import words
-    from oed.report.estimate.numbers import error_text, own_unit, to_error
+    from oed.report.parts.rounding import error_text, own_unit, to_error
 
-    table = Table(box=None, pad_edge=False)
-    for heading in ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive"):
-        table.add_column(Text(heading), justify="left" if heading in ("parameter", "unit") else "right")
-    for entry in found["precision"]:
-        unit, factor = own_unit(entry["unit"])
-        errors = (error_text(entry[key], factor) for key in ("now", "wanted", "next"))
-        estimate = to_error(entry["value"], entry["now"], factor)
-        table.add_row(_cell(words(entry["name"])), _cell(unit), estimate, *errors)
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
-    tell(found["reason"])
+    headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
+    table = _table(headings, ("parameter", "unit"))
+    for one in found.precision:
+        unit, factor = own_unit(one.unit)
+        errors = (error_text(error, factor) for error in (one.now, one.wanted, one.next))
+        table.add_row(_cell(words(one.name)), _cell(unit), to_error(one.value, one.now, factor), *errors)
+    _console().print(table)
+    tell(found.reason)
 
 
 def print_certificate(certificate: StoredCertificate) -> None:
     """An upper bound with its method and assumptions, and the others that were found."""
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = _console()
     lines = [f"no drive has an objective above {number(certificate.upper_bound)}: {certificate.method}"]
     lines += [f"  assumes {assumption}" for assumption in certificate.assumptions]
     if not certificate.complete:
@@ -161,8 +172,8 @@ def print_certificate(certificate: StoredCertificate) -> None:
             f"best drive known here: {number(certificate.best)}, limits satisfied {satisfied}, "
             f"gap {percent(certificate.gap)} to the bound for such drives{loose}"
         )
-    for cap in certificate.caps[1:]:
-        lines.append(f"  also {number(cap.upper_bound)}: {cap.method}")
+    for upper in certificate.caps[1:]:
+        lines.append(f"  also {number(upper.upper_bound)}: {upper.method}")
     for line in lines:
         _print_line(console, line)
 
@@ -221,35 +232,25 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
             return text
 
 
-def print_estimate(data: Mapping[str, Any]) -> None:
+def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
-    from oed.report.estimate.console import estimate_lines, estimate_rows
+    from oed.report.estimate.terminal import estimate_lines, estimate_rows
 
-    table = Table(box=None, pad_edge=False)
-    for heading in ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]"):
-        left = heading in ("parameter", "unit")
-        table.add_column(Text(heading), justify="left" if left else "right", no_wrap=True)
-    for row in estimate_rows(data):
+    headings = ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]")
+    table = _table(headings, ("parameter", "unit"), no_wrap=True)
+    for row in estimate_rows(record):
         table.add_row(*map(_cell, row))
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = _console()
     console.print(table)
-    for line in estimate_lines(data):
+    for line in estimate_lines(record):
         _print_line(console, line)
 
 
 def print_sweep(found: StoredSweep) -> None:
     """A sweep's points as a table, the best marked, and what went wrong, on standard output."""
-    table = Table(box=None, pad_edge=False)
-    for heading in (
-        *(shown(axis.name) for axis in found.keys),
-        "best result",
-        "objective",
-        "lambda_min",
-        "gap",
-        "status",
-        "time [s]",
-    ):
-        table.add_column(Text(heading), justify="left" if heading in ("best result", "status") else "right")
+    names = [shown(axis.name) for axis in found.keys]
+    headings = (*names, "best result", "objective", "lambda_min", "gap", "status", "time [s]")
+    table = _table(headings, ("best result", "status"))
     for one in found.points:
         table.add_row(
             *(_cell(one.values[axis.key]) for axis in found.keys),
@@ -260,7 +261,7 @@ def print_sweep(found: StoredSweep) -> None:
             _cell(one.status),
             number(one.seconds, 3),
         )
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = _console()
     console.print(table)
     if found.best is not None:
         tell("* the best of them")

@@ -29,12 +29,12 @@ class Covariance:
 
     Attributes:
         matrix: (q, q), SI.
-        freedom: degrees of freedom of the intervals' t distribution.
+        degrees: degrees of freedom of the intervals' t distribution.
         name: of the way it was found.
     """
 
     matrix: Array
-    freedom: float
+    degrees: float
     name: CovarianceName
 
     @property
@@ -45,7 +45,7 @@ class Covariance:
     @property
     def half_width(self) -> float:
         """Of a 95 % interval, in standard errors."""
-        return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(self.freedom, 1.0)))
+        return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(self.degrees, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def information(fit: Fit) -> Covariance:
     """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
     spread = fit.swing * fit.information.sum(axis=0) + fit.knowledge
     matrix = fit.response @ spread @ fit.response
-    return Covariance(matrix, float(fit.freedom.sum()), "information")
+    return Covariance(matrix, float(fit.redundancy.sum()), "information")
 
 
 def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
@@ -129,7 +129,7 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     """Covariance of estimates from logs put together of blocks drawn at random.
 
     [Kunsch, The jackknife and the bootstrap for general stationary observations, 1989]. Each replicate is
-    the step that the curvature of all logs takes with its own scores: a few blocks that happen to tell little
+    the step that the curvature of all logs takes with its own scores: a few blocks that happen to say little
     of a parameter would throw steps of their own curvature anywhere.
     """
     sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]

@@ -45,19 +45,19 @@ class Diagnostic:
     message: str
 
 
-def diagnostics(fit: Fit, stated: Mapping[str, Noise]) -> tuple[Diagnostic, ...]:
+def diagnostics(fit: Fit, specified: Mapping[str, Noise]) -> tuple[Diagnostic, ...]:
     """All tests of a fit.
 
     Args:
         fit: of all logs.
-        stated: noise that the study states, by the readings' kind; {} where it states none.
+        specified: noise that the study specifies, by the readings' kind; {} where it specifies none.
     """
     found = []
     for group in groups(fit.layout.quantities):
         places = places_of(group, fit.layout.quantities)
         found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
-        if group in stated and not fit.motions:
-            found.append(_stated(fit, group, stated[group]))
+        if group in specified and not fit.motions:
+            found.append(_specified(fit, group, specified[group]))
     if len(fit.layout.logs) > 1:
         found.append(_agreement(fit))
     return tuple(found)
@@ -70,7 +70,7 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
     What a segment's start takes out of white readings correlates their residuals: that is made good.
     """
     z, valid = _in_turn(fit, places)
-    left = np.ones(z.shape) if fit.motions else np.clip(fit.freedom[..., places], 0.0, 1.0)
+    left = np.ones(z.shape) if fit.motions else np.clip(fit.redundancy[..., places], 0.0, 1.0)
     scale = float((z[valid] ** 2).mean())
     share = float(left[valid].mean())
     if scale == 0 or share == 0:
@@ -107,7 +107,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     else:
         text = (
             f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next): "
-            "F^-1 promises too much; trust the bootstrap or the sandwich"
+            "F^-1 is too small; trust the bootstrap or the sandwich"
         )
     return Diagnostic("whiteness", group, statistic, p_value, p_value > ALPHA, text)
 
@@ -122,33 +122,33 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     return Diagnostic("outliers", group, share, None, passed, text)
 
 
-def _stated(fit: Fit, group: str, stated: Noise) -> Diagnostic:
-    # Chi-square of the residuals against the noise stated, at the speeds driven.
+def _specified(fit: Fit, group: str, specified: Noise) -> Diagnostic:
+    # Chi-square of the residuals against the noise specified, at the speeds driven.
     places = places_of(group, fit.layout.quantities)
     valid = fit.layout.valid
-    size = stated.deviation(fit.speeds, fit.yaw_rates)[..., None]
+    size = specified.deviation(fit.speeds, fit.yaw_rates)[..., None]
     squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
-    freedom = float(fit.freedom[..., places][valid].sum())
-    ratio = float(np.sqrt(squares / freedom))
-    p_value = float(2 * min(scipy.stats.chi2.cdf(squares, freedom), scipy.stats.chi2.sf(squares, freedom)))
+    degrees = float(fit.redundancy[..., places][valid].sum())
+    ratio = float(np.sqrt(squares / degrees))
+    p_value = float(2 * min(scipy.stats.chi2.cdf(squares, degrees), scipy.stats.chi2.sf(squares, degrees)))
     passed = p_value > ALPHA
-    text = f"{group} residuals are {ratio:.2f} times the noise that the study states"
-    text += ", as they should be" if passed else ": state what was found for the next design"
+    text = f"{group} residuals are {ratio:.2f} times the noise that the study specifies"
+    text += ", as they should be" if passed else ": specify what was found for the next design"
     return Diagnostic("stated_noise", group, ratio, p_value, passed, text)
 
 
 def _agreement(fit: Fit) -> Diagnostic:
     # Do the logs' own scores differ more than noise would make them?
-    owner, statistic, freedom = fit.layout.owner, 0.0, 0
+    owner, statistic, degrees = fit.layout.owner, 0.0, 0
     for log in np.unique(owner):
         own = owner == log
         score, matrix = fit.scores[own].sum(axis=0), fit.swing * fit.information[own].sum(axis=0)
         root = SquareRoot.of_matrix(matrix)
         statistic += float(((score @ root.factor) ** 2).sum())
-        freedom += int(root.identifiable.sum())
-    freedom = max(freedom - fit.unknowns.size, 1)
-    p_value, ratio = float(scipy.stats.chi2.sf(statistic, freedom)), float(np.sqrt(statistic / freedom))
+        degrees += int(root.identifiable.sum())
+    degrees = max(degrees - fit.unknowns.size, 1)
+    p_value, ratio = float(scipy.stats.chi2.sf(statistic, degrees)), float(np.sqrt(statistic / degrees))
     passed = p_value > ALPHA
     text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
-    text += "" if passed else ": F^-1 promises too much; trust the bootstrap, and look at the logs left out"
+    text += "" if passed else ": F^-1 is too small; trust the bootstrap, and look at the logs left out"
     return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text)

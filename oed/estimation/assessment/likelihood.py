@@ -32,7 +32,7 @@ class Likelihood:
     Attributes:
         each: logarithm by segments, (S,).
         unknowns: number of what was fitted to all readings together: parameters, the sensor's place, clocks
-            and noise. What nothing tells counts for nothing.
+            and noise. What is not identifiable counts for nothing.
         starts: number of states of segments' starts that not all models have.
     """
 
@@ -58,8 +58,8 @@ class Readings:
     def of(cls, fits: Sequence[Fit]) -> Readings:
         """As the segments of the model with the fewest states have them."""
         fit = min(fits, key=lambda one: one.starts.shape[1])
-        told = _told(fit)
-        left = np.where(fit.layout.valid[..., None], np.clip(fit.freedom, 0.0, None), 0.0)
+        identified = _identified(fit)
+        left = np.where(fit.layout.valid[..., None], np.clip(fit.redundancy, 0.0, None), 0.0)
         growth = {
             group: [
                 part
@@ -68,7 +68,7 @@ class Readings:
             ]
             for group in groups(fit.layout.quantities)
         }
-        return cls(left * (1 + told / max(float(left.sum()), 1e-9)), growth)
+        return cls(left * (1 + identified / max(float(left.sum()), 1e-9)), growth)
 
     @property
     def count(self) -> float:
@@ -90,9 +90,9 @@ class Readings:
             for group in groups(fit.layout.quantities):
                 own, count = self._group(fit, places_of(group, fit.layout.quantities), group, options)
                 each, noise = each + own, noise + count
-        left = float(np.where(fit.layout.valid[..., None], fit.freedom, 0.0).sum())
-        told = _told(fit)
-        return Likelihood(each, told + noise, max(self.count - left - told, 0.0))
+        left = float(np.where(fit.layout.valid[..., None], fit.redundancy, 0.0).sum())
+        identified = _identified(fit)
+        return Likelihood(each, identified + noise, max(self.count - left - identified, 0.0))
 
     def _group(
         self, fit: Fit, places: list[int], group: str, options: CalibrationOptions
@@ -100,18 +100,18 @@ class Readings:
         # The logarithm by segments of readings that share their noise, and how many numbers that noise has.
         shares, residuals = self.shares[..., places], fit.residuals[..., places]
         rates = [np.repeat(one[..., None], len(places), axis=-1) for one in (fit.speeds, fit.yaw_rates)]
-        told = shares > 0
+        identified = shares > 0
         noise, count = fit.noises[group], 0
         if options.noise != "stated":
-            rates_told = np.stack([one[told] for one in rates])
-            noise, count = _greatest(residuals[told], shares[told], rates_told, self.growth[group])
+            own_rates = np.stack([one[identified] for one in rates])
+            noise, count = _greatest(residuals[identified], shares[identified], own_rates, self.growth[group])
         variance = noise.deviation(*rates) ** 2
         terms = shares * np.log(2 * np.pi * variance) + residuals**2 / variance
-        return -0.5 * np.where(told, terms, 0.0).sum(axis=(1, 2)), count
+        return -0.5 * np.where(identified, terms, 0.0).sum(axis=(1, 2)), count
 
 
-def _told(fit: Fit) -> float:
-    # How many unknowns the readings tell, those less that are known rather from before.
+def _identified(fit: Fit) -> float:
+    # How many unknowns the readings identify, those less that are known rather from before.
     return float(np.trace(fit.inverse @ fit.information.sum(axis=0)))
 
 
@@ -124,7 +124,7 @@ def _greatest(residuals: Array, shares: Array, rates: Array, parts: Sequence[int
 
 
 def _correlated(fit: Fit, *, free: bool) -> Array:
-    # Windows whose noise is correlated, its size free unless it is stated.
+    # Windows whose noise is correlated, its size free unless it is specified.
     white = fit.white[fit.layout.valid]
     square = float((white**2).mean()) if free else 1.0
     assert fit.volumes is not None
@@ -137,7 +137,7 @@ def _correlated(fit: Fit, *, free: bool) -> Array:
 def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:
     """How many times as much as independent readings would the likelihood of a fit varies, at least 1.
 
-    Residuals that are correlated tell less than their number says: a likelihood ratio is then as many times
+    Residuals that are correlated say less than their number says: a likelihood ratio is then as many times
     too large as the scores vary more than their information says [Rotnitzky, Jewell: Hypothesis testing of
     regression parameters in semiparametric generalized linear models for cluster correlated data, 1990], here
     on average over all unknowns but the clocks. Of too few blocks the residuals' own correlations say it.
@@ -153,8 +153,8 @@ def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:
     """
     blocks, common = blocks_of(fit, block), fit.unknowns.size - fit.unknowns.clocks
     if judgeable(fit, blocks):
-        promised, found = (one.matrix[:common, :common] for one in (information(fit), sandwich(fit, blocks)))
-        return max(float(np.trace(np.linalg.solve(promised, found))) / common, 1.0), "blocks"
+        predicted, found = (one.matrix[:common, :common] for one in (information(fit), sandwich(fit, blocks)))
+        return max(float(np.trace(np.linalg.solve(predicted, found))) / common, 1.0), "blocks"
     each = [_lasting(fit, places_of(group, fit.layout.quantities)) for group in groups(fit.layout.quantities)]
     return max(float(np.mean(each)), 1.0), "correlations"
 

@@ -53,7 +53,7 @@ def whitened(root: Array, rows: Array) -> Array:
     return np.asarray(found)
 
 
-def weighed(root: Array, white: Array) -> Array:
+def weighted(root: Array, white: Array) -> Array:
     """L^-T times rows (n, k)."""
     found, _ = scipy.linalg.lapack.dtbtrs(root, white, uplo="L", trans="T")
     return np.asarray(found)

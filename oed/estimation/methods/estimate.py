@@ -1,13 +1,18 @@
-"""What an estimator says of real or simulated readings."""
+"""What an estimator says of one drive's readings, real or simulated."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimation.methods.fit import Fit
+
 Array = npt.NDArray[np.float64]
+
+ARRIVED = "The steps have become as small as rounding."
+ASTRAY = "No step makes the misfit smaller, or too many were needed: begin nearer, or measure more."
 
 
 @dataclass(frozen=True)
@@ -18,9 +23,9 @@ class Estimate:
         parameters: names, (p,).
         values: (p,).
         covariance: (p, p).
-        nuisances: the other unknowns' names, (n,).
+        nuisances: the nuisance parameters' names, (n,).
         nuisance_values: (n,).
-        residuals: readings less their prediction, in units of the noise, (M,).
+        residuals: readings less their prediction, in units of the noise, in the order of the readings, (M,).
         converged: whether the search for the least squares ended by its own tolerance.
         message: how it ended.
     """
@@ -28,11 +33,26 @@ class Estimate:
     parameters: tuple[str, ...]
     values: Array
     covariance: Array
-    nuisances: tuple[str, ...]
-    nuisance_values: Array
     residuals: Array
-    converged: bool
-    message: str
+    nuisances: tuple[str, ...] = ()
+    nuisance_values: Array = field(default_factory=lambda: np.zeros(0))
+    converged: bool = True
+    message: str = "Solved by linear least squares."
+
+    @classmethod
+    def of(cls, fit: Fit, covariance: Array, residuals: Array) -> Estimate:
+        """What a fit says, with the covariance of its parameters and its residuals in the readings' order."""
+        count, arrived = len(fit.unknowns.parameters), fit.converged
+        return cls(
+            parameters=fit.unknowns.parameters,
+            values=fit.values[:count],
+            covariance=covariance,
+            residuals=residuals,
+            nuisances=fit.unknowns.names[count:],
+            nuisance_values=fit.values[count:],
+            converged=arrived,
+            message=ARRIVED if arrived else ASTRAY,
+        )
 
     @property
     def standard_deviations(self) -> dict[str, float]:

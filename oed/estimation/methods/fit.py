@@ -30,7 +30,7 @@ class Fit:
         residuals: measured less predicted, SI, (S, n + 1, quantities); of no meaning beyond a segment's end.
         white: the same in units of the noise.
         weights: of a robust loss, (S, n + 1, quantities).
-        freedom: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
+        redundancy: share of each reading's variance that the fit leaves, (S, n + 1, quantities).
         noises: of the readings.
         speeds: at the readings, (S, n + 1) [m/s].
         yaw_rates: alike [rad/s].
@@ -54,7 +54,7 @@ class Fit:
     residuals: Array
     white: Array
     weights: Array
-    freedom: Array
+    redundancy: Array
     noises: Mapping[str, Noise]
     speeds: Array
     yaw_rates: Array

@@ -1,4 +1,4 @@
-"""One robot fitted to logs that are ready: what is unknown, over which segments, with which noise."""
+"""One robot fitted to preprocessed logs: what is unknown, over which segments, with which noise."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gls import WeighedWindows
+from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.segmenting import Segmenting, longest_without_drift
+from oed.estimation.methods.segment_length import Segmenting, longest_without_drift
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows, usual_seconds
 from oed.estimation.prediction.layout import Layout, cut
-from oed.estimation.preprocessing.ready import ReadyLogs
+from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import group_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 LOOSE = 1.0
 """Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
-search in bounds where the logs tell nothing, and is nothing beside what they tell."""
+search in bounds where the logs say nothing, and is nothing beside what they say."""
 LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
 ASKEW = 0.5
@@ -64,7 +64,7 @@ class Fitting:
         parameters: names of those to estimate.
         measurement: says where the pose sensor sits, and how noisy it is.
         options: of the calibration.
-        prior: information on the parameters to estimate had beforehand, (p, p), SI.
+        prior: information on the parameters to estimate, (p, p), SI.
     """
 
     robot: Model
@@ -73,44 +73,50 @@ class Fitting:
     options: CalibrationOptions
     prior: Array | None = None
 
-    def fitted(self, ready: ReadyLogs) -> Fitted:
+    def fitted(self, prepared: PreparedLogs) -> Fitted:
         """The solution; coordinates of the sensor that the parameters hide are taken as the study has them.
 
         Raises:
             LogError: fewer readings than unknowns.
             ProblemError: options that do not suit the robot or the logs.
         """
-        unknowns, notes = self._unknowns(ready), list[str]()
-        segmenting, fit = self._solved(ready, unknowns)
+        unknowns, notes = self._unknowns(prepared), list[str]()
+        segmenting, fit = self._solved(prepared, unknowns)
         _require_enough(fit)
         hidden = _hidden_by_place(fit)
         if hidden:
-            notes.append(f"{', '.join(hidden)} cannot be told from the parameters: taken as the study has it")
+            notes.append(
+                f"{', '.join(hidden)} cannot be separated from the parameters: taken as the study has it"
+            )
             unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
-            segmenting, fit = self._solved(ready, unknowns)
+            segmenting, fit = self._solved(prepared, unknowns)
         return Fitted(fit, segmenting, tuple(notes))
 
     @cached_property
     def _mount(self) -> Mount:
         return specified_mount(self.measurement)
 
-    def _unknowns(self, ready: ReadyLogs) -> Unknowns:
+    def _unknowns(self, prepared: PreparedLogs) -> Unknowns:
         mount = self._mount
-        free = [name for name in self.options.sensor_place if name in _told_places(ready.logs[0].quantities)]
+        free = [
+            name
+            for name in self.options.sensor_place
+            if name in _observable_places(prepared.logs[0].quantities)
+        ]
         if mount.fixed:
             free = [name for name in free if name == "sensor_heading"]
-        clocks = len(ready.files) if self.options.clock_offset else 0
+        clocks = len(prepared.files) if self.options.clock_offset else 0
         # A sensor that looks backwards is found from there only.
-        turned = ready.mounting if "sensor_heading" in free and abs(ready.mounting) > ASKEW else 0.0
+        turned = prepared.mounting if "sensor_heading" in free and abs(prepared.mounting) > ASKEW else 0.0
         sits = (*mount.sits[:2], turned)
         return Unknowns(self.robot, self.parameters, tuple(free), clocks, sits)
 
-    def _solved(self, ready: ReadyLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
-        logs, offsets = ready.logs, ready.offsets
+    def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
+        logs, offsets = prepared.logs, prepared.offsets
         last: list[Array] = []
 
         def layout(seconds: float) -> Layout:
-            return cut(logs, seconds, ready.clocks)
+            return cut(logs, seconds, prepared.clocks)
 
         def fit(segments: Layout) -> Fit:
             found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
@@ -132,10 +138,10 @@ class Fitting:
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
             raise ProblemError([Flaw(("calibration", "loss"), f"{text}; use method: joint")])
-        stated = self._stated(windows.layout.logs[0])
+        specified = self._specified(windows.layout.logs[0])
         if options.method == "gls":
-            return WeighedWindows(windows, known, stated, grows=options.noise != "constant").fit()
-        return TwoStage(windows, known, stated).fit()
+            return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
+        return TwoStage(windows, known, specified).fit()
 
     def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
         return JointSearch(
@@ -145,19 +151,19 @@ class Fitting:
             self.options.loss,
             grows=self.options.noise == "estimated",
             known=self._known(unknowns),
-            stated=self._stated(layout.logs[0]),
+            specified=self._specified(layout.logs[0]),
         )
 
-    def _stated(self, log: Log) -> dict[str, Noise] | None:
+    def _specified(self, log: Log) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        stated = specified_noise(self.measurement, log.averaged)
-        missing = [name for name in log.quantities if group_of(name) not in stated]
+        specified = specified_noise(self.measurement, log.averaged)
+        missing = [name for name in log.quantities if group_of(name) not in specified]
         if missing:
-            text = f"the measurement states no noise of {', '.join(missing)}; use noise: estimated"
+            text = f"the measurement specifies no noise of {', '.join(missing)}; use noise: estimated"
             raise ProblemError([Flaw(("calibration", "noise"), text)])
-        return stated
+        return specified
 
     def _known(self, unknowns: Unknowns) -> Knowledge:
         count = len(unknowns.parameters)
@@ -171,8 +177,8 @@ class Fitting:
         return Knowledge(matrix, unknowns.nominal)
 
 
-def _told_places(quantities: Sequence[str]) -> tuple[str, ...]:
-    # Without positions a lever arm shows in nothing; without a heading nothing tells how it is turned.
+def _observable_places(quantities: Sequence[str]) -> tuple[str, ...]:
+    # Without positions a lever arm shows in nothing; without a heading nothing shows how it is turned.
     if not {"x", "y"} <= set(quantities):
         return ()
     return PLACE if "heading" in quantities else PLACE[:2]
@@ -191,10 +197,10 @@ def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
 
 def _require_enough(fit: Fit) -> None:
     # As many unknowns as readings fit anything without error.
-    told, starts = int(fit.layout.valid.sum()), fit.layout.count
-    readings, states = told * len(fit.layout.quantities), starts * fit.starts.shape[1]
+    identified, starts = int(fit.layout.valid.sum()), fit.layout.count
+    readings, states = identified * len(fit.layout.quantities), starts * fit.starts.shape[1]
     if fit.motions:
         readings, states = starts * len(fit.layout.quantities), 0
     if readings <= states + fit.unknowns.size:
-        text = f"{readings} readings cannot tell {states + fit.unknowns.size} unknowns; log more poses"
+        text = f"{readings} readings cannot identify {states + fit.unknowns.size} unknowns; log more poses"
         raise LogError([FileFlaw(fit.layout.logs[0].file, 0, 0, "", text)])

@@ -1,26 +1,37 @@
-"""Least squares by Gauss-Newton steps, halved where they make the misfit worse."""
+"""Least squares by Gauss-Newton steps, damped where they make the misfit worse."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.knowledge import Knowledge
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.methods.losses import robust_loss
 from oed.estimation.setup.options import Loss
 from oed.kernel.measurement.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]
+Booleans = npt.NDArray[np.bool_]
 
-STEPS = 40
+STEPS = 100
 """Gauss-Newton steps at most."""
-HALVINGS = 8
-"""How often a step that makes the misfit worse is halved."""
+RENEWALS = 15
+"""Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
+SHARES = tuple(0.5**halving for halving in range(8))
+"""Of a step that are tried in turn while they make the misfit worse."""
+DAMPINGS = (0.0, *(10.0**power for power in range(-6, 3)))
+"""What is tried in turn instead far from the least squares, where halving creeps along: squared lengths that
+are added to the columns of derivatives, in units of their own [Marquardt: An algorithm for least-squares
+estimation of nonlinear parameters, 1963]. What the readings say little of then moves less and less."""
+EASED = 2
+"""By how many of these a step is damped less than the one before it, to begin with."""
+FAR = 10.0
+"""Length of a step in standard errors from which on it is damped, not halved."""
 NEAR = 0.05
 """Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
 piecewise linear in a clock's offset, and the least squares may lie in a corner."""
@@ -34,9 +45,45 @@ FLAT = 0.1
 """Least curvature of a loss, relative to its weight, for it bends back beyond outliers. The parabola of its
 weights lies above a loss, so that this share of a step at least leads downhill."""
 
-Rows = Callable[[Array], tuple[Array, Array]]
-"""Of unknowns (q,): residuals in units of their noise (rows,), measured less predicted, and the derivatives
-of what is predicted (rows, q)."""
+BEYOND = 1e30
+"""How many times their size unknowns may become, and residuals their noise."""
+
+
+class Rows(NamedTuple):
+    """What is left of readings in units of their noise, segment by segment.
+
+    Attributes:
+        residuals: measured less predicted, (S, m).
+        slopes: derivatives of what is predicted by the common unknowns, (S, m, q).
+        own: by the unknowns of each segment alone, its start, (S, m, c).
+    """
+
+    residuals: Array
+    slopes: Array
+    own: Array
+
+    @classmethod
+    def of(cls, residuals: Array, slopes: Array) -> Rows:
+        """Those (m,) and (m, q) of a single segment without unknowns of its own."""
+        return cls(residuals[None], slopes[None], np.zeros((1, len(residuals), 0)))
+
+    def damped(self, damping: float) -> Rows:
+        """With rows that keep the segments' own unknowns where they are, as long as the columns by them times
+        the root of `damping`.
+        """
+        if damping == 0:
+            return self
+        lengths = np.sqrt(damping) * np.linalg.norm(self.own, axis=1)
+        more = lengths[..., None] * np.eye(lengths.shape[-1])
+        zeros = (np.zeros((*more.shape[:2], *one.shape[2:])) for one in (self.residuals, self.slopes))
+        return Rows(*(np.concatenate(pair, axis=1) for pair in zip(self, (*zeros, more), strict=True)))
+
+
+class HasRows(Protocol):
+    """Gives rows at common unknowns (q,) and the segments' own (S, c)."""
+
+    def __call__(self, values: Array, starts: Array, /) -> Rows:
+        """The rows."""
 
 
 class HasMisfit(Protocol):
@@ -50,18 +97,29 @@ class HasMisfit(Protocol):
 Place = TypeVar("Place", bound=HasMisfit)
 
 
-def downhill(here: Place, after: Callable[[float], Place]) -> Place:
-    """Where the longest step that makes the misfit no worse leads to; `here` itself if none does.
+class Found(NamedTuple):
+    """The end of a search.
 
-    Args:
-        here: before the step.
-        after: where a share of the step leads to.
+    Attributes:
+        values: the common unknowns, (q,).
+        starts: the segments' own, (S, c).
+        rows: as they were last, in units of the last noise.
+        arrived: whether these are the least squares.
     """
-    for halving in range(HALVINGS):
-        tried = after(0.5**halving)
-        if tried.misfit <= here.misfit * (1 + WORSE):
-            return tried
-    return here
+
+    values: Array
+    starts: Array
+    rows: HasRows
+    arrived: bool
+
+
+def projected(rows: Array, own: Array) -> tuple[Array, Array]:
+    """Rows (S, m, q) less what columns (S, m, c) of the same segment explain, and the share of each row that
+    they do, (S, m).
+    """
+    across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own)
+    explained = across @ (own.transpose(0, 2, 1) @ rows)
+    return rows - explained, np.einsum("sia,sia->si", across, own)
 
 
 @dataclass(frozen=True)
@@ -69,8 +127,7 @@ class LeastSquares:
     """The search.
 
     Attributes:
-        rows: of unknowns.
-        scale: sizes of the unknowns, (q,).
+        scale: sizes of the common unknowns, (q,).
         known: of them from before.
         loss: of a residual; other than "linear" it bounds the influence of outliers.
         clocks: how many of the last unknowns are clock offsets. Motion is piecewise linear in these, and the
@@ -78,69 +135,141 @@ class LeastSquares:
         close: change of the unknowns, in units of their size, at which the search has arrived.
     """
 
-    rows: Rows
     scale: Array
     known: Knowledge
     loss: Loss = "linear"
     clocks: int = 0
     close: float = CLOSE
 
-    def solved(self, start: Array) -> tuple[Array, bool]:
-        """The unknowns (q,), and whether the search from `start` has arrived."""
-        point, free = self._point(start), np.ones(len(start), dtype=bool)
-        for _ in range(STEPS):
-            step, errors, length = point.step(free)
-            following = self._following(point, step)
+    def solved(
+        self,
+        rows: HasRows,
+        values: Array,
+        starts: Array | None = None,
+        renewed: Callable[[Any, Array, Array], HasRows] | None = None,
+    ) -> Found:
+        """The least squares.
+
+        Args:
+            rows: of unknowns.
+            values: where the search begins, (q,).
+            starts: the segments' own unknowns there, (S, c); one segment without any by default.
+            renewed: rows in units of the noise that those at a point show; as they are by default.
+        """
+        point = _Point(self, rows, values, np.zeros((1, 0)) if starts is None else starts)
+        free, damped = np.ones(len(values), dtype=bool), 0
+        for number in range(STEPS):
+            if renewed is not None and number < RENEWALS:
+                point = replace(point, at=renewed(point.at, point.values, point.starts))
+            step = point.step(free)
+            following, damped = self._following(point, step, free, max(damped - EASED, 0))
+            early = renewed is not None and number < 2
             # Where no part of a step makes it better, the search has arrived only if the step is of no size.
-            if following is point and np.all(np.abs(step) <= NEAR * errors):
-                return point.values, True
-            if following is point:
+            if following is point and not early:
+                if np.all(np.abs(step.values) <= NEAR * step.errors):
+                    return point.found(arrived=True)
                 if not self.clocks or not free.all():
-                    return point.values, False
-                free[len(start) - self.clocks :] = False
+                    return point.found(arrived=False)
+                free[len(values) - self.clocks :] = False
                 continue
             change = float((np.abs(following.values - point.values) / self.scale).max(initial=0.0))
             point = following
-            if change < self.close or length < SURE:
-                return point.values, True
-        return point.values, False
+            if not early and (change < self.close or step.length < SURE):
+                return point.found(arrived=True)
+        return point.found(arrived=False)
 
-    def _following(self, point: _Point, step: Array) -> _Point:
-        return downhill(point, lambda share: self._point(point.values + share * step))
-
-    def _point(self, values: Array) -> _Point:
-        # A robust loss is least squares again, with the weights of its slope and of its curvature.
-        residuals, slopes = self.rows(values)
-        squares = residuals**2
-        losses, slope, second = robust_loss(self.loss, squares)
-        bend = np.sqrt(np.maximum(slope + 2 * squares * second, FLAT * slope))
-        return _Point(
-            values,
-            np.concatenate([residuals * slope / bend, self._root @ (self.known.centre - values)]),
-            np.vstack([slopes * bend[:, None], self._root]),
-            float(losses.sum()) + self.known.misfit(values),
-        )
+    def _following(self, point: _Point, step: _Step, free: Booleans, damped: int) -> tuple[_Point, int]:
+        # Where a step leads to, and by which of the dampings.
+        if step.length < FAR:
+            return downhill(point, lambda share: point.moved(step, share), SHARES)[0], 0
+        tries = DAMPINGS[damped:]
+        following, more = downhill(point, lambda size: point.moved(point.step(free, size)), tries)
+        return following, damped + more
 
     @cached_property
-    def _root(self) -> Array:
-        # Rows (k, q) whose square is what is known.
+    def root(self) -> Array:
+        """Rows (k, q) whose square is what is known."""
         values, vectors = np.linalg.eigh(self.known.information * np.outer(self.scale, self.scale))
-        told = values > 0
-        return np.asarray(np.sqrt(values[told])[:, None] * vectors[:, told].T / self.scale)
+        identified = values > 0
+        return np.asarray(np.sqrt(values[identified])[:, None] * vectors[:, identified].T / self.scale)
+
+
+def downhill(here: Place, after: Callable[[float], Place], tries: Sequence[float]) -> tuple[Place, int]:
+    """Where the first step that makes the misfit no worse leads to, `here` itself if none does; and how many
+    were tried in vain.
+
+    Args:
+        here: before the step.
+        after: where a share or a damping leads to.
+        tries: of these.
+    """
+    for number, tried in enumerate(tries):
+        there = after(tried)
+        if there.misfit <= here.misfit * (1 + WORSE):
+            return there, number
+    return here, len(tries)
+
+
+class _Step(NamedTuple):
+    # Of the unknowns and the segments' own; standard errors; the step's length in units of these.
+    values: Array
+    starts: Array
+    errors: Array
+    length: float
 
 
 @dataclass(frozen=True)
 class _Point:
-    # Residuals and derivatives (rows, q), what is known as further rows.
+    # Where a search is.
+    search: LeastSquares
+    at: HasRows
     values: Array
-    residuals: Array
-    slopes: Array
-    misfit: float
+    starts: Array
 
-    def step(self, free: npt.NDArray[np.bool_]) -> tuple[Array, Array, float]:
-        """Of the free unknowns, the others held; standard errors; the step's length in units of these."""
-        factor = SquareRoot.of_rows(self.slopes[:, free]).factor
-        along = factor.T @ (self.slopes[:, free].T @ self.residuals)
+    @cached_property
+    def rows(self) -> Rows:
+        return self.at(self.values, self.starts)
+
+    @cached_property
+    def losses(self) -> Array:
+        found = robust_loss(self.search.loss, self.rows.residuals.ravel() ** 2)
+        return found.reshape(3, *self.rows.residuals.shape)
+
+    @property
+    def misfit(self) -> float:
+        # From as far as this, such as a track without end, no derivative leads back.
+        unknowns, residuals = self.values / self.search.scale, self.rows.residuals
+        if max(np.abs(one).max(initial=0.0) for one in (unknowns, residuals)) > BEYOND:
+            return np.inf
+        return float(self.losses[0].sum()) + self.search.known.misfit(self.values)
+
+    def moved(self, step: _Step, share: float = 1.0) -> _Point:
+        values, starts = self.values + share * step.values, self.starts + share * step.starts
+        return replace(self, values=values, starts=starts)
+
+    def found(self, *, arrived: bool) -> Found:
+        return Found(self.values, self.starts, self.at, arrived)
+
+    @cached_property
+    def weighted(self) -> Rows:
+        # A robust loss is least squares again, with the weights of its slope and of its curvature.
+        squares, (_, slope, second) = self.rows.residuals**2, self.losses
+        bend = np.sqrt(np.maximum(slope + 2 * squares * second, FLAT * slope))
+        wide = bend[..., None]
+        return Rows(self.rows.residuals * slope / bend, self.rows.slopes * wide, self.rows.own * wide)
+
+    def step(self, free: Booleans, damping: float = 0.0) -> _Step:
+        # Of the free unknowns, the others held.
+        residuals, slopes, own = self.weighted.damped(damping)
+        slopes, known = slopes[..., free], self.search.root[:, free]
+        left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
+        before = self.search.root @ (self.search.known.centre - self.values)
+        right = left.T @ np.concatenate([residuals.ravel(), before])
+        damped = np.sqrt(damping) * np.diag(np.linalg.norm(left, axis=0))
+        factor = SquareRoot.of_rows(np.vstack([left, damped]) if damping else left).factor
         step, errors = np.zeros(len(free)), np.zeros(len(free))
-        step[free], errors[free] = factor @ along, np.linalg.norm(factor, axis=1)
-        return step, errors, float(np.linalg.norm(along))
+        step[free], errors[free] = factor @ (factor.T @ right), np.linalg.norm(factor, axis=1)
+        across = own.transpose(0, 2, 1)
+        rest = across @ (residuals - slopes @ step[free])[..., None]
+        starts = (inverse_of_identifiable(across @ own) @ rest)[..., 0]
+        return _Step(step, starts, errors, float(np.linalg.norm(factor.T @ right)))

@@ -1,4 +1,4 @@
-"""Generalised least squares: motions between windows' ends, weighed by the covariance of their noise.
+"""Generalised least squares: motions between windows' ends, weighted by the covariance of their noise.
 
 The parameters and the parts of the variance are found in turn: the latter by restricted maximum likelihood.
 """
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
@@ -30,19 +30,19 @@ CLOSE = 0.01
 
 
 @dataclass(frozen=True)
-class WeighedWindows:
+class WeightedWindows:
     """The search.
 
     Attributes:
         windows: with what is to be estimated.
         known: of it from before.
-        stated: noise of the poses that is not to be estimated; drift always is.
+        specified: noise of the poses that is not to be estimated; drift always is.
         grows: whether noise of poses may grow with speed and yaw rate.
     """
 
     windows: Windows
     known: Knowledge | None = None
-    stated: Mapping[str, Noise] | None = None
+    specified: Mapping[str, Noise] | None = None
     grows: bool = True
 
     def fit(self) -> Fit:
@@ -70,14 +70,15 @@ class WeighedWindows:
         return self._fit(following, root, found, arrived), found
 
     def _solved(self, values: Array, root: Array) -> tuple[Array, bool]:
-        def rows(tried: Array) -> tuple[Array, Array]:
+        def rows(tried: Array, _: Array) -> Rows:
             motions = self.windows.motions(tried)
             white = whitened(root, np.column_stack([motions.residuals.ravel(), _flat(motions.slopes)]))
-            return white[:, 0], white[:, 1:]
+            return Rows.of(white[:, 0], white[:, 1:])
 
         unknowns = self.windows.unknowns
-        search = LeastSquares(rows, unknowns.scale, self._known, clocks=unknowns.clocks)
-        return search.solved(values)
+        search = LeastSquares(unknowns.scale, self._known, clocks=unknowns.clocks)
+        found = search.solved(rows, values)
+        return found.values, found.arrived
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
         # The parts of the variance, and the motions' covariance as a band.
@@ -87,8 +88,8 @@ class WeighedWindows:
         fixed = np.zeros(parts.shape[1:])
         if not self.grows:
             parts[TIMING] = 0.0
-        if self.stated is not None:
-            variances = pose_variances(self.stated, *self.windows.rates(motions.path))
+        if self.specified is not None:
+            variances = pose_variances(self.specified, *self.windows.rates(motions.path))
             parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
         known = self._known
         likelihood = Likelihood(
@@ -126,8 +127,8 @@ class WeighedWindows:
         )
 
     def _noises(self, variances: Array) -> Mapping[str, Noise]:
-        if self.stated is not None:
-            return self.stated
+        if self.specified is not None:
+            return self.specified
         position, heading, timing = map(float, np.sqrt(variances[:OF_POSES]))
         # Jitter of the poses' times moves positions by the speed, and headings by the yaw rate.
         return {"position": Noise(position, timing), "heading": Noise(heading, per_yaw_rate=timing)}

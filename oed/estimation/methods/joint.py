@@ -1,6 +1,7 @@
-"""Joint nonlinear least squares over segments of logs: parameters, sensor's place, clocks, every start.
+"""Joint nonlinear least squares over segments: parameters, sensor's place, clocks, every start.
 
 Each segment's start is eliminated by projection, so that a step costs in proportion to their number only.
+Of a designed drive, of whose starts something may be known, they are unknowns like others.
 """
 
 from __future__ import annotations
@@ -8,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import NEAR, STEPS, downhill
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum, inverse_of_told
-from oed.estimation.methods.losses import robust_loss
+from oed.estimation.methods.gauss_newton import Found, LeastSquares, Rows, projected
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
+from oed.estimation.methods.losses import loss_moments, robust_loss
+from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.logged_states import LoggedStates
 from oed.estimation.prediction.segments import SegmentReadings
@@ -27,22 +30,22 @@ from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 
-SETTLING = 15
-"""Steps after which the noise is held: whether it grows with speed may be undecided for ever."""
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
+EXACT = 1e-12
+"""The same where readings are simulated, to judge errors by."""
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 
 
-@dataclass(frozen=True)
-class _State:
-    """A fit on the way, with derivatives of the readings by the unknowns and by the segments' own starts."""
+class _Linearised(NamedTuple):
+    # Readings less their prediction (S, K, k), derivatives of the prediction by the unknowns (S, K, k, q) and
+    # by the segments' own starts (S, K, k, c), SI, and the speeds and yaw rates at logged readings, (S, K).
 
-    fit: Fit
+    residuals: Array
     slopes: Array
     own: Array
-    misfit: float
+    rates: tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,8 @@ class JointSearch:
         loss: of a residual in units of the noise.
         grows: whether noise may grow with speed and yaw rate.
         known: of the unknowns from before.
-        stated: noise that is not to be estimated.
+        specified: noise that is not to be estimated.
+        drive: what sensors read of a designed drive, whose noise is specified; None of logs.
     """
 
     layout: Layout
@@ -65,26 +69,31 @@ class JointSearch:
     loss: Loss = "linear"
     grows: bool = True
     known: Knowledge | None = None
-    stated: Mapping[str, Noise] | None = None
+    specified: Mapping[str, Noise] | None = None
+    drive: DriveReadings | None = None
 
     def fit(self, values: Array | None = None) -> Fit:
         """The solution, from the nominal values or those given."""
+        found = self.found(values)
+        assert isinstance(found.rows, _Weighted)
+        return replace(found.rows.fit(found.values, found.starts), converged=found.arrived)
+
+    def found(self, values: Array | None = None) -> Found:
+        """Where the search ends that begins at the nominal values or those given."""
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
-        state = self._state(begin, self._first_starts(begin), self._first_noises())
-        converged = False
-        # Noise and weights follow the residuals, so they settle along with the unknowns.
-        for step in range(STEPS):
-            if step < SETTLING:
-                state = self._weighed(state, self._noises(state.fit))
-            following = self._advanced(state)
-            # A step that cannot be made shorter any more is no arrival, but the end all the same.
-            stuck = following is state
-            change = np.abs((following.fit.values - state.fit.values) / self.unknowns.scale).max(initial=0.0)
-            state = following
-            if change < CLOSE and step > 1:
-                converged = not stuck or self._near(state)
-                break
-        return replace(state.fit, converged=converged)
+        unknowns, exact = self.unknowns, self.drive is not None
+        close = EXACT if exact else CLOSE
+        search = LeastSquares(unknowns.scale, self._known, self.loss, unknowns.clocks, close)
+        # Noise and weights follow the residuals, so they converge along with the unknowns.
+        renewed = None if exact or self.specified is not None else _Weighted.renewed
+        return search.solved(self.at_first, begin, self._first_starts(begin), renewed)
+
+    @cached_property
+    def at_first(self) -> _Weighted:
+        """Readings in units of the noise that is specified, or that the search begins with."""
+        # Only their ratio matters at first: 1 cm to 0.01 rad.
+        rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
+        return _Weighted(self, dict(rough if self.specified is None else self.specified))
 
     @cached_property
     def _known(self) -> Knowledge:
@@ -101,6 +110,8 @@ class JointSearch:
         return replace(self._readings, sensor=LoggedStates.of(self.unknowns.robot, ["heading"]))
 
     def _first_starts(self, values: Array) -> Array:
+        if self.drive is not None:
+            return np.zeros((self.layout.count, 0))
         parameters, place, clocks = self.unknowns.parts(values)
         offsets = self._offsets(clocks)
         inputs = self.layout.inputs(offsets)
@@ -115,89 +126,48 @@ class JointSearch:
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
 
-    def _first_noises(self) -> dict[str, Noise]:
-        # Only their ratio matters at first: 1 cm to 0.01 rad.
-        return dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
+    def linearised(self, values: Array, starts: Array) -> _Linearised:
+        """Residuals and derivatives at unknowns (q,) and the segments' own (S, c)."""
+        key = values.tobytes() + starts.tobytes()
+        if key not in self._remembered:
+            self._remembered.clear()
+            self._remembered[key] = self._driven(values) if self.drive else self._logged(values, starts)
+        return self._remembered[key]
 
-    def _state(self, values: Array, starts: Array, noises: Mapping[str, Noise]) -> _State:
-        residuals, slopes, own, rates = self._linearised(values, starts)
-        fit = self._fit(values, starts, noises, residuals, slopes, own, rates)
-        return _State(fit, slopes, own, self._misfit(fit))
+    @cached_property
+    def _remembered(self) -> dict[bytes, _Linearised]:
+        # The last point asked for: with another noise the drive is as it was.
+        return {}
 
-    def _weighed(self, state: _State, noises: Mapping[str, Noise]) -> _State:
-        # The same with another noise: the drive is as it was.
-        fit = state.fit
-        rates = fit.speeds, fit.yaw_rates
-        found = self._fit(fit.values, fit.starts, noises, fit.residuals, state.slopes, state.own, rates)
-        return replace(state, fit=found, misfit=self._misfit(found))
+    def _driven(self, values: Array) -> _Linearised:
+        assert self.drive is not None
+        (parameters, nuisances, _), begins = self.unknowns.parts(values), self.unknowns.begins(values)
+        starts = begins if len(begins) else self.drive.trajectory.starts
+        inputs, steps = self.layout.inputs(self.offsets), self.layout.steps
+        found, slopes = self.drive.derivatives(starts, inputs, steps, parameters, nuisances)
+        # Noise that is specified depends on the plan alone.
+        still = np.zeros(found.shape[:2])
+        residuals, own = self.layout.readings - found, np.zeros((*found.shape, 0))
+        return _Linearised(residuals, self.unknowns.slopes(slopes), own, (still, still))
 
-    def _fit(
-        self,
-        values: Array,
-        starts: Array,
-        noises: Mapping[str, Noise],
-        residuals: Array,
-        slopes: Array,
-        own: Array,
-        rates: tuple[Array, Array],
-    ) -> Fit:
-        present = self.layout.valid[..., None]
-        size = deviations(noises, self.layout.quantities, *rates)
-        white = np.where(present, residuals / size, 0.0)
-        squares = (white**2).ravel()
-        _, slope, second = robust_loss(self.loss, squares)
-        weights = slope.reshape(white.shape)
-        bends = (slope + 2 * squares * second).reshape(white.shape)
-        root = np.where(present, np.sqrt(weights), 0.0) / size
-        rows, beside, misfit = (
-            _flat(slopes * root[..., None]),
-            _flat(own * root[..., None]),
-            (residuals * root).reshape(len(residuals), -1),
-        )
-        projected, taken = _projected(rows, beside)
-        across = projected.transpose(0, 2, 1)
-        information = across @ projected
-        scores = (across @ misfit[..., None])[..., 0]
-        inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
-        leverage = taken + np.einsum("sia,sia->si", projected @ inverse, projected)
-        return Fit(
-            unknowns=self.unknowns,
-            values=values,
-            offsets=self.offsets,
-            starts=starts,
-            layout=self.layout,
-            residuals=residuals,
-            white=white,
-            weights=np.where(present, weights, 0.0),
-            freedom=np.where(present, 1 - leverage.reshape(white.shape), 0.0),
-            noises=dict(noises),
-            speeds=rates[0],
-            yaw_rates=rates[1],
-            information=information,
-            scores=scores,
-            knowledge=self._known.information,
-            converged=False,
-            bend=float((bends * present).sum() / max((weights * present).sum(), 1e-300)),
-            swing=1.0 if self.loss == "linear" else _mean_square(weights * white, weights, present),
-        )
-
-    def _linearised(self, values: Array, starts: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
-        # Residuals, derivatives of the readings by the unknowns and by the own start, speeds and yaw rates.
+    def _logged(self, values: Array, starts: Array) -> _Linearised:
         parameters, place, clocks = self.unknowns.parts(values)
         offsets, steps = self._offsets(clocks), self.layout.steps
         inputs = self.layout.inputs(offsets)
         found, slopes = self._readings.derivatives(starts, inputs, steps, parameters, place)
         size, states = len(parameters), starts.shape[1]
-        columns = [slopes[..., self.unknowns.columns]]
+        columns = [self.unknowns.slopes(slopes)]
         if len(clocks):
             columns.append(self._clock_slopes(starts, parameters, place, offsets))
-        own = slopes[..., size : size + states]
-        residuals = self.layout.readings - found
         turned = found[..., [index for index, name in enumerate(self.layout.quantities) if name == "heading"]]
         if not turned.size:
             turned = self._headings(starts, inputs, steps, parameters, place)
-        rates = self._speeds(found), self.layout.rates(turned)
-        return residuals, np.concatenate(columns, axis=-1), own, rates
+        return _Linearised(
+            self.layout.readings - found,
+            np.concatenate(columns, axis=-1),
+            slopes[..., size : size + states],
+            (self._speeds(found), self.layout.rates(turned)),
+        )
 
     def _clock_slopes(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
         def read(moved: Array) -> Array:
@@ -212,66 +182,91 @@ class JointSearch:
             return np.zeros(found.shape[:2])
         return self.layout.rates(found[..., [quantities.index("x"), quantities.index("y")]])
 
-    def _noises(self, state: Fit) -> Mapping[str, Noise]:
-        if self.stated is not None:
-            return self.stated
-        valid, quantities, found = self.layout.valid, self.layout.quantities, {}
+
+@dataclass(frozen=True)
+class _Weighted:
+    # A search's rows in units of a noise.
+    search: JointSearch
+    noises: Mapping[str, Noise]
+
+    def __call__(self, values: Array, starts: Array) -> Rows:
+        found = self.search.linearised(values, starts)
+        white = self._white(found.residuals, found.rates)
+        slopes, own = (self._white(columns, found.rates) for columns in (found.slopes, found.own))
+        return Rows(white.reshape(len(white), -1), _flat(slopes), _flat(own))
+
+    def _white(self, values: Array, rates: tuple[Array, Array]) -> Array:
+        # Residuals (S, K, k) or their derivatives (S, K, k, q).
+        layout, drive = self.search.layout, self.search.drive
+        if not values.size:
+            return values
+        if drive is not None:
+            return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
+        further = (1,) * (values.ndim - 3)
+        size = deviations(self.noises, layout.quantities, *rates)
+        present = layout.valid.reshape(*layout.valid.shape, 1, *further)
+        return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
+
+    def renewed(self, values: Array, starts: Array) -> _Weighted:
+        """In units of the noise that residuals show."""
+        state, layout = self.fit(values, starts), self.search.layout
+        valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),
-                state.freedom[valid][:, own].ravel(),
+                state.redundancy[valid][:, own].ravel(),
                 np.repeat(state.speeds[valid], len(own)),
                 np.repeat(state.yaw_rates[valid], len(own)),
-                robust=self.loss != "linear",
-                grows=self.grows,
+                robust=self.search.loss != "linear",
+                grows=self.search.grows,
                 jumps=jumps(state.residuals[..., own], state.speeds, state.yaw_rates, valid),
             )
-        return found
+        return replace(self, noises=found)
 
-    def _near(self, state: _State) -> bool:
-        # Whether the step left to go is a small share of the standard errors.
-        step = self._step(state)[0]
-        errors = np.sqrt(np.diag(state.fit.inverse))
-        return bool(np.all(np.abs(step) <= NEAR * errors))
-
-    def _advanced(self, state: _State) -> _State:
-        (step, starts), fit = self._step(state), state.fit
-
-        def after(share: float) -> _State:
-            return self._state(fit.values + share * step, fit.starts + share * starts, fit.noises)
-
-        return downhill(state, after)
-
-    def _step(self, state: _State) -> tuple[Array, Array]:
-        # Of the unknowns, and of the starts that go along with it.
-        fit = state.fit
-        step = fit.inverse @ (fit.scores.sum(axis=0) + self._known.score(fit.values))
-        size = deviations(fit.noises, self.layout.quantities, fit.speeds, fit.yaw_rates)
-        root = (np.sqrt(fit.weights) / size)[..., None]
-        rest = (fit.residuals - state.slopes @ step)[..., None]
-        beside, misfit = _flat(state.own * root), _flat(rest * root)[..., 0]
-        normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
-        return step, (normal @ (beside.transpose(0, 2, 1) @ misfit[..., None]))[..., 0]
-
-    def _misfit(self, state: Fit) -> float:
-        losses = robust_loss(self.loss, (state.white**2).ravel())[0]
-        return float(losses.sum()) + self._known.misfit(state.values)
-
-
-def _mean_square(pulls: Array, weights: Array, present: npt.NDArray[np.bool_]) -> float:
-    # Of what residuals pull with, in units of their mean weight.
-    return float((pulls**2 * present).sum() / max((weights * present).sum(), 1e-300))
+    def fit(self, values: Array, starts: Array) -> Fit:
+        """The solution, if these are the least squares."""
+        search, found, rows = self.search, self.search.linearised(values, starts), self(values, starts)
+        shape, present = found.residuals.shape, search.layout.valid[..., None]
+        _, slope, second = robust_loss(search.loss, rows.residuals.ravel() ** 2)
+        weights = np.where(present, slope.reshape(shape), 0.0)
+        bends = np.where(present, (slope + 2 * rows.residuals.ravel() ** 2 * second).reshape(shape), 0.0)
+        # Of noise that is specified it is known how much a loss makes of it, else it shows in the residuals.
+        total, exact = max(float(weights.sum()), 1e-300), search.drive is not None
+        white = rows.residuals.reshape(shape)
+        bend, swing = float(bends.sum()) / total, float(((weights * white) ** 2).sum()) / total
+        if exact or search.loss == "linear":
+            bend, swing = loss_moments(search.loss)
+        root = np.sqrt(np.ones_like(weights) if exact else weights).reshape(len(weights), -1)
+        pulls = (weights * white).reshape(root.shape) / np.where(root > 0, root, 1.0)
+        left, taken = projected(rows.slopes * root[..., None], rows.own * root[..., None])
+        across = left.transpose(0, 2, 1)
+        information, known = across @ left, search.known or Knowledge.nothing(search.unknowns.size)
+        inverse = inverse_of_sum(information.sum(axis=0), known.information)
+        leverage = taken + np.einsum("sia,sia->si", left @ inverse, left)
+        return Fit(
+            unknowns=search.unknowns,
+            values=values,
+            offsets=search.offsets,
+            starts=starts,
+            layout=search.layout,
+            residuals=found.residuals,
+            white=white,
+            weights=weights,
+            redundancy=np.where(present, 1 - leverage.reshape(shape), 0.0),
+            noises=self.noises,
+            speeds=found.rates[0],
+            yaw_rates=found.rates[1],
+            information=information,
+            scores=(across @ pulls[..., None])[..., 0],
+            knowledge=known.information,
+            converged=False,
+            bend=bend,
+            swing=swing,
+        )
 
 
 def _flat(rows: Array) -> Array:
     # Times and quantities of a segment below each other.
-    return rows.reshape(len(rows), -1, rows.shape[-1])
-
-
-def _projected(rows: Array, beside: Array) -> tuple[Array, Array]:
-    # Rows with what their segment's start explains taken out, and how much of each that is.
-    normal = inverse_of_told(beside.transpose(0, 2, 1) @ beside)
-    across = beside @ normal
-    explained = across @ (beside.transpose(0, 2, 1) @ rows)
-    return rows - explained, np.einsum("sia,sia->si", across, beside)
+    count, times, quantities, columns = rows.shape
+    return rows.reshape(count, times * quantities, columns)

@@ -1,4 +1,4 @@
-"""What is known of unknowns beforehand, and what it adds to what readings say."""
+"""Prior knowledge of unknowns, and what it adds to what readings say."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of the unknowns beforehand: information (q, q) about `centre` (q,), SI."""
+    """A prior of the unknowns: information (q, q) about `centre` (q,), SI."""
 
     information: Array
     centre: Array
@@ -39,8 +39,10 @@ class Knowledge:
         return float(off @ self.information @ off)
 
 
-def inverse_of_told(matrix: Array) -> Array:
-    """The inverse of information (..., q, q) on what it tells; 0 in directions that it does not."""
+def inverse_of_identifiable(matrix: Array) -> Array:
+    """The inverse of information (..., q, q) on what is identifiable; 0 in other directions."""
+    if not matrix.size:
+        return matrix
     factor = SquareRoot.of_matrix(matrix).factor
     return np.asarray(factor @ np.swapaxes(factor, -1, -2))
 
@@ -48,12 +50,12 @@ def inverse_of_told(matrix: Array) -> Array:
 def inverse_of_sum(information: Array, known: Array) -> Array:
     """(F + K)^-1 of information F and knowledge from before K, both (q, q).
 
-    Seen in units of K nothing is too small to be inverted, however much more F tells of the rest.
+    In units of K nothing is too small to be inverted, however much larger F is on the rest.
     """
     try:
         root = np.linalg.inv(np.linalg.cholesky(known))
     except np.linalg.LinAlgError:
-        return inverse_of_told(information + known)
+        return inverse_of_identifiable(information + known)
     eigenvalues, vectors = np.linalg.eigh(root @ information @ root.T)
     back = root.T @ vectors
     return np.asarray(back / (1 + np.clip(eigenvalues, 0.0, None)) @ back.T)

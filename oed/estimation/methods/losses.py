@@ -53,7 +53,7 @@ def loss_moments(loss: Loss) -> tuple[float, float]:
 
 def _normal_mean(function: Callable[[float], float]) -> float:
     # Of an even function; losses change their form at 1.
-    def weighed(size: float) -> float:
+    def weighted(size: float) -> float:
         return 2 * function(size) * math.exp(-(size**2) / 2) / math.sqrt(2 * math.pi)
 
-    return float(scipy.integrate.quad(weighed, 0.0, 1.0)[0] + scipy.integrate.quad(weighed, 1.0, np.inf)[0])
+    return float(scipy.integrate.quad(weighted, 0.0, 1.0)[0] + scipy.integrate.quad(weighted, 1.0, np.inf)[0])

@@ -1,7 +1,9 @@
-"""Joint nonlinear least squares: parameters, initial pose and nuisances from all sensors' readings."""
+"""Joint nonlinear least squares of a designed drive: parameters, initial pose, nuisances from all sensors."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -9,27 +11,27 @@ import numpy.typing as npt
 
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
-from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.losses import loss_moments
-from oed.estimation.prediction.readings import PredictedReadings
+from oed.estimation.prediction.drive_readings import DriveReadings
+from oed.estimation.prediction.layout import Layout
 from oed.estimation.setup.options import Loss
+from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-CLOSE = 1e-12
-"""Change of the unknowns, in units of their size, at which the search has arrived."""
-ARRIVED = "The steps have become as small as rounding."
-ASTRAY = "No step makes the misfit smaller, or too many were needed: begin nearer, or measure more."
-
 
 class Nonlinear(Estimator):
-    """Least squares on all readings of one drive, weighed by their noise.
+    """Least squares on all readings of one drive, weighted by their noise.
 
     The unknowns are the parameters that the problem estimates, the initial pose where it is not known,
     and the sensors' nuisances. Knowledge from before enters as further readings.
@@ -40,7 +42,7 @@ class Nonlinear(Estimator):
         loss: of a residual; other than "linear" it bounds the influence of outliers.
 
     Raises:
-        ProblemError: a measurement without sensors, or a drive that does not tell the parameters apart.
+        ProblemError: a measurement without sensors, or parameters that are not identifiable from the drive.
     """
 
     name: EstimatorName = "nonlinear"
@@ -54,31 +56,49 @@ class Nonlinear(Estimator):
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
-        self._prior = estimation.prior
-        self.readings = PredictedReadings(problem.robot, sensors, trajectory, self.parameters)
-        self._initial = self.readings.initial
-        if not SquareRoot.of_rows(self._rows(self._white_slope)).complete:
-            text = f"the drive does not tell {', '.join(self.parameters)} apart; nothing to estimate"
+        robot = robot_of(problem.system)
+        self._readings = DriveReadings.of(robot, sensors, trajectory)
+        starts = start_nuisances(sensors, robot, trajectory.runs)
+        begins = [
+            replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
+        ]
+        own = labelled_nuisances(sensors)
+        self._unknowns = Unknowns(
+            robot,
+            self.parameters,
+            tuple(one.name for one in own),
+            clocks=0,
+            sits=tuple(one.nominal for one in own),
+            constants={one.name: one.unit for one in own},
+            starts=tuple(begins),
+        )
+        self._known = self._before([*starts, *own], estimation.prior)
+        layout = Layout.of_drive(trajectory, self._readings.by_run(self.predicted()))
+        self._search = JointSearch(
+            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
+        )
+        if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
+            text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
             raise ProblemError([Flaw(("validation",), text)])
 
     @property
     def nuisances(self) -> tuple[str, ...]:
-        """Names of the unknowns that are estimated along."""
-        return tuple(entry.name for entry in self.readings.nuisances)
+        """Names of the nuisance parameters."""
+        return self._unknowns.names[len(self.parameters) :]
 
-    @property
-    def promised(self) -> Array:
-        """F^-1; with a robust loss, its covariance under the Gaussian noise that the problem states."""
-        return self._covariance(self.loss)
+    @cached_property
+    def covariance(self) -> Array:
+        """F^-1; with a robust loss, its covariance under the Gaussian noise that the problem specifies."""
+        return self._covariance(self.loss, self._initial)
 
-    @property
+    @cached_property
     def linear_covariance(self) -> Array:
         """F^-1, of the linearised least squares."""
-        return self._covariance("linear")
+        return self._covariance("linear", self._initial)
 
     def predicted(self) -> Array:
         """The noise-free readings at the nominal values, (M,), SI."""
-        return self.readings.response(self._initial)
+        return np.concatenate([found.ravel() for found in self._readings.nominal])
 
     def fit(self, readings: npt.ArrayLike, *, before: Array | None = None) -> Estimate:
         """Estimate from readings (M,), sensor by sensor and time by time, SI.
@@ -94,94 +114,73 @@ class Nonlinear(Estimator):
         if len(measured) != len(self.predicted()) or not np.all(np.isfinite(measured)):
             raise ValueError(f"expected {len(self.predicted())} finite readings, got {len(measured)}")
         known = self._initial if before is None else before
-        measured = self.readings.unwrapped(measured)
-        values, arrived = self._least_squares(measured, known)
-        count = len(self.parameters)
-        return Estimate(
-            parameters=self.parameters,
-            values=values[:count],
-            covariance=self._covariance(self.loss, values),
-            nuisances=self.nuisances,
-            nuisance_values=values[count:],
-            residuals=self.readings.whitener @ (measured - self.readings.response(values)),
-            converged=arrived,
-            message=ARRIVED if arrived else ASTRAY,
-        )
+        fit = self._searching(self._readings.unwrapped(measured), known).fit()
+        residuals = self._readings.by_sensor(fit.white)
+        return Estimate.of(fit, self._covariance(self.loss, fit.values), residuals)
 
-    def replicate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
         exact, size, gain = self.predicted(), len(self.parameters), self._gain
         estimates, linear = np.empty((count, size)), np.empty((count, size))
         for index in range(count):
             white = rng.standard_normal(len(exact))
-            surprise = rng.standard_normal(len(self._known))
+            surprise = rng.standard_normal(len(self._known_places))
             before = self._initial.copy()
-            before[self._known] += self._spread @ surprise
-            measured = exact + self.readings.colour @ white
-            estimates[index] = self._least_squares(measured, before)[0][:size]
-            linear[index] = self.true + (gain @ np.concatenate([white, surprise]))[:size]
+            before[self._known_places] += self._spread @ surprise
+            measured = exact + self._readings.colour @ white
+            estimates[index] = self._searching(measured, before).found().values[:size]
+            linear[index] = (
+                self.true + (gain @ np.concatenate([white[self._readings.order], surprise]))[:size]
+            )
         return estimates, linear
 
-    def _least_squares(self, measured: Array, before: Array) -> tuple[Array, bool]:
-        readings = self.readings
+    def _searching(self, measured: Array, before: Array) -> JointSearch:
+        layout = replace(self._search.layout, readings=self._readings.by_run(measured)[..., None])
+        return replace(self._search, layout=layout, known=replace(self._known, centre=before))
 
-        def rows(unknowns: Array) -> tuple[Array, Array]:
-            misfit = readings.whitener @ (measured - readings.response(unknowns))
-            return misfit, readings.whitener @ readings.slope(unknowns)
-
-        known = Knowledge(self._information, before)
-        return LeastSquares(rows, self._scale, known, self.loss, close=CLOSE).solved(self._initial)
-
-    def _covariance(self, loss: Loss, unknowns: Array | None = None) -> Array:
+    def _covariance(self, loss: Loss, unknowns: Array) -> Array:
         # H^-1 M H^-1 with H = E[psi'] J'J + P and M = E[psi^2] J'J + P; F^-1 for psi(z) = z.
-        slopes = self._white_slope
-        if unknowns is not None:
-            slopes = self.readings.whitener @ self.readings.slope(unknowns)
-        (slope, square), size = loss_moments(loss), len(self.parameters)
-        factor = SquareRoot.of_rows(self._rows(np.sqrt(slope) * slopes)).factor
-        spread = self._rows(np.sqrt(square) * slopes) @ factor @ factor.T
+        slopes, (slope, square), size = self._white_slopes(unknowns), loss_moments(loss), len(self.parameters)
+        factor = SquareRoot.of_rows(self._with_known(np.sqrt(slope) * slopes)).factor
+        spread = self._with_known(np.sqrt(square) * slopes) @ factor @ factor.T
         return np.asarray((spread.T @ spread)[:size, :size])
 
     @cached_property
     def _gain(self) -> Array:
         # (unknowns, M + known): linearised least squares, from standard normal noise to errors.
-        rows = self._rows(self._white_slope)
+        rows = self._with_known(self._white_slopes(self._initial))
         factor = SquareRoot.of_rows(rows).factor
         return np.asarray(factor @ (rows @ factor).T)
 
-    def _rows(self, slopes: Array) -> Array:
-        # Derivatives of readings (M, unknowns), and of what is known as if it had been read.
-        known = np.zeros((len(self._known), len(self._initial)))
-        known[:, self._known] = np.linalg.inv(self._spread)
+    def _white_slopes(self, unknowns: Array) -> Array:
+        # Derivatives of the readings (M, unknowns), in units of the noise, run by run.
+        starts = np.zeros((self._search.layout.count, 0))
+        return self._search.at_first(unknowns, starts).slopes.reshape(-1, len(unknowns))
+
+    def _with_known(self, slopes: Array) -> Array:
+        # What is known, below these as if it had been read.
+        known = np.zeros((len(self._known_places), len(self._initial)))
+        known[:, self._known_places] = np.linalg.inv(self._spread)
         return np.vstack([slopes, known])
 
-    @cached_property
-    def _scale(self) -> Array:
-        # A unit of 1 m, 1 rad or 1 rad/s for what is nominally 0.
-        sizes = np.abs(self._initial)
-        sizes[len(self.true) :] = 1.0
-        return np.where(sizes > 0, sizes, 1.0)
+    @property
+    def _initial(self) -> Array:
+        return self._unknowns.nominal
 
-    @cached_property
-    def _information(self) -> Array:
-        # Of all unknowns, as known from before.
+    def _before(self, nuisances: Sequence[Nuisance], prior: Array | None) -> Knowledge:
         count = len(self.parameters)
-        deviations = [entry.deviation or np.inf for entry in self.readings.nuisances]
+        deviations = [entry.deviation or np.inf for entry in nuisances]
         found = np.diag([*[0.0] * count, *(size**-2 for size in deviations)])
-        if self._prior is not None:
-            found[:count, :count] = self._prior
-        return found
+        if prior is not None:
+            found[:count, :count] = prior
+        return Knowledge(found, self._initial)
 
     @cached_property
-    def _known(self) -> Indices:
-        return np.flatnonzero(np.diag(self._information))
+    def _known_places(self) -> Indices:
+        return np.flatnonzero(np.diag(self._known.information))
 
     @cached_property
     def _spread(self) -> Array:
         # From standard normal numbers to what is known from before, (known, known).
-        own = self._information[np.ix_(self._known, self._known)]
+        own = self._known.on(self._known_places).information
         return np.asarray(np.linalg.cholesky(np.linalg.inv(own)))
-
-    @cached_property
-    def _white_slope(self) -> Array:
-        return np.asarray(self.readings.whitener @ self.readings.slope(self._initial))

@@ -1,6 +1,6 @@
 """The paper's two stages: the coefficients of yaw rate from the turns, the others from the displacements.
 
-Both are ordinary least squares on the motions between windows' ends, unweighed [Choi, eqs 10-17]. The error
+Both are ordinary least squares on the motions between windows' ends, unweighted [Choi, eqs 10-17]. The error
 bars that go with them take rows for independent and the first stage's result for true: a sandwich or a
 bootstrap of their scores does not.
 """
@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import LeastSquares
+from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_told
+from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
-from oed.estimation.prediction.seen import Seen, seen_robot
+from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
 from oed.foundation.errors import Flaw, ProblemError
 from oed.robots.sensors.logged import Noise
 
@@ -44,7 +44,7 @@ class _Solved:
 
     @cached_property
     def inverse(self) -> Array:
-        return inverse_of_told(np.einsum("sia,sib->ab", self.slopes, self.slopes) + self.known)
+        return inverse_of_identifiable(np.einsum("sia,sib->ab", self.slopes, self.slopes) + self.known)
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class TwoStage:
     Attributes:
         windows: with what is to be estimated: coefficients, or the parameters they follow from.
         known: of it from before.
-        stated: noise of the poses that is not to be estimated.
+        specified: noise of the poses that is not to be estimated.
     """
 
     windows: Windows
     known: Knowledge | None = None
-    stated: Mapping[str, Noise] | None = None
+    specified: Mapping[str, Noise] | None = None
 
     def fit(self) -> Fit:
         """The solution.
@@ -76,13 +76,13 @@ class TwoStage:
         return self._fit(values, stages, converged)
 
     @cached_property
-    def _seen(self) -> Windows:
-        # The same windows, driven by the robot that the sensor sees.
-        return replace(self.windows, unknowns=seen_robot(self.windows.unknowns))
+    def _framed(self) -> Windows:
+        # The same windows, driven by the robot as the sensor frame moves.
+        return replace(self.windows, unknowns=robot_at_sensor(self.windows.unknowns))
 
     @cached_property
     def _stages(self) -> tuple[_Stage, _Stage]:
-        unknowns = self._seen.unknowns
+        unknowns = self._framed.unknowns
         first = len(unknowns.robot.coefficient_names[0])
         turns = [*range(first), *range(unknowns.size - unknowns.clocks, unknowns.size)]
         moves = [index for index in range(unknowns.size) if index not in turns]
@@ -93,18 +93,18 @@ class TwoStage:
         return self.known or Knowledge.nothing(self.windows.unknowns.size)
 
     @cached_property
-    def _seen_known(self) -> Knowledge:
+    def _framed_known(self) -> Knowledge:
         # Of clocks and place alone: without it the clocks go astray where turns are steady.
-        own, seen = self.windows.unknowns.names, self._seen.unknowns
-        information, centre = np.zeros((seen.size,) * 2), np.zeros(seen.size)
-        for index in range(len(seen.parameters), seen.size):
-            place = own.index(seen.names[index])
+        own, framed = self.windows.unknowns.names, self._framed.unknowns
+        information, centre = np.zeros((framed.size,) * 2), np.zeros(framed.size)
+        for index in range(len(framed.parameters), framed.size):
+            place = own.index(framed.names[index])
             information[index, index] = self._known.information[place, place]
             centre[index] = self._known.centre[place]
         return Knowledge(information, centre)
 
     def _coefficients(self) -> tuple[Array, list[_Solved]]:
-        values, stages = Seen(self.windows.unknowns)(self.windows.unknowns.nominal)[0], []
+        values, stages = SensorFrame(self.windows.unknowns)(self.windows.unknowns.nominal)[0], []
         for stage in self._stages:
             size = ROUGH
             # How much the knowledge of clocks weighs beside the readings follows from what these leave.
@@ -120,47 +120,47 @@ class TwoStage:
             found[stage.columns] = part
             return found
 
-        def rows(part: Array) -> tuple[Array, Array]:
-            motions = self._seen.motions(whole(part))
+        def rows(part: Array, _: Array) -> Rows:
+            motions = self._framed.motions(whole(part))
             slopes = self._slopes(stage, whole(part))
-            return motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size
+            return Rows.of(motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size)
 
-        known = self._seen_known.on(stage.columns)
-        search = LeastSquares(rows, self._seen.unknowns.scale[stage.columns], known)
-        found, _ = search.solved(values[stage.columns])
-        return whole(found)
+        known = self._framed_known.on(stage.columns)
+        search = LeastSquares(self._framed.unknowns.scale[stage.columns], known)
+        return whole(search.solved(rows, values[stage.columns]).values)
 
     def _slopes(self, stage: _Stage, values: Array) -> Array:
-        return self._seen.motions(values).slopes[:, stage.rows][..., stage.columns]
+        return self._framed.motions(values).slopes[:, stage.rows][..., stage.columns]
 
     def _rows(self, stage: _Stage, values: Array, size: float) -> tuple[Array, Array]:
-        return self._slopes(stage, values), self._seen_known.on(stage.columns).information * size**2
+        return self._slopes(stage, values), self._framed_known.on(stage.columns).information * size**2
 
     def _size(self, stage: _Stage, values: Array) -> float:
-        # The standard deviation of a row: of what is left, or as stated for the poses at both ends.
-        motions = self._seen.motions(values)
-        if self.stated is not None:
-            variances = pose_variances(self.stated, *self._seen.rates(motions.path)).sum(axis=1)
+        # The standard deviation of a row: of what is left, or as specified for the poses at both ends.
+        motions = self._framed.motions(values)
+        if self.specified is not None:
+            variances = pose_variances(self.specified, *self._framed.rates(motions.path)).sum(axis=1)
             return float(np.sqrt(variances[:, stage.rows].mean()))
         residuals = motions.residuals[:, stage.rows]
-        freedom = max(residuals.size - len(stage.columns), 1)
-        return max(float(np.sqrt((residuals**2).sum() / freedom)), TINY)
+        degrees = max(residuals.size - len(stage.columns), 1)
+        return max(float(np.sqrt((residuals**2).sum() / degrees)), TINY)
 
     def _values(self, estimates: Array, stages: list[_Solved]) -> tuple[Array, bool]:
-        # The unknowns whose coefficients fit best, weighed by how sure the stages are of each.
-        seen = Seen(self.windows.unknowns)
+        # The unknowns whose coefficients fit best, weighted by how sure the stages are of each.
+        framed = SensorFrame(self.windows.unknowns)
         # What was known of place and clocks is in the stages' estimates already.
-        information = self._information(stages) + self._seen_known.information
+        information = self._information(stages) + self._framed_known.information
         size = np.sqrt(np.where(np.diag(information) > 0, np.diag(information), 1.0))
         eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
         root = np.sqrt(np.clip(eigenvalues, 0.0, None))[:, None] * vectors.T * size
 
-        def rows(values: Array) -> tuple[Array, Array]:
-            found, slopes = seen(values)
-            return root @ (estimates - found), root @ slopes
+        def rows(values: Array, _: Array) -> Rows:
+            found, slopes = framed(values)
+            return Rows.of(root @ (estimates - found), root @ slopes)
 
         unknowns = self.windows.unknowns
-        return LeastSquares(rows, unknowns.scale, self._known_of_parameters).solved(unknowns.nominal)
+        found = LeastSquares(unknowns.scale, self._known_of_parameters).solved(rows, unknowns.nominal)
+        return found.values, found.arrived
 
     @property
     def _known_of_parameters(self) -> Knowledge:
@@ -172,11 +172,11 @@ class TwoStage:
 
     @property
     def _unseen(self) -> list[str]:
-        # Places that the coefficients absorb: only the last fit tells of them.
-        return [name for name in self.windows.unknowns.place if name not in self._seen.unknowns.names]
+        # Places that the coefficients absorb: only the last fit shows them.
+        return [name for name in self.windows.unknowns.place if name not in self._framed.unknowns.names]
 
     def _information(self, stages: list[_Solved]) -> Array:
-        found = np.zeros((self._seen.unknowns.size,) * 2)
+        found = np.zeros((self._framed.unknowns.size,) * 2)
         for stage, one in zip(self._stages, stages, strict=True):
             own = np.einsum("sia,sib->ab", one.slopes, one.slopes) / one.size**2
             found[np.ix_(stage.columns, stage.columns)] = own
@@ -184,8 +184,8 @@ class TwoStage:
 
     def _fit(self, values: Array, stages: list[_Solved], converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)
-        seen, slopes = Seen(windows.unknowns)(values)
-        information, scores = self._normal(seen, motions.residuals, stages)
+        framed, slopes = SensorFrame(windows.unknowns)(values)
+        information, scores = self._normal(framed, motions.residuals, stages)
         turns, moves = (one.size for one in stages)
         white = motions.residuals / np.array([moves, moves, turns])
         leverage = [
@@ -202,12 +202,12 @@ class TwoStage:
             converged=converged,
         )
 
-    def _normal(self, seen: Array, residuals: Array, stages: list[_Solved]) -> tuple[Array, Array]:
+    def _normal(self, framed: Array, residuals: Array, stages: list[_Solved]) -> tuple[Array, Array]:
         """Information (S, b, b) and scores (S, b) of the windows, on the coefficients' unknowns.
 
         The second stage's scores carry the first one's errors along, which its information knows nothing of.
         """
-        size = len(seen)
+        size = len(framed)
         information, scores = np.zeros((len(residuals), size, size)), np.zeros((len(residuals), size))
         for stage, one in zip(self._stages, stages, strict=True):
             own = np.einsum("sia,sib->sab", one.slopes, one.slopes) / one.size**2
@@ -215,7 +215,7 @@ class TwoStage:
             pull = np.einsum("sia,si->sa", one.slopes, residuals[:, stage.rows])
             scores[:, stage.columns] = pull / one.size**2
         (turns, moves), (first, second) = self._stages, stages
-        carried = self._seen.motions(seen).slopes[:, moves.rows][..., turns.columns]
+        carried = self._framed.motions(framed).slopes[:, moves.rows][..., turns.columns]
         cross = np.einsum("sia,sib->ab", second.slopes, carried) / second.size**2
         errors = scores[:, turns.columns] * first.size**2 @ first.inverse
         scores[:, moves.columns] -= errors @ cross.T
@@ -223,8 +223,8 @@ class TwoStage:
 
     def _noises(self, turns: float, moves: float) -> Mapping[str, Noise]:
         # As if all that is left were noise of the poses at both ends.
-        if self.stated is not None:
-            return self.stated
+        if self.specified is not None:
+            return self.specified
         return {"position": Noise(moves / math.sqrt(2)), "heading": Noise(turns / math.sqrt(2))}
 
 

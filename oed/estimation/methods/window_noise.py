@@ -13,7 +13,7 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods import bands
-from oed.estimation.methods.bands import banded, factor, product, traces, weighed, whitened
+from oed.estimation.methods.bands import banded, factor, product, traces, weighted, whitened
 from oed.estimation.methods.windows import TINY, Booleans, end_rates
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -113,17 +113,17 @@ class Likelihood:
     def greatest(self, first: Array | None = None) -> Array:
         """The variances (parts,) that make it greatest; the search may begin with those given."""
         unit = self._units
-        told = unit > 0
-        if not told.any():
+        identified = unit > 0
+        if not identified.any():
             return unit
-        begin = np.full(len(unit), FIRST) if first is None else first / np.where(told, unit, 1.0)
-        start = np.clip(np.log(np.maximum(begin[told], np.exp(SPREAD[0]))), *SPREAD)
+        begin = np.full(len(unit), FIRST) if first is None else first / np.where(identified, unit, 1.0)
+        start = np.clip(np.log(np.maximum(begin[identified], np.exp(SPREAD[0]))), *SPREAD)
 
         def surprise(logs: Array) -> tuple[float, Array]:
             variances = np.zeros(len(unit))
-            variances[told] = unit[told] * np.exp(logs)
+            variances[identified] = unit[identified] * np.exp(logs)
             value, slope = self.surprise(variances)
-            return value, (slope * variances)[told]
+            return value, (slope * variances)[identified]
 
         found = scipy.optimize.minimize(
             surprise,
@@ -133,7 +133,7 @@ class Likelihood:
             bounds=[SPREAD] * len(start),
             options={"ftol": ENOUGH},
         )
-        unit[told] *= np.exp(found.x)
+        unit[identified] *= np.exp(found.x)
         return unit
 
     def surprise(self, variances: Array) -> tuple[float, Array]:
@@ -146,7 +146,7 @@ class Likelihood:
         right = slopes.T @ residuals + pull
         value = residuals @ residuals - right @ inverse @ right + 2 * np.log(root[0]).sum() + size
         # What a change of the covariance does is what it makes of this.
-        back = weighed(root, np.column_stack([residuals - slopes @ (inverse @ right), slopes]))
+        back = weighted(root, np.column_stack([residuals - slopes @ (inverse @ right), slopes]))
         left = np.column_stack([back[:, 0], back[:, 1:] @ inverse])
         return float(value), traces(self.parts, bands.inverse(root) - product(left, back))
 
@@ -169,10 +169,10 @@ class Likelihood:
 
 
 def _inverse(normal: Array) -> tuple[Array, float]:
-    # And the logarithm of the determinant, both of what is told: the rest has no part in this.
+    # And the logarithm of the determinant, both of what is identifiable: the rest has no part in this.
     root = SquareRoot.of_matrix(normal)
-    told = root.factor[:, root.identifiable]
-    return told @ told.T, -float(np.linalg.slogdet(told.T @ told)[1])
+    identified = root.factor[:, root.identifiable]
+    return identified @ identified.T, -float(np.linalg.slogdet(identified.T @ identified)[1])
 
 
 def _effects(motion: Array) -> tuple[Array, Array]:

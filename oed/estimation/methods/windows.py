@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.segmenting import FEWEST
+from oed.estimation.methods.segment_length import FEWEST
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.setup.options import Method
@@ -30,7 +30,7 @@ Booleans = npt.NDArray[np.bool_]
 READ = ("x", "y", "heading")
 """What a motion is made of: ahead and to the left [m], turn [rad]."""
 USUAL = 2.0
-"""Length of a window, where none is given [s]: drift hardly tells, and pose noise is small beside motion."""
+"""Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
 SPAN = 3
 """Steps over which the velocity at a window's end is taken: one alone shows the encoders' ticks."""
 TINY = 1e-9
@@ -98,7 +98,7 @@ class Windows:
     @cached_property
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
-        return seen_from_first(self._poses)[np.arange(self.layout.count), self._last]
+        return relative_to_first(self._poses)[np.arange(self.layout.count), self._last]
 
     @cached_property
     def linked(self) -> Booleans:
@@ -129,7 +129,7 @@ class Windows:
         ends = slopes[:, -1].copy()
         # The sensor's place also moves the start that follows from the first measured pose.
         ends[..., size + states :] += ends[..., size : size + 3] @ _start_slopes(place)
-        columns = [ends[..., self.unknowns.columns]]
+        columns = [self.unknowns.slopes(ends)]
         if len(clocks):
             columns.append(self._clock_slopes(parameters, place, offsets))
         return Motions(self.measured - path[:, -1], np.concatenate(columns, axis=-1), path)
@@ -196,7 +196,7 @@ class Windows:
             residuals=self.at_ends(motions.residuals),
             white=self.at_ends(white),
             weights=self.at_ends(np.ones_like(white)),
-            freedom=self.at_ends(1 - leverage),
+            redundancy=self.at_ends(1 - leverage),
             noises=noises,
             speeds=speeds,
             yaw_rates=yaw_rates,
@@ -247,7 +247,7 @@ class Windows:
         return self.layout.clock_slopes(lambda moved: self._path(parameters, place, moved)[:, -1], offsets)
 
 
-def seen_from_first(poses: Array) -> Array:
+def relative_to_first(poses: Array) -> Array:
     """Poses (S, n, 3) relative to the first of each row, along its heading."""
     off = poses - poses[:, :1]
     across = (off[..., 0] + 1j * off[..., 1]) * np.exp(-1j * poses[:, :1, 2])
@@ -267,7 +267,7 @@ def end_rates(path: Array, steps: Array) -> Array:
     found = []
     for here, there in ((np.zeros_like(last), reach), (last, last - reach)):
         pair = np.stack([path[rows, here], path[rows, there]], axis=1)
-        found.append(seen_from_first(pair)[:, 1] / (times[rows, there] - times[rows, here])[:, None])
+        found.append(relative_to_first(pair)[:, 1] / (times[rows, there] - times[rows, here])[:, None])
     return np.stack(found, axis=1)
 
 
@@ -281,6 +281,6 @@ def _start_slopes(place: Array) -> Array:
 
 
 def pose_variances(noises: Mapping[str, Noise], speeds: Array, yaw_rates: Array) -> Array:
-    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is stated."""
+    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is specified."""
     position, heading = (noises[name].deviation(speeds, yaw_rates) ** 2 for name in ("position", "heading"))
     return np.stack([position, position, heading], axis=-1)

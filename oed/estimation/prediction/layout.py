@@ -1,11 +1,13 @@
-"""Logs cut into segments: what is read at which time, and which wheel motion lies between.
+"""Drives cut into segments: what is read at which time, and which wheel motion lies between.
 
-Every segment begins at a pose of its own, which is estimated along: so that neither a sensor's frame nor
-what went wrong before matters. Neighbours share the pose between them, and no motion is lost.
+Drives are logged, or designed and their readings simulated. A log's segments begin at poses of their own,
+which are nuisance parameters: so that neither a sensor's frame nor what went wrong before matters. Neighbours
+share the pose between them, and no motion is lost.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.errors import FileFlaw, LogError
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 
 Array = npt.NDArray[np.float64]
@@ -30,15 +33,16 @@ GAP = 5.0
 
 @dataclass(frozen=True)
 class Layout:
-    """Segments of logs, padded to equal length.
+    """Segments of drives, padded to equal length.
 
     Attributes:
-        logs: in order; those from one file share the offset between its two clocks.
+        logs: in order; those from one file share the offset between its two clocks. () of a designed drive.
         owner: the log of each segment, (S,).
         times: of the readings on the poses' clock, (S, n + 1) [s]; the last one repeated beyond the end.
-        readings: (S, n + 1, quantities), SI.
+        readings: (S, n + 1, quantities), SI; of a designed drive (S, readings, 1), whenever they are read.
         valid: which of them there are, (S, n + 1).
         seconds: the length that was asked for [s]; infinite for whole logs.
+        held: inputs of a designed drive, (S, n, inputs); None of logs.
     """
 
     logs: tuple[Log, ...]
@@ -47,6 +51,21 @@ class Layout:
     readings: Array
     valid: npt.NDArray[np.bool_]
     seconds: float
+    held: Array | None = None
+
+    @classmethod
+    def of_drive(cls, trajectory: Trajectory, readings: Array) -> Layout:
+        """A designed drive, whose runs are the segments.
+
+        Args:
+            trajectory: the drive.
+            readings: of each run, (runs, M), SI.
+        """
+        runs = trajectory.runs
+        held = trajectory.inputs.reshape(runs, trajectory.samples // runs, -1)
+        times = np.tile(trajectory.period * np.arange(held.shape[1] + 1), (runs, 1))
+        valid = np.ones(readings.shape, dtype=bool)
+        return cls((), np.arange(runs), times, readings[..., None], valid, math.inf, held)
 
     @property
     def count(self) -> int:
@@ -61,7 +80,7 @@ class Layout:
     @property
     def quantities(self) -> tuple[str, ...]:
         """What is read."""
-        return self.logs[0].quantities
+        return self.logs[0].quantities if self.logs else ()
 
     @property
     def steps(self) -> Array:
@@ -85,6 +104,8 @@ class Layout:
         Args:
             offsets: what the inputs' clock shows when the poses' shows 0, of each clock (clocks,) [s].
         """
+        if self.held is not None:
+            return self.held
         steps = self.steps
         first = self.logs[0].integrals.shape[1]
         found = np.zeros((*steps.shape, first))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.preprocessing.motion import FEWEST, Moves, unexplained
+from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
 
 Array = npt.NDArray[np.float64]
 
@@ -18,7 +18,7 @@ CLEAR = 0.9
 
 
 def clock_offsets(moves: Moves) -> Array:
-    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where the motion does not tell.
+    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it.
 
     Args:
         moves: of all logs.

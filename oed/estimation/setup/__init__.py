@@ -1,1 +1,1 @@
-"""What an estimation is told: options, unknowns, noise."""
+"""What an estimation is given: options, unknowns, noise."""

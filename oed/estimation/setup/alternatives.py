@@ -42,7 +42,7 @@ class Alternative(Component):
         own: dict[str, Any] = {} if self.name is None else {"name": self.name}
         if self.estimate is not None:
             own["estimate"] = list(self.estimate)
-        return {**self.robot.model_dump(mode="json", exclude_none=True), **own}
+        return {**OneOf(MODELS).as_data(self.robot), **own}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -70,7 +70,7 @@ class Alternative(Component):
 
     @property
     def fitted_robot(self) -> Model:
-        """The robot with these parameters: itself, or the same seen through its coefficients."""
+        """The robot with these parameters: itself, or the same in terms of its coefficients."""
         return self.robot.estimating(self.parameters)
 
     def flaws(self, inputs: Sequence[str]) -> list[str]:

@@ -81,7 +81,7 @@ def jumps(residuals: Array, speeds: Array, yaw_rates: Array, valid: npt.NDArray[
 
 def estimated(
     residuals: Array,
-    freedom: Array,
+    redundancy: Array,
     speeds: Array,
     yaw_rates: Array,
     *,
@@ -93,7 +93,7 @@ def estimated(
 
     Args:
         residuals: (n,), SI.
-        freedom: share of each residual's variance that the fit left, (n,).
+        redundancy: share of each residual's variance that the fit left, (n,).
         speeds: at their times, (n,) [m/s].
         yaw_rates: alike [rad/s].
         robust: judge by the median, so that outliers do not matter; the noise is then constant.
@@ -102,17 +102,17 @@ def estimated(
     """
     if robust:
         spread = np.median(np.abs(residuals)) / scipy.stats.norm.ppf(0.75)
-        return Noise(max(float(spread / np.sqrt(max(freedom.mean(), 1e-3))), LEAST))
-    squares = residuals**2 / np.maximum(freedom, 1e-3)
-    # Less than one degree of freedom tells nothing of noise.
-    constant = float(np.sqrt((residuals**2).sum() / max(freedom.sum(), 1.0)))
+        return Noise(max(float(spread / np.sqrt(max(redundancy.mean(), 1e-3))), LEAST))
+    squares = residuals**2 / np.maximum(redundancy, 1e-3)
+    # Less than one degree of freedom says nothing of noise.
+    constant = float(np.sqrt((residuals**2).sum() / max(redundancy.sum(), 1.0)))
     if not grows or constant <= LEAST:
         return Noise(max(constant, LEAST))
     rates = np.stack([speeds, yaw_rates])
-    found = _growing(squares, freedom, rates, constant)
+    found = _growing(squares, redundancy, rates, constant)
     if jumps is None or not found.per_yaw_rate or _jumps_alike(found, jumps):
         return found
-    return _growing(squares, freedom, rates * [[1.0], [0.0]], constant)
+    return _growing(squares, redundancy, rates * [[1.0], [0.0]], constant)
 
 
 def _jumps_alike(found: Noise, jumps: Array) -> bool:
@@ -125,14 +125,14 @@ def _jumps_alike(found: Noise, jumps: Array) -> bool:
     return noise.per_yaw_rate**2 >= FROM_READING_TO_READING * found.per_yaw_rate**2
 
 
-def _growing(squares: Array, freedom: Array, rates: Array, constant: float) -> Noise:
+def _growing(squares: Array, redundancy: Array, rates: Array, constant: float) -> Noise:
     # The greatest likelihood less the price of every part that grows: none, by either rate, or by both.
     moving = [place for place in range(len(rates)) if np.any(rates[place] != 0)]
     price = float(scipy.stats.chi2.ppf(SURE, 1))
-    best, least = Noise(constant), float((freedom * squares).sum()) / constant**2
+    best, least = Noise(constant), float((redundancy * squares).sum()) / constant**2
     alone = [(place,) for place in moving] if len(moving) > 1 else []
     for chosen in filter(None, (tuple(moving), *alone)):
-        surprise, noise = greatest(squares, freedom, rates, constant, chosen)
+        surprise, noise = greatest(squares, redundancy, rates, constant, chosen)
         if chosen == tuple(moving) and surprise + price > least:
             # Both together are not worth the price of one.
             return best
@@ -142,7 +142,7 @@ def _growing(squares: Array, freedom: Array, rates: Array, constant: float) -> N
 
 
 def greatest(
-    squares: Array, freedom: Array, rates: Array, constant: float, parts: Sequence[int]
+    squares: Array, redundancy: Array, rates: Array, constant: float, parts: Sequence[int]
 ) -> tuple[float, Noise]:
     """The noise of greatest likelihood, and twice the negative logarithm of that.
 
@@ -150,8 +150,8 @@ def greatest(
     variance in units of `constant`^2, at rest and by the rates together.
 
     Args:
-        squares: of the residuals, each divided by its freedom, (n,).
-        freedom: weights f, (n,).
+        squares: of the residuals, each divided by its redundancy, (n,).
+        redundancy: weights f, (n,).
         rates: speeds [m/s] and yaw rates [rad/s], (2, n).
         constant: the noise if it were constant, SI.
         parts: which of the rates it may grow with.
@@ -167,8 +167,8 @@ def greatest(
         sizes = np.exp(logs)
         variance = sizes @ columns
         left = ratios / variance
-        value = float((freedom * (np.log(variance) + left)).sum())
-        return value, sizes * (columns @ (freedom * (1 - left) / variance))
+        value = float((redundancy * (np.log(variance) + left)).sum())
+        return value, sizes * (columns @ (redundancy * (1 - left) / variance))
 
     count = len(columns)
     found = scipy.optimize.minimize(

@@ -21,8 +21,8 @@ class CalibrationOptions(Component):
 
     Attributes:
         method: joint (nonlinear least squares on all poses of each segment, its start unknown), gls (motion
-            between the ends of windows, weighed by their correlated noise) or two_stage (the paper's: first
-            the headings, then the positions, unweighed).
+            between the ends of windows, weighted by their correlated noise) or two_stage (the paper's: first
+            the headings, then the positions, unweighted).
         segment: length of a segment or window [s]; "log" takes whole logs; auto takes the longest in which no
             drift shows, of windows 2 s.
         covariance: information (F^-1), sandwich, or moving-block bootstrap; auto takes F^-1 where whole logs
@@ -30,12 +30,12 @@ class CalibrationOptions(Component):
         block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes whole
             logs where there are eight or more, a fifth of each else.
         replicates: of the bootstrap.
-        sensor_place: which coordinates of the pose sensor's place on the robot are estimated along.
+        sensor_place: which coordinates of the pose sensor's place on the robot are nuisance parameters.
         clock_offset: whether the offset between the clocks of wheels and poses is estimated, for each file.
         noise: estimated from the residuals as sigma^2 = sigma0^2 + (k_v V)^2 + (k_w Omega)^2 at speed V and
             yaw rate Omega, each growth only where the likelihood leaves no doubt (that with Omega only
             where it shows from reading to reading as well); estimated as constant
-            (where what grows is the model's error, not the sensor's), or as the measurement states.
+            (where what grows is the model's error, not the sensor's), or as the measurement specifies.
         loss: of a residual in units of the noise; other than "linear" it bounds the influence of outliers.
         models: other robots, fitted to the same logs and compared with the study's own.
     """

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import LoggedSensor, Mount
 
@@ -18,46 +19,53 @@ PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
 """Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
 [rad]."""
-PLACE_SIZE = 0.1
+UNITS: Mapping[str, str] = dict(zip(PLACE, ("m", "m", "rad"), strict=True))
+SIZE = 0.1
 """Size of a sensor's place [m, rad] and of a clock's offset [s], for scaling only."""
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns common to segments, in one vector: parameters, sensor's place, clock offsets.
+    """The unknowns common to segments, in one vector: parameters, starts of a drive's runs, sensor's place or
+    other constants of sensors, clock offsets.
 
     Attributes:
         robot: with all its parameters.
         parameters: names of those that are estimated; the others are nominal.
-        place: which of `PLACE` are estimated; the others are as `sits` says.
+        place: which of `constants` are estimated; the others are as `sits` says.
         clocks: how many clock offsets are estimated; 0 where the clocks agree.
-        sits: where the sensor is thought to sit, all of `PLACE`.
+        sits: where the sensor is thought to sit, or what the constants nominally are, all of them.
+        constants: what readings depend on besides a robot's parameters and states, with their units.
+        starts: coordinates of a designed drive's starts, run by run, with their nominal values; () where they
+            are known, or unknowns of each segment alone.
     """
 
     robot: Model
     parameters: tuple[str, ...]
     place: tuple[str, ...]
     clocks: int
-    sits: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sits: tuple[float, ...] = (0.0, 0.0, 0.0)
+    constants: Mapping[str, str] = field(default_factory=lambda: UNITS)
+    starts: tuple[Nuisance, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of all, (q,)."""
         offsets = [f"clock_offset_{index + 1}" if self.clocks > 1 else "clock_offset" for index in self._each]
-        return (*self.parameters, *self.place, *offsets)
+        return (*self.parameters, *(one.name for one in self.starts), *self.place, *offsets)
 
     @property
     def units(self) -> tuple[str, ...]:
         """Their SI units."""
-        table = {parameter.name: parameter.unit for parameter in self.robot.parameters}
-        angles = {"sensor_heading": "rad"}
-        own = (table[name] for name in self.parameters)
-        return (*own, *(angles.get(name, "m") for name in self.place), *("s" for _ in self._each))
+        table = {parameter.name: parameter.unit for parameter in self.robot.parameters} | dict(self.constants)
+        starts = (one.unit for one in self.starts)
+        known = (table[name] for name in self.parameters), (table[name] for name in self.place)
+        return (*known[0], *starts, *known[1], *("s" for _ in self._each))
 
     @property
     def size(self) -> int:
         """How many there are, q."""
-        return len(self.parameters) + len(self.place) + self.clocks
+        return len(self.parameters) + len(self.starts) + len(self.place) + self.clocks
 
     @property
     def scale(self) -> Array:
@@ -67,32 +75,49 @@ class Unknowns:
         """
         sizes = ((one.name, max(one.scale, one.size)) for one in self.robot.parameters)
         table = {name: size or 1.0 for name, size in sizes}
-        rest = [PLACE_SIZE] * (len(self.place) + self.clocks)
+        rest = [SIZE] * (self.size - len(self.parameters))
         return np.array([*(table[name] for name in self.parameters), *rest])
 
     @property
     def nominal(self) -> Array:
-        """Nominal values of the parameters and the place, clock offsets 0."""
+        """Nominal values of the parameters, the starts and the place, clock offsets 0."""
         table = {parameter.name: parameter.nominal for parameter in self.robot.parameters}
-        places: dict[str, float] = dict(zip(PLACE, self.sits, strict=True))
-        own = [*(table[name] for name in self.parameters), *(places[name] for name in self.place)]
-        return np.array([*own, *[0.0] * self.clocks])
+        places = dict(zip(self.constants, self.sits, strict=True))
+        own = [*(table[name] for name in self.parameters), *(one.nominal for one in self.starts)]
+        return np.array([*own, *(places[name] for name in self.place), *[0.0] * self.clocks])
 
-    @property
-    def columns(self) -> list[int]:
-        """Of the derivatives by (parameters, start, place), those by the parameters and the place here."""
-        names = [parameter.name for parameter in self.robot.parameters]
-        skip = len(names) + len(self.robot.states)
-        return [*map(names.index, self.parameters), *(skip + PLACE.index(name) for name in self.place)]
+    def slopes(self, slopes: Array) -> Array:
+        """Derivatives (S, ..., q) by the unknowns but the clocks, S segments.
+
+        Args:
+            slopes: by all parameters, the segment's own start and all constants, (S, ..., columns).
+        """
+        names, states = [parameter.name for parameter in self.robot.parameters], len(self.robot.states)
+        own = slopes[..., list(map(names.index, self.parameters))]
+        first, constants = len(names) + states, list(self.constants)
+        place = slopes[..., [first + constants.index(name) for name in self.place]]
+        if not self.starts:
+            return np.concatenate([own, place], axis=-1)
+        # Of every run's start, for the run's own readings.
+        starts = np.zeros((*slopes.shape[:-1], len(self.starts)))
+        for run in range(len(slopes)):
+            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., len(names) : first]
+        return np.concatenate([own, starts, place], axis=-1)
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
-        """All the robot's parameters (p,), the sensor's place (3,), the clock offsets given."""
+        """All the robot's parameters (p,), the sensor's place or other constants, the clock offsets given."""
         parameters, place = np.array(self.robot.nominal, dtype=float), np.array(self.sits)
-        names, first = [parameter.name for parameter in self.robot.parameters], len(self.parameters)
-        last = first + len(self.place)
-        parameters[[names.index(name) for name in self.parameters]] = values[:first]
-        place[[PLACE.index(name) for name in self.place]] = values[first:last]
+        names, constants = [parameter.name for parameter in self.robot.parameters], list(self.constants)
+        last = self.size - self.clocks
+        first = last - len(self.place)
+        parameters[[names.index(name) for name in self.parameters]] = values[: len(self.parameters)]
+        place[[constants.index(name) for name in self.place]] = values[first:last]
         return parameters, place, values[last:]
+
+    def begins(self, values: Array) -> Array:
+        """The starts of a drive's runs, (runs, states); (0, states) where they are no unknowns here."""
+        first = len(self.parameters)
+        return np.asarray(values[first : first + len(self.starts)].reshape(-1, len(self.robot.states)))
 
     @property
     def _each(self) -> range:

@@ -38,7 +38,7 @@ def held(hidden: Path, target: Path, *, wait: bool) -> Iterator[None]:
                     (hidden / "holder").unlink()
                     hidden.rmdir()
     finally:
-        # Work that fails leaves nothing behind.
+        # Work that fails stays without a trace.
         for folder in fresh:
             with suppress(OSError):
                 folder.rmdir()

@@ -29,7 +29,7 @@ Workers = int | Cluster
 IDLE = 300
 """Time [s] after which processes that have nothing to do end."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables by which libraries of linear algebra are told how many threads to use."""
+"""Environment variables by which libraries of linear algebra learn how many threads to use."""
 BREAKDOWNS = 3
 """Times in a row that worker processes may die before any task is done."""
 BROKEN = (

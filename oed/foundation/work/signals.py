@@ -20,7 +20,7 @@ ENDING = [
 ]
 """Ctrl-C, a polite request to end, and a terminal that is closed."""
 WATCH = 0.5
-"""Time [s] between looks at whether the parent is still there, where the system does not tell."""
+"""Time [s] between looks at whether the parent is still there, where the system does not say."""
 WRAPPERS = "casadi.casadi"
 """Module of CasADi's wrappers."""
 SOON = 1e-3

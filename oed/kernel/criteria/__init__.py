@@ -2,13 +2,17 @@
 
 from oed.kernel.criteria.criterion import Criterion, Epigraph, Factor, Subject
 from oed.kernel.criteria.prediction import G, I, Leg
+from oed.kernel.criteria.python_criterion import PythonCriterion
 from oed.kernel.criteria.spectral import E, ModifiedE
 from oed.kernel.criteria.volume import A, D
 
 CRITERIA: tuple[type[Criterion], ...] = (E, D, A, ModifiedE, G, I)
+CRITERION_CHOICES = (*CRITERIA, PythonCriterion)
+"""What a study's `criterion: {kind: ...}` may name."""
 
 __all__ = [
     "CRITERIA",
+    "CRITERION_CHOICES",
     "A",
     "Criterion",
     "D",
@@ -19,5 +23,6 @@ __all__ = [
     "I",
     "Leg",
     "ModifiedE",
+    "PythonCriterion",
     "Subject",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,13 @@ class Space(Component, ABC):
     spline: Spline = Spline()
     rest_to_rest: bool = True
     runs: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @model_validator(mode="after")
+    def _start_for_every_run(self) -> Self:
+        starts = self.fixed_starts
+        if starts is not None and len(starts) != self.runs:
+            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
+        return self
 
     @property
     @abstractmethod
@@ -139,13 +146,6 @@ class SignalSpace(Space):
     """
 
     start: tuple[float, ...] | tuple[tuple[float, ...], ...] | Literal["free"] = ()
-
-    @model_validator(mode="after")
-    def _start_for_every_run(self) -> SignalSpace:
-        starts = self.fixed_starts
-        if starts is not None and len(starts) != self.runs:
-            raise ValueError(f"expected one start, or one for each of the {self.runs} runs")
-        return self
 
     @property
     def fixed_starts(self) -> Array | None:

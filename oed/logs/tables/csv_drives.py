@@ -170,7 +170,7 @@ def _integrated(inputs: Series, sheet: Sheet, model: System) -> Drive:
         raise LogError(flaws)
     values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
     wraps = sum(one.wraps for one in turned)
-    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; made to run on"),)
+    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
     return Drive(
         name="",
         names=model.input_names,

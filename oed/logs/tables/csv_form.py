@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
 
-from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
@@ -34,7 +34,7 @@ class CsvForm(LogForm):
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
-        runs: the column that tells runs apart; "run" by default, where there is one.
+        runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
     """
 
@@ -58,8 +58,7 @@ class CsvForm(LogForm):
             LogError: every mistake in the file, each with its line.
         """
         if is_bag(file):
-            text = "is a ROS bag, not a CSV; say `kind: rosbag` under `log`"
-            raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+            raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
         delimiter = DELIMITERS.get(self.delimiter or "", self.delimiter)
         table = read_table(file, delimiter, self.header)
         layout = Layout(self.time, self.inputs, self.poses, self.runs, self.keep)

@@ -80,7 +80,7 @@ class SpeedInput(InputColumn):
 
 
 class AngleInput(InputColumn):
-    """The angle that a wheel has turned, running on.
+    """The angle that a wheel has turned, unwrapped or with a range.
 
     Attributes:
         unit: "deg", "rad", "turn", ...; SI by default (for an input in m/s: of a length).
@@ -108,7 +108,7 @@ class TicksInput(InputColumn):
     Attributes:
         ticks_per_turn: of the encoder.
         gear: turns of the encoder per turn of the wheel.
-        cumulative: whether the ticks run on; else each row has those since the row before.
+        cumulative: whether the ticks add up; else each row has those since the row before.
         wrap: range after which a cumulative counter begins anew, e.g. 65536.
     """
 
@@ -128,7 +128,7 @@ class TicksInput(InputColumn):
         return Turned(angle * found.integral, self.cumulative, found.wraps, found.flaws)
 
     def reason_against(self, entry: Input) -> str:
-        """Not of a wheel, or a range of something that does not run on."""
+        """Not of a wheel, or a range of something that does not add up."""
         if self.wrap is not None and not self.cumulative:
             return "`wrap` is the range of a cumulative counter; add `cumulative: true`"
         return _not_driving(entry, "ticks") or (

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Gathered, Mask, Rows, Series
 from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
@@ -30,7 +30,7 @@ class Layout:
         time: of the inputs, and of the poses without a clock of their own.
         inputs: by the robot's names of them.
         poses: of the reference.
-        runs: tells runs apart; None for a column "run" where there is one.
+        runs: says which run a row belongs to; None for a column "run" where there is one.
         keep: values of columns, or [low, high], in rows whose poses are wanted.
     """
 
@@ -100,6 +100,11 @@ class Sheet:
 def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     """Find the columns and read them.
 
+    Args:
+        table: the log's.
+        layout: which columns are what.
+        model: the robot that drove.
+
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
@@ -132,7 +137,7 @@ def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], r
     labels = gathered.take(lambda: _run_labels(table, runs))
     found = [one for one in read if one is not None]
     if clock is not None and gathered.flaws and labels is None:
-        # What is wrong with the times is told along with what is wrong with the numbers.
+        # What is wrong with the times is named along with what is wrong with the numbers.
         gathered.flaws += (
             _series(table, time, clock, ())
             .rows(distinct_rows(table, clock[1], np.arange(len(table.rows))))
@@ -175,7 +180,7 @@ def _read_poses(
         return tuple(poses.columns), _read_tum(beside, poses)
     if beside is not None:
         table = read_table(beside)
-        # A file of poses need not tell runs apart, even where the log does.
+        # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
     block = _read_block(table, poses.time or layout.time, columns, runs)
@@ -207,12 +212,18 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
         values = _numbers(table, place)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
-        told = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError([FileFlaw(table.file, 0, 0, "keep", f"no row has {told}")])
+        wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
+        raise LogError.about(table.file, f"no row has {wanted_rows}", "keep")
     return kept
 
 
 def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:
-    """The rows without those that repeat the one before, cell by cell, time and all."""
+    """The rows without those that repeat the one before, cell by cell, time and all.
+
+    Args:
+        table: the log's.
+        times: of its rows, (n,).
+        rows: to be looked at.
+    """
     same = np.flatnonzero(np.diff(times[rows]) == 0) + 1
     return np.delete(rows, [row for row in same if table.rows[rows[row]] == table.rows[rows[row - 1]]])

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.errors import FileFlaw, LogError
-from oed.foundation.files import read_text
+from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
 from oed.logs.series import Array, Rows, shortened
@@ -30,7 +30,7 @@ MOST = 2**30
 """Bytes of a log: days of driving."""
 
 NAMES = 40
-"""Of a header's columns that are shown."""
+"""Columns of a header that are shown."""
 
 _LOOKED_AT = 20
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
@@ -151,7 +151,13 @@ class Table:
         return values if (np.abs(values) < LARGEST).all() else None
 
     def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
-        """A cell that is no finite number."""
+        """A cell that is no finite number.
+
+        Args:
+            row: from 0.
+            place: of the column, from 0.
+            cell: its text; "" for none.
+        """
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
         text = f"expected a finite number, {got}{hint}"
@@ -175,11 +181,12 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     Raises:
         LogError: no such file, not text, or nothing in it.
     """
-    texts = _lines(file)
-    # Most lines begin with a digit, which is enough to tell that they are rows.
+    # Spreadsheets begin a file with a byte-order mark.
+    texts = text_of(file, LogError, "utf-8-sig", MOST).splitlines()
+    # Most lines begin with a digit, which is enough to know that they are rows.
     kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
     if not kept:
-        raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows")])
+        raise LogError.about(file, "the file has no rows")
     rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
     delimiter = delimiter or _delimiter(rows[:_LOOKED_AT])
     quoted = delimiter != BLANKS and any(QUOTE in row for row in rows)
@@ -189,7 +196,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     comment = texts[kept[0] - 1] if kept[0] else ""
     names, first = _header(cells(rows[0]), _comment_cells(comment, delimiter), header)
     if first == len(rows):
-        raise LogError([FileFlaw(str(file), 0, 0, "", "the file has no rows after its header")])
+        raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
     _require_room(file, max(len(names), len(cells(rows[0]))), rows, lines, cells)
     cut_off = _is_cut_off(rows, cells)
@@ -202,24 +209,9 @@ def _is_row(text: str) -> bool:
 
 
 def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
-    # A robot that is switched off leaves half a line.
+    # A robot that is switched off writes half a line.
     first, before, last = (len(cells(rows[index])) for index in (0, max(len(rows) - 2, 0), -1))
     return len(rows) > 1 and last < min(before, first)
-
-
-def _lines(file: Path) -> list[str]:
-    try:
-        # Spreadsheets begin a file with a byte-order mark.
-        return read_text(file, "utf-8-sig", MOST).splitlines()
-    except FileNotFoundError:
-        reason = "no such file"
-    except IsADirectoryError:
-        reason = "expected a file, got a folder"
-    except UnicodeDecodeError:
-        reason = "is not a text file"
-    except OSError as error:
-        reason = f"cannot be read: {error.strerror}"
-    raise LogError([FileFlaw(str(file), 0, 0, "", reason)])
 
 
 def _delimiter(lines: Sequence[str]) -> str:

@@ -31,8 +31,7 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Se
         raise LogError([FileFlaw(str(file), int(table.lines[0]), 0, "", text)])
     unknown = [name for name in quantities if name not in ("x", "y", "heading")]
     if unknown:
-        text = f"a TUM file has no {', '.join(unknown)}, only x, y and heading"
-        raise LogError([FileFlaw(str(file), 0, 0, "", text)])
+        raise LogError.about(file, f"a TUM file has no {', '.join(unknown)}, only x, y and heading")
     read = [table.numbers(place) for place in range(len(NAMES))]
     flaws = [flaw for _, found in read for flaw in found]
     values = np.column_stack([column for column, _ in read])

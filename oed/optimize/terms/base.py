@@ -73,7 +73,7 @@ class Terms(ABC):
 
     @property
     def coefficients(self) -> Expression:
-        """Of all splines (SX of `unknowns`), (n, inputs)."""
+        """Coefficients of all splines (SX of `unknowns`), (n, inputs)."""
         inputs = len(self.problem.model.inputs)
         free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
         table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
@@ -158,7 +158,14 @@ class Terms(ABC):
 
 
 def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
-    """The drive of a few samples with `held` inputs (n, inputs) from a state."""
+    """The drive of a few samples with `held` inputs (n, inputs) from a state.
+
+    Args:
+        problem: whose robot drives.
+        held: inputs, (n, inputs).
+        start: state, (states,).
+        refine: points of the path per sample.
+    """
     return roll_out(
         problem.robot,
         inputs=held,

@@ -1,6 +1,6 @@
-"""How sensitivities go through a part of a drive, and how information is told by its whole run instead.
+"""How sensitivities go through a part of a drive, and how information is written by its whole run instead.
 
-A part of a drive tells its information on (parameters, its own start, nuisances). With the sensitivities S of
+A part of a drive gathers its information on (parameters, its own start, nuisances). With sensitivities S of
 that start by (parameters, the run's start) it becomes information on what the whole run is estimated from.
 """
 
@@ -19,13 +19,13 @@ class Carry:
         moving: those entries' places among all of S, by columns.
         begin: their values at the start of a run.
         carried: symbols for them at the part's start.
-        following: the same entries at its end, as expressions of what the part tells.
+        following: the same entries at its end, as expressions of what the part gathers.
         added: entries of the information that it adds.
     """
 
     def __init__(
         self,
-        told: Expression,
+        gathered: Expression,
         *,
         states: int,
         parameters: int,
@@ -35,14 +35,14 @@ class Carry:
         """Follow S through a part.
 
         Args:
-            told: sensitivities of its end by (parameters, its start), by columns, then its information's
+            gathered: sensitivities of its end by (parameters, its start), by columns, then its information's
                 entries.
             states: of the robot.
             parameters: how many are estimated; 0 for regressions, which carry no sensitivities.
             nuisances: the sensors' own.
             started: whether the runs' starts are estimated as well.
         """
-        self._told, self._states = told, states
+        self._gathered, self._states = gathered, states
         self._parameters, self._nuisances = parameters, nuisances
         columns = parameters + (states if started else 0) if parameters else 0
         begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, :columns]
@@ -57,8 +57,8 @@ class Carry:
         self.following, self.added = ca.vec(following)[self.moving], ca.densify(added)
 
     @property
-    def told_size(self) -> int:
-        """Of the information that a part tells."""
+    def gathered_size(self) -> int:
+        """Size of the information that a part gathers."""
         return self._parameters + self._states + self._nuisances
 
     def table(self, carried: Expression) -> Expression:
@@ -68,7 +68,7 @@ class Carry:
         return ca.reshape(table, *self._shape)
 
     def turned(self, information: Expression, table: Expression) -> Expression:
-        """Entries of information on (parameters, a part's start, nuisances), as told by the whole run."""
+        """Entries of information on (parameters, start, nuisances), written by the whole run's start."""
         count = self._parameters
         top = ca.horzcat(ca.SX.eye(count), ca.SX(count, table.shape[1] - count))
         whole = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
@@ -78,13 +78,13 @@ class Carry:
         # S at the end, and what the part adds to the information.
         count, states = self._parameters, self._states
         if not count:
-            return ca.SX(0, 1), self._told
+            return ca.SX(0, 1), self._gathered
         split = states * (count + states)
-        ends = ca.sparsify(ca.reshape(self._told[:split], states, count + states))
+        ends = ca.sparsify(ca.reshape(self._gathered[:split], states, count + states))
         direct = ca.horzcat(ends[:, :count], ca.SX(states, table.shape[1] - count))
         following = ca.densify(ends[:, count:] @ ca.sparsify(table) + direct)
-        told = symmetric(self._told[split:], self.told_size)
-        return following, self.turned(told, table)
+        gathered = symmetric(self._gathered[split:], self.gathered_size)
+        return following, self.turned(gathered, table)
 
     def _find_moving(self) -> None:
         # Entries of S that anywhere differ from those at a run's start, found by following them.

@@ -1,4 +1,4 @@
-"""One sample of a drive: where it leads, what it tells, its limit rows, and their derivatives.
+"""One sample of a drive: where it leads, what it gathers, its limit rows, and their derivatives.
 
 The formulas are those of every drive, applied to a drive of a single sample.
 """
@@ -27,7 +27,7 @@ class Cell:
     """A sample as a function of the state x handed on to it and of its inputs, in units of their scale.
 
     x is the robot's state, followed by the entries that change of its derivatives by (parameters, start of
-    the piece). A sample tells what is read at its first instant; the last instant belongs to the next one.
+    the piece). A sample gathers what is read at its first instant; the last instant belongs to the next one.
 
     Attributes:
         states: of the robot.
@@ -55,7 +55,7 @@ class Cell:
         self._reads = ca.SX.sym("reads", len(sensors))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
         self.carry = Carry(
-            ca.densify(_told(problem, drive, self._reads)),
+            ca.densify(_gathered(problem, drive, self._reads)),
             states=self.states,
             parameters=len(estimated(problem)) if sensors else 0,
             nuisances=sum(len(sensor.nuisances) for sensor in sensors),
@@ -69,7 +69,7 @@ class Cell:
         self._arguments = [self._begin, self._inputs, self._reads]
 
     @property
-    def told(self) -> Expression:
+    def gathered(self) -> Expression:
         """Entries of the information (SX)."""
         return self._parts[1]
 
@@ -85,7 +85,7 @@ class Cell:
 
     @cached_property
     def values(self) -> ca.Function:
-        """(x, inputs, which sensors read) -> x at the end, what is told, limit rows."""
+        """(x, inputs, which sensors read) -> x at the end, what is gathered, limit rows."""
         return ca.Function("cell", self._arguments, self._parts)
 
     @cached_property
@@ -109,11 +109,11 @@ class Cell:
 
     @cached_property
     def pull(self) -> ca.Function:
-        """(entries of the slopes of what is told and of the rows, weights of both) -> weights of x."""
-        told, first = self.slopes[1].symbol("told")
+        """(entries of the slopes of what is gathered and of the rows, weights of both) -> weights of x."""
+        gathered, first = self.slopes[1].symbol("gathered")
         rows, second = self.slopes[2].symbol("rows")
-        weights = [ca.SX.sym("weights", part.shape[0]) for part in (told, rows)]
-        total = told[:, : self.width].T @ weights[0] + rows[:, : self.width].T @ weights[1]
+        weights = [ca.SX.sym("weights", part.shape[0]) for part in (gathered, rows)]
+        total = gathered[:, : self.width].T @ weights[0] + rows[:, : self.width].T @ weights[1]
         return ca.Function("pull", [first, second, *weights], [ca.densify(total)])
 
     @cached_property
@@ -176,9 +176,9 @@ def cuts_of(problem: Problem) -> Cuts:
     return cuts
 
 
-def _told(problem: Problem, drive: Drive, reads: Expression) -> Expression:
+def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Sensitivities and information on (parameters, start, nuisances), or of a regression its rows. A segment
-    # of one sample is told by its square at once.
+    # of one sample is added as its square at once.
     cuts = cuts_of(problem)
     if cuts.regression is not None:
         blocks = cuts.regression.blocks(drive)

@@ -21,29 +21,29 @@ class Ending:
         """Write it."""
         state = ca.SX.sym("state", link.width)
         held = ca.SX.sym("held", len(problem.robot.inputs))
-        told = read_end(problem, ca.DM(list(scale)) * held, state[: link.states])
+        gathered = read_end(problem, ca.DM(list(scale)) * held, state[: link.states])
         carry = link.carry
-        turned = carry.turned(symmetric(told, carry.told_size), carry.table(state[link.states :]))
-        self._arguments, self._told = [state, held], ca.cse(turned)
+        turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.table(state[link.states :]))
+        self._arguments, self._gathered = [state, held], ca.cse(turned)
         self._width = link.width
         self._slopes = ca.SX.sym("slopes", size, link.width + held.shape[0])
 
     @cached_property
     def values(self) -> ca.Function:
         """(state handed on, held) -> information."""
-        return ca.Function("ending", self._arguments, [self._told])
+        return ca.Function("ending", self._arguments, [self._gathered])
 
     @cached_property
     def slopes(self) -> ca.Function:
         """(the same, their derivatives by z) -> derivatives (size, added) of the information by z."""
-        slope = self._slopes @ ca.jacobian(self._told, ca.vertcat(*self._arguments)).T
+        slope = self._slopes @ ca.jacobian(self._gathered, ca.vertcat(*self._arguments)).T
         return ca.Function("ending_slopes", [*self._arguments, self._slopes], [ca.densify(slope)])
 
     @cached_property
     def curvature(self) -> ca.Function:
         """(the same, weights of the information) -> weights of the state, second derivatives by z."""
-        weights = ca.SX.sym("weights", self._told.shape[0])
-        bent, slope = ca.hessian(ca.dot(weights, self._told), ca.vertcat(*self._arguments))
+        weights = ca.SX.sym("weights", self._gathered.shape[0])
+        bent, slope = ca.hessian(ca.dot(weights, self._gathered), ca.vertcat(*self._arguments))
         whole: Expression = self._slopes @ bent @ self._slopes.T
         results = [ca.densify(slope[: self._width]), ca.densify(whole)]
         return ca.Function("ending_curvature", [*self._arguments, self._slopes, weights], results)

@@ -1,4 +1,4 @@
-"""Pieces of a drive: what each does and tells as a function of its start state and the coefficients in it.
+"""Pieces of a drive: what each does and gathers as a function of its start state and the coefficients in it.
 
 First and second derivatives follow from those of the samples by the chain rule, for all pieces at once. As
 everywhere, matrices stand side by side, and those by the unknowns are transposed: unknowns down the rows.
@@ -31,7 +31,7 @@ class Kernel:
         layout: the pieces.
         states: of the robot.
         size: unknowns of a piece.
-        told: what a piece tells: constants, and symbols (SX) elsewhere: sensitivities of its end by
+        gathered: what a piece gathers: constants, and symbols (SX) elsewhere: sensitivities of its end by
             (parameters, its start), by columns, then information.
         symbols: those symbols: the sensitivities that change, then information that is not always 0.
         informed: which of the cell's entries of information are not always 0.
@@ -45,12 +45,12 @@ class Kernel:
         self._count = layout.count * layout.samples
         place = np.arange(self._count) % layout.samples
         self.reads = ca.DM(np.array([place % one == 0 for one in every], float).reshape(-1, self._count))
-        self.informed = [index for index, entry in enumerate(cell.told.elements()) if not entry.is_zero()]
+        self.informed = [index for index, entry in enumerate(cell.gathered.elements()) if not entry.is_zero()]
         moving = len(cell.carry.moving)
-        self.symbols = ca.SX.sym("told", moving + len(self.informed))
-        information = ca.SX.zeros(cell.told.numel())
+        self.symbols = ca.SX.sym("gathered", moving + len(self.informed))
+        information = ca.SX.zeros(cell.gathered.numel())
         information[self.informed] = self.symbols[moving:]
-        self.told = ca.vertcat(ca.vec(cell.carry.table(self.symbols[:moving])), information)
+        self.gathered = ca.vertcat(ca.vec(cell.carry.table(self.symbols[:moving])), information)
 
     @property
     def row_count(self) -> int:
@@ -60,7 +60,7 @@ class Kernel:
     @cached_property
     def patterns(self) -> list[Pattern]:
         """What depends on the start state: the end of what is handed on, information, the limit rows."""
-        onward, told, rows = (np.array(ca.DM(one.pattern, 1.0)) != 0 for one in self.cell.slopes[:3])
+        onward, gathered, rows = (np.array(ca.DM(one.pattern, 1.0)) != 0 for one in self.cell.slopes[:3])
         width, states = self.cell.width, self.states
         found = np.eye(width, states, dtype=bool)
         ever = found
@@ -68,7 +68,7 @@ class Kernel:
             found = onward[:, :width] @ found
             ever = ever | found
         each = (rows[:, :width] @ ever).reshape(-1, states)
-        return [found, told[self.informed, :width] @ ever, np.tile(each, (self.layout.samples, 1))]
+        return [found, gathered[self.informed, :width] @ ever, np.tile(each, (self.layout.samples, 1))]
 
     @cached_property
     def held_slopes(self) -> ca.DM:
@@ -83,7 +83,7 @@ class Kernel:
 
     def roll(self, begins: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
-        pieces tell that changes, their rows.
+        pieces gather that changes, their rows.
 
         Args:
             begins: states that runs begin with.
@@ -94,7 +94,7 @@ class Kernel:
         if not cell.carry.moving:
             # Without sensitivities, which every piece begins anew, a run is a single pass.
             along = cell.values.mapaccum(space.samples).map(space.runs)
-            following, told, rows = along(begins, inputs, self.reads)
+            following, gathered, rows = along(begins, inputs, self.reads)
             points = _shifted(begins, following, space.samples)
             states = following[:, ends]
         else:
@@ -103,9 +103,9 @@ class Kernel:
             starts = _shifted(begins, states, self.layout.each)
             begin = ca.vertcat(starts, ca.repmat(ca.MX(cell.carry.begin), 1, count))
             along = cell.values.mapaccum(self.layout.samples).map(count)
-            following, told, rows = along(begin, inputs, self.reads)
+            following, gathered, rows = along(begin, inputs, self.reads)
             points = _shifted(begin, following, self.layout.samples)
-        total = ca.vertcat(following[self.states :, ends], self._added(told[self.informed, :]))
+        total = ca.vertcat(following[self.states :, ends], self._added(gathered[self.informed, :]))
         return points, states, total, ca.reshape(rows, -1, count)
 
     def _added(self, each: Expression) -> Expression:
@@ -115,7 +115,7 @@ class Kernel:
         return each @ ca.DM(pattern, 1.0)
 
     def sample_slopes(self, points: Expression, inputs: Expression) -> tuple[Expression, ...]:
-        """Entries of every sample's slopes (of what is handed on, told, of its rows; by that and inputs)."""
+        """Entries of every sample's slopes (of what is handed on, gathered, of rows; by that and inputs)."""
         found: tuple[Expression, ...] = self.cell.jacobian.map(self._count)(points, inputs, self.reads)
         return found
 
@@ -142,7 +142,7 @@ class Kernel:
         whole = ca.horzcat(slope, held) @ packed.matrix(entries).T
         return ca.Function("product", [slope, held, entries], [ca.densify(whole)])
 
-    def told_slopes(self, steps: Expression, told: Expression) -> Expression:
+    def gathered_slopes(self, steps: Expression, gathered: Expression) -> Expression:
         """Derivatives (size, informed) of every piece's information."""
         samples = self.layout.samples
         pattern = ca.horzcat(*[self.cell.slopes[1].pattern] * samples)
@@ -150,7 +150,7 @@ class Kernel:
         entries = ca.MX.sym("entries", self.cell.slopes[1].pattern.nnz(), samples)
         total = ca.densify(slopes @ ca.sparsity_cast(ca.vec(entries), pattern).T)
         whole = ca.Function("informed", [slopes, entries], [total[:, self.informed]])
-        return whole.map(self.layout.count)(steps, told)
+        return whole.map(self.layout.count)(steps, gathered)
 
     def row_slopes(self, steps: Expression, rows: Expression) -> Expression:
         """Derivatives (size, rows) of every piece's rows."""
@@ -177,12 +177,12 @@ class Kernel:
             given: what is handed on, and the inputs, at every sample.
             steps: derivatives of what is handed on and of the inputs at every sample's begin.
             slopes: of the samples.
-            weights: of the pieces' ends (states,), of what they tell (only what changes), of their rows.
+            weights: of the pieces' ends (states,), of what they gather (only what changes), of their rows.
         """
         cell, count, samples = self.cell, self.layout.count, self.layout.samples
         moving = len(cell.carry.moving)
         last = ca.vertcat(weights[0], weights[1][:moving, :])
-        information = ca.MX(cell.told.numel(), count)
+        information = ca.MX(cell.gathered.numel(), count)
         information[self.informed, :] = weights[1][moving:, :]
         added = ca.densify(information)[:, np.repeat(np.arange(count), samples).tolist()]
         rows = ca.reshape(weights[2], cell.row_count, self._count)

@@ -87,6 +87,12 @@ def best_layout(space: Space, inputs: int, *, multiple: int = 1, divisor: int | 
     """The layout of least work whose pieces are of a multiple of `multiple` samples and divide `divisor`.
 
     None where no piece is both short and long enough.
+
+    Args:
+        space: of the drives.
+        inputs: how many there are.
+        multiple: of the samples of a piece.
+        divisor: of which the samples of a piece are a divisor.
     """
     fitting = [
         Layout(space, count, inputs)

@@ -38,33 +38,33 @@ class Link:
 
     @cached_property
     def follow(self) -> ca.Function:
-        """(carried, told) -> carried at the end."""
+        """(carried, gathered) -> carried at the end."""
         return ca.Function("follow", self._arguments, [self.carry.following])
 
     @cached_property
     def add(self) -> ca.Function:
-        """(carried, told) -> what is added to the information."""
+        """(carried, gathered) -> what is added to the information."""
         return ca.Function("add", self._arguments, [self.carry.added])
 
     @cached_property
     def _given(self) -> tuple[list[Expression], list[Expression]]:
-        # A piece's slopes by its unknowns: of the end state, of what it tells; and symbols for them.
+        # A piece's slopes by its unknowns: of the end state, of what it gathers; and symbols for them.
         kernel, states = self.kernel, self.states
         ends = ca.SX.sym("ends", kernel.size, kernel.cell.width)
-        told = ca.SX.sym("told", kernel.size, len(kernel.informed))
+        gathered = ca.SX.sym("gathered", kernel.size, len(kernel.informed))
         parts = [
-            _masked(one, pattern) for one, pattern in zip((ends, told), kernel.patterns[:2], strict=True)
+            _masked(one, pattern) for one, pattern in zip((ends, gathered), kernel.patterns[:2], strict=True)
         ]
-        return [parts[0][:states, :], ca.vertcat(parts[0][states:, :], parts[1])], [ends, told]
+        return [parts[0][:states, :], ca.vertcat(parts[0][states:, :], parts[1])], [ends, gathered]
 
     @cached_property
     def _slopes(self) -> list[Expression]:
         # (end of all that is handed on, information) by (begin of it), and by the piece's own unknowns.
-        (end, told), symbols = self._given
+        (end, gathered), symbols = self._given
         states, own = slice(0, self.states), slice(self.states, None)
         both = [self.carry.following, self.carry.added]
         carried = [ca.jacobian(one, self.carry.carried) for one in both]
-        through = [ca.jacobian(one, self.kernel.symbols) @ told for one in both]
+        through = [ca.jacobian(one, self.kernel.symbols) @ gathered for one in both]
         beside = ca.SX(self.states, len(self.carry.moving))
         onward = ca.blockcat([[end[:, states], beside], [through[0][:, states], carried[0]]])
         moved = ca.vertcat(end[:, own], through[0][:, own])
@@ -83,7 +83,7 @@ class Link:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(carried, told, a piece's slopes of what it hands on and of information) -> entries of `onward`,
+        """(carried, gathered, a piece's slopes of what it hands on, of information) -> entries of `onward`,
         the end by own unknowns (own, width), entries of `added_by_begin`, the added by own unknowns
         (own, added).
         """
@@ -125,20 +125,20 @@ class Link:
         return weights[0], weights[1], total
 
     @cached_property
-    def pull_told(self) -> ca.Function:
-        """(carried, told, weights of carried at the end, of the added) -> weights of told."""
+    def pull_gathered(self) -> ca.Function:
+        """(carried, gathered, weights of carried at the end, of the added) -> weights of gathered."""
         *weights, total = self._weighted
         slope = ca.densify(ca.gradient(total, self.kernel.symbols))
-        return ca.Function("pull_told", [*self._arguments, *weights], [slope])
+        return ca.Function("pull_gathered", [*self._arguments, *weights], [slope])
 
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression, Expression, Expression]:
         # Second derivatives of the weighted sum: by (begin), (begin, own), (own).
         *weights, total = self._weighted
         slope = ca.gradient(total, self.carry.carried)
-        (_, told), entries = self._given
+        (_, gathered), entries = self._given
         whole = ca.SX.sym("curvature", self.kernel.size, self.kernel.size)
-        mixed = ca.jacobian(slope, self.kernel.symbols) @ told
+        mixed = ca.jacobian(slope, self.kernel.symbols) @ gathered
         states, own = slice(0, self.states), slice(self.states, None)
         inner = ca.blockcat(
             [
@@ -164,7 +164,7 @@ class Link:
 
     @cached_property
     def hessian(self) -> ca.Function:
-        """(carried, told, weights of carried, of the added, a piece's slopes of what it hands on and of
+        """(carried, gathered, weights of carried, of the added, a piece's slopes of what it hands on and of
         information, its second derivatives) -> entries of `inner`, second derivatives by (own, bent) and
         by (own, own).
         """

@@ -80,7 +80,13 @@ def needs_of(problem: Problem, coefficients: Expression, refine: int = 1) -> Nee
 
 
 def splines_of(problem: Problem, drive: Drive, coefficients: Expression) -> Drive:
-    """The drive with what bounds its inputs and their derivatives at all times."""
+    """The drive with what bounds its inputs and their derivatives at all times.
+
+    Args:
+        problem: whose splines drive.
+        drive: at the samples.
+        coefficients: of the splines, (n, inputs).
+    """
     space = problem.design
     return replace(
         drive,

@@ -128,7 +128,7 @@ class Sweep:
 
     @cached_property
     def _rolled(self) -> tuple[Expression, ...]:
-        # What is handed on at every sample's begin, the pieces' end states, what they tell, their rows.
+        # What is handed on at every sample's begin, the pieces' end states, what they gather, their rows.
         return self._kernel.roll(self._starts, self._inputs)
 
     @cached_property
@@ -198,7 +198,7 @@ class Sweep:
     @cached_property
     def _piece_slopes(self) -> list[Expression]:
         # Of what pieces hand on, and of their information.
-        return [self._steps[1], self._kernel.told_slopes(self._steps[0], self._sample_slopes[1])]
+        return [self._steps[1], self._kernel.gathered_slopes(self._steps[0], self._sample_slopes[1])]
 
     @cached_property
     def _piece_rows(self) -> tuple[Expression, Expression]:
@@ -280,9 +280,9 @@ class Sweep:
         pulled = link.pull.map(count)(begin, begin_rows, added, own_rows)
         ends = join.weights(last, self._link_slopes[0], pulled)
         states, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
-        told = link.pull_told.map(count)(*self._arguments, carried, added)
+        gathered = link.pull_gathered.map(count)(*self._arguments, carried, added)
         given, steps = [self._rolled[0], self._inputs], self._steps[0]
-        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, told, own_rows])
+        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, gathered, own_rows])
         parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
         return total + more + self._first_curvature(first) + join.curvature(self._begin_slopes, *parts)
 

@@ -107,7 +107,7 @@ class Pieces(Terms):
 def _carry(problem: Problem, kernel: Kernel, totals: Totals) -> Carry:
     sensors = totals.sensors
     return Carry(
-        kernel.told,
+        kernel.gathered,
         states=kernel.states,
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),

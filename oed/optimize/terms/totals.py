@@ -23,7 +23,7 @@ Reader = Callable[[Sequence[int]], Expression]
 
 
 class Totals:
-    """What the pieces of a drive tell together.
+    """What the pieces of a drive gather together.
 
     Pieces add up within a group: a segment's, a run's, or the whole drive's. The groups' sums then make up
     the information, squared first where they are rows of a regression.

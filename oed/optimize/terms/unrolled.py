@@ -89,7 +89,7 @@ class Unrolled(Terms):
 
 
 class OtherRobots:
-    """The information that the same inputs give other robots: one function of their parameters."""
+    """The information that a drive's inputs give other robots: one function of their parameters."""
 
     def __init__(self, problem: Problem, terms: Unrolled) -> None:
         """Write the expressions; functions are compiled when first used."""
@@ -109,13 +109,13 @@ class OtherRobots:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """The same -> derivatives of the entries by z."""
+        """(z, parameters, shift of the start) -> derivatives of the entries by z."""
         slope = ca.jacobian(self.entries, self.arguments[0])
         return ca.Function("other_slopes", self.arguments, [ca.densify(slope)])
 
     @cached_property
     def hessian(self) -> ca.Function:
-        """(the same, weights of the entries) -> second derivatives by z of the weighted sum."""
+        """(z, parameters, shift, weights of the entries) -> second derivatives by z of the weighted sum."""
         z, weights = self.arguments[0], ca.SX.sym("entries", self.entries.shape[0])
         gradient = ca.gradient(ca.dot(weights, self.entries), z)
         curvature = ca.jtimes(gradient, z, ca.SX.eye(z.shape[0]))

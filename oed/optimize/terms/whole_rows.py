@@ -162,7 +162,7 @@ class WholeRows:
 
     @cached_property
     def bounds(self) -> list[RowBounds]:
-        """Of every limit's rows."""
+        """The bounds of every limit's rows."""
         kept = np.zeros(self._pattern.size1(), dtype=bool)
         kept[self._kept] = True
         edges = np.cumsum([len(rows.lower) for rows in self.formulas.rows[:-1]], dtype=int)

@@ -30,7 +30,7 @@ NARROWED = 0.9
 
 
 class Frame:
-    """How a program sees the limits: bounds of single unknowns as bounds, all others as weighed rows.
+    """How a program sees the limits: bounds of single unknowns as bounds, all others as weighted rows.
 
     Bounds of single unknowns that contradict each other stay rows, for those Ipopt calls infeasible. With
     `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation.
@@ -54,7 +54,7 @@ class Frame:
 
     @property
     def choice(self) -> ca.DM:
-        """The matrix (kept, rows) that picks and weighs rows."""
+        """The matrix (kept, rows) that picks and weights rows."""
         kept = len(self._rest)
         return ca.DM.triplet(range(kept), self._rest.tolist(), self._weights, kept, len(self._owner))
 
@@ -78,10 +78,10 @@ class Frame:
         return (low, high), (least, most)
 
     def _unknowns_within(self, lower: Array, upper: Array) -> Interval:
-        # What tightened rows of single unknowns leave of these.
+        # What tightened rows of single unknowns allow of these.
         low, high = self._ranges(lower, upper)
         least, most = self._ranges(self._lower, self._upper)
-        # So it is of what several limits together leave of one unknown.
+        # So it is of what several limits together allow of one unknown.
         spare = np.zeros(self.size)
         bounded = np.isfinite(most - least)
         spare[bounded] = (1 - NARROWED) * (most - least)[bounded] / 2

@@ -1,7 +1,7 @@
 """Drives of many samples, searched on fewer: much faster, and corrected to agree with all of them.
 
-The splines have far fewer coefficients than the drive has samples, so a coarser grid tells nearly as much of
-them. What it tells otherwise than the fine grid is added to its information: a difference and its slope,
+The splines have far fewer coefficients than the drive has samples, so a coarser grid is nearly as informative
+about them. What it has otherwise than the fine grid is added to its information: a difference and its slope,
 found anew at every design on which a search ends, until both grids agree there. A design at which they do is
 optimal on the fine grid as well, for values and slopes are then the same [first-order model management;
 Alexandrov et al., "Approximation and model management in aerodynamic optimization with variable-fidelity
@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Grid:
-    """The samples that a search looks at, and how what they tell is made to agree with all samples.
+    """The samples that a search looks at; their information is made to agree with that of all samples.
 
     Attributes:
         problem: to be solved.
@@ -63,15 +63,15 @@ class Grid:
 
     @cached_property
     def _shares(self) -> Array:
-        # For every entry, how much more all samples tell than the grid's, of a typical drive: more readings,
-        # for instance.
+        # For every entry, how much more information all samples have than the grid's, of a typical drive:
+        # more readings, for instance.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
-        told = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
+        whole = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
         seen = self.design.matrices_of(drive)[0]
         return np.concatenate(
             [
                 np.full(len(one) * (len(one) + 1) // 2, np.trace(all_[0]) / np.trace(one))
-                for all_, one in zip(told, seen, strict=True)
+                for all_, one in zip(whole, seen, strict=True)
             ]
         )
 
@@ -100,15 +100,15 @@ class Grid:
         return corrections[: self._entries] + slopes @ unknowns
 
     def correction(self, unknowns: Array) -> Array:
-        """Corrections with which the grid tells at z, and close to it, what all samples tell."""
+        """Corrections with which the grid has, at z and close to it, the information of all samples."""
         if not self.coarse:
             return self.no_correction
         seen, _ = self.design.terms.values(unknowns)
         seen_slopes, _ = self.design.terms.jacobian(unknowns)
-        told, told_slopes = self._fine.at(self.trajectory(unknowns))
+        whole, whole_slopes = self._fine.at(self.trajectory(unknowns))
         shares = self._shares
-        gaps = told - shares * np.array(seen).ravel()
-        slopes = told_slopes - shares[:, None] * np.array(seen_slopes)
+        gaps = whole - shares * np.array(seen).ravel()
+        slopes = whole_slopes - shares[:, None] * np.array(seen_slopes)
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
 
     @cached_property
@@ -121,7 +121,7 @@ class Grid:
 
 
 class FineGrid:
-    """What all samples tell, and its slopes by the unknowns z.
+    """The information of all samples, and its slopes by the unknowns z.
 
     Written compactly, with one backward sweep for every entry of the information: memory is in proportion
     to the samples.

@@ -27,7 +27,7 @@ def compiler() -> str | None:
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """The same function in machine code; itself where it cannot be compiled."""
+    """A function in machine code; itself where it cannot be compiled."""
     tool = compiler()
     if tool is None:
         return function
@@ -46,8 +46,8 @@ def compiled(function: ca.Function) -> ca.Function:
 
 
 def _kept(source: bytes, tool: str) -> Path:
-    told = subprocess.run([tool, "-dumpfullversion", "-dumpmachine"], capture_output=True, check=False)  # noqa: S603
-    parts = [source, *(flag.encode() for flag in FLAGS), tool.encode(), told.stdout, ca.__version__.encode()]
+    asked = subprocess.run([tool, "-dumpfullversion", "-dumpmachine"], capture_output=True, check=False)  # noqa: S603
+    parts = [source, *(flag.encode() for flag in FLAGS), tool.encode(), asked.stdout, ca.__version__.encode()]
     name = hashlib.sha256(b"\0".join(parts)).hexdigest()
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "oed" / f"{name}.so"

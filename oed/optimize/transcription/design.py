@@ -166,7 +166,7 @@ class DesignExpressions:
 
 
 def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
-    # A drive that is not finite tells nothing and exceeds all limits, whatever robot it is of.
+    # A drive that is not finite is not informative and exceeds all limits, whatever robot it is of.
     parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
     sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
     if sound.all():

@@ -45,9 +45,9 @@ def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Ob
 
     def initial(numeric: Sequence[Sequence[Array]]) -> Array:
         begun = [one.initial(matrices) for one, matrices in zip(each, numeric, strict=True)]
-        # A level from which to begin is finite, also where a drive tells next to nothing.
-        ready = [] if mean else [[lifted(matrix) for matrix in matrices] for matrices in numeric]
-        worst = [min(float(problem.objective.value(matrices)) for matrices in ready)] if ready else []
+        # A level from which to begin is finite, also where a drive has next to no information.
+        positive = [] if mean else [[lifted(matrix) for matrix in matrices] for matrices in numeric]
+        worst = [min(float(problem.objective.value(matrices)) for matrices in positive)] if positive else []
         return np.concatenate([worst, *begun])
 
     return Objective(

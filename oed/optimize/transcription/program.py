@@ -44,7 +44,7 @@ class Outcome:
 IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
-    # A start from which the drive is not finite is told in words, once.
+    # A start from which the drive is not finite is named in words, once.
     "show_eval_warnings": False,
     # The derivatives are given; nobody asks for those by parameters, of which there are none.
     "no_nlp_grad": True,

@@ -19,12 +19,18 @@ DISCOUNT = 1.0
 """Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
 USUAL = (-1.0, 1.0)
 """Where a start state of any other unit is tried, SI, if no limit bounds it."""
-KICK = 0.15
+PERTURBATION = 0.15
 """Standard deviation of a perturbation, as a share of each input's largest value."""
 
 
 def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
-    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range."""
+    """Unknowns (K, size) of random drives: every input uniform within a share (K,) of its range.
+
+    Args:
+        design: the problem's expressions.
+        amplitudes: shares of the inputs' ranges, (K,).
+        rng: of the draws.
+    """
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
     per_input = design.coefficient_count // len(bounds)
@@ -51,7 +57,13 @@ def start_bounds(design: DesignExpressions) -> Array:
 
 
 def random_starts(design: DesignExpressions, count: int, rng: np.random.Generator) -> Array:
-    """Random start states (count, k * runs) within those bounds."""
+    """Random start states (count, k * runs) within those bounds.
+
+    Args:
+        design: the problem's expressions.
+        count: how many.
+        rng: of the draws.
+    """
     # Coordinate by coordinate, as they always were drawn.
     columns = [rng.uniform(low, high, count) for low, high in start_bounds(design)]
     return np.stack(columns, axis=1)
@@ -90,6 +102,12 @@ def starting_points(
     """Unknowns of `count` starts: half screened, half small.
 
     Screening ranks random drives by criterion, discounted by how far they exceed the limits.
+
+    Args:
+        design: the problem's expressions.
+        count: how many.
+        rng: of the draws.
+        screened: the screened random drives.
     """
     found = screen(design, rng) if screened is None else screened
     order = np.argsort(-_merit(found.values, found.violations), kind="stable")
@@ -111,10 +129,16 @@ def _merit(values: Array, violations: Array) -> Array:
 
 
 def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
-    """A neighbour of a design: every coefficient kicked, within the inputs' bounds."""
+    """A neighbour of a design: every coefficient perturbed, within the inputs' bounds.
+
+    Args:
+        design: the problem's expressions.
+        unknowns: of the design, (size,).
+        rng: of the draws.
+    """
     bounds = design.problem.input_bounds / design.input_scale[:, None]
     per_input = design.coefficient_count // len(bounds)
-    kicked = unknowns + KICK * rng.standard_normal(len(unknowns))
-    head = kicked[: design.coefficient_count]
+    moved = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
+    head = moved[: design.coefficient_count]
     np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
-    return np.asarray(kicked)
+    return np.asarray(moved)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from oed.records.stored.parts import Count, Keyed, Matrix, Name, Number, Positive
+from oed.records.stored.parts import Count, Matrix, Name, Number, Positive, Seconds, Stored
 
 
-class UpperBound(Keyed):
+class UpperBound(Stored):
     """A bound and how it is proved."""
 
     upper_bound: Number
@@ -50,4 +50,4 @@ class StoredCertificate(UpperBound):
     drive: Name | None = None
     spline_objective: Number | None = None
     caps: list[UpperBound] = Field(default_factory=list)
-    wall_seconds: Positive = 0.0
+    wall_seconds: Seconds = 0.0

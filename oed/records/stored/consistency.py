@@ -39,18 +39,26 @@ def _unknown(data: Data) -> Iterator[tuple[str, str]]:
 
 
 def _strangers(data: Data) -> Iterator[tuple[str, str]]:
-    # Criteria that there are not: those of a user's own are in no file.
+    # Criteria that neither this package has nor the study names.
+    study = data["study"]
+    given = (study["criterion"], *(solver.get("criterion") for solver in study["solvers"]))
+    known = tuple(dict.fromkeys((*KINDS, *(_kind(one) for one in given if one))))
     for place, one in enumerate(data["results"]):
         kinds = {"criterion": [one["criterion"] or KINDS[0]], "criteria": one["criteria"]}
         for key, names in kinds.items():
             for name in names:
-                if name not in KINDS:
-                    yield f"results.{place}.{key}", f"expected one of {', '.join(KINDS)}, got {name!r}"
+                if name not in known:
+                    yield f"results.{place}.{key}", f"expected one of {', '.join(known)}, got {name!r}"
+
+
+def _kind(criterion: Data) -> str:
+    # One of the user's own has the name that it gave itself.
+    return str((criterion.get("described") or {}).get("kind") or criterion["kind"])
 
 
 def _impossible(data: Data) -> Iterator[tuple[str, str]]:
     # Objectives that no drive has by the criterion that they are of.
-    own, size = data["study"]["criterion"]["kind"], len(data["parameters"])
+    own, size = _kind(data["study"]["criterion"]), len(data["parameters"])
     for place, one in enumerate(data["results"]):
         for key, kind, value in _values(one, own):
             if value is not None and not possible(kind, value, size):

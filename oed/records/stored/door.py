@@ -1,26 +1,49 @@
-"""The one way in for saved JSON: a file's text, its syntax and its keys, every flaw named by file and key."""
+"""The one way in for saved JSON, every flaw named by file and key; and the way out, its text."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.foundation.errors import FileFlaw, RecordError
-from oed.foundation.files import read_text
+from oed.foundation.files import text_of
 from oed.records.stored.parts import Stored
 from oed.study.study_errors import sentence
 
+FORMAT: Final = 1
+"""Of all files."""
 DIGITS = 100
 """Of a whole number."""
 SHOWN = 12
-"""Flaws of a file that are told; what is damaged throughout is not told line by line."""
+"""Issues of a file that are listed; what is damaged throughout is not listed line by line."""
 
 Kind = TypeVar("Kind", bound=Stored)
+
+
+def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") -> dict[str, Any]:
+    """The JSON object in one of the files that the package writes.
+
+    Args:
+        path: the file.
+        what: it holds, "a record".
+        command: makes such files.
+        needed: a key that every one of them has.
+        hint: what else to say where there is no such file.
+
+    Raises:
+        RecordError: as `read_object` does.
+    """
+    name = what.split()[-1]
+    expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
+    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected)
+    if data.get("format") != FORMAT or needed not in data:
+        raise RecordError.about(path, expected)
+    return data
 
 
 def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
@@ -35,23 +58,18 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
         RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
     """
     try:
-        data = json.loads(read_text(path), parse_constant=_refuse, parse_int=_whole)
-    except FileNotFoundError:
-        raise _flaw(path, absent) from None
+        text = text_of(path, RecordError, absent=absent)
+        data = json.loads(text, parse_constant=_refuse, parse_int=_whole)
     except json.JSONDecodeError as error:
         raise RecordError(
             [FileFlaw(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
         ) from None
-    except OSError as error:
-        raise _flaw(path, f"cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise _flaw(path, "cannot be read: not UTF-8 text") from None
     except RecursionError:
-        raise _flaw(path, "cannot be read: nested too deeply") from None
+        raise RecordError.about(path, "cannot be read: nested too deeply") from None
     except ValueError as error:
-        raise _flaw(path, f"cannot be read: {str(error).partition(';')[0]}") from None
+        raise RecordError.about(path, f"cannot be read: {str(error).partition(';')[0]}") from None
     if not isinstance(data, dict):
-        raise _flaw(path, expected)
+        raise RecordError.about(path, expected)
     return data
 
 
@@ -65,10 +83,6 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _flaw(path: Path, text: str) -> RecordError:
-    return RecordError([FileFlaw(str(path), 0, 0, "", text)])
-
-
 def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     """Data as what it is to be.
 
@@ -80,7 +94,7 @@ def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     except ValidationError as error:
         raise RecordError(_flaws(error.errors(include_url=False), path)) from None
     except RecursionError:
-        raise _flaw(path, "cannot be read: nested too deeply") from None
+        raise RecordError.about(path, "cannot be read: nested too deeply") from None
 
 
 def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
@@ -94,3 +108,23 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
 def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
     """Flaws of a file from keys and messages."""
     return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
+
+
+def json_text(data: Any) -> str:
+    """The text of a file, every list of numbers on a line of its own.
+
+    Raises:
+        ValueError: numbers that JSON has not.
+    """
+    return _laid_out(data, "") + "\n"
+
+
+def _laid_out(value: Any, indent: str) -> str:
+    # As json.dumps(indent=1) would, but for lists of plain values.
+    inner = indent + " "
+    if isinstance(value, Mapping) and value:
+        lines = [f"{inner}{json.dumps(key)}: {_laid_out(entry, inner)}" for key, entry in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
+        return "[\n" + ",\n".join(f"{inner}{_laid_out(entry, inner)}" for entry in value) + f"\n{indent}]"
+    return json.dumps(value, allow_nan=False)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, model_validator
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from oed.records.stored.parts import (
     Count,
     Interval,
-    Keyed,
     Number,
     Positive,
+    Rounded,
     Seed,
     Stored,
     require_alike,
@@ -21,9 +25,22 @@ from oed.records.stored.parts import (
 )
 from oed.records.stored.study_record import Provenance
 
+Array = npt.NDArray[np.float64]
+Kind = TypeVar("Kind")
 Maybe = Number | None
 Column = list[Maybe]
-Steps = dict[str, Maybe]
+Drawn = Annotated[Column, Rounded(4)]
+"""Numbers that are drawn only."""
+Place = Annotated[Column, Rounded(5)]
+"""Coordinates of a path [m], or times [s]."""
+
+
+def _listed(found: Any) -> Any:
+    return [] if found is None else found
+
+
+Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
+"""A list that older files leave out."""
 
 
 class Value(Stored):
@@ -39,8 +56,8 @@ class Estimates(Stored):
     parameters: list[Value]
 
 
-class Estimated(Keyed):
-    """A parameter with its estimate."""
+class Estimated(Stored):
+    """A parameter with its estimate; SI."""
 
     name: str
     value: Maybe
@@ -51,9 +68,25 @@ class Estimated(Keyed):
     interval: Interval | None = None
     standard_errors: dict[str, Positive | None] | None = None
 
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """Of the 95 % interval."""
+        low, high = self.interval or (None, None)
+        return low, high
 
-class Along(Stored):
-    """Another unknown, or a coefficient."""
+    @property
+    def nominal_outside(self) -> bool:
+        """Whether the nominal value is known to lie outside of the interval."""
+        low, high = self.ends
+        return None not in (low, high, self.nominal) and not low <= self.nominal <= high  # type: ignore[operator]
+
+    def error(self, kind: str) -> float | None:
+        """The standard error by a kind of covariance."""
+        return (self.standard_errors or {}).get(kind)
+
+
+class Unknown(Stored):
+    """A nuisance parameter, or a coefficient that the estimates give; SI."""
 
     name: str
     unit: str | None = None
@@ -63,11 +96,16 @@ class Along(Stored):
 
 
 class TriedLength(Stored):
-    """A length of segments that was tried, and the errors found with it by what they are of."""
+    """A length of segments that was tried [s], and the residuals' size with it by what they are of."""
 
     __pydantic_extra__: dict[str, Number | None]
 
     seconds: Positive | None
+
+    @property
+    def sizes(self) -> dict[str, float | None]:
+        """RMS of the residuals by what they are of; SI."""
+        return self.__pydantic_extra__
 
 
 class Segments(Stored):
@@ -77,7 +115,7 @@ class Segments(Stored):
     count: Count | None = None
     chosen: bool | None = None
     drifts: bool | None = None
-    tried: list[TriedLength] | None = None
+    tried: Entries[TriedLength]
 
 
 class FoundNoise(Stored):
@@ -118,25 +156,43 @@ class ReadLog(Stored):
     poses: Count | None = None
     quantities: list[str] | None = None
     clock_offset: Maybe = None
-    findings: list[Finding] | None = None
+    findings: Entries[Finding]
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether something was found that casts doubt on the estimates."""
+        return any(one.doubtful for one in self.findings)
 
 
-class Known(Stored):
-    """Numbers of logs with nominal and with estimated parameters."""
+class Reckoned(Stored):
+    """Errors of dead reckoning along a log, as `Reckoning` has them; None where there are none to say."""
+
+    __pydantic_extra__: dict[str, Number | None]
+
+    length: Maybe = None
+    rmse_position: Maybe = None
+    rmse_aligned: Maybe = None
+    rmse_heading: Maybe = None
+    end_position: Maybe = None
+    end_heading: Maybe = None
+    drift_position: Maybe = None
+    drift_heading: Maybe = None
+
+
+class UnseenLogs(Stored):
+    """Dead reckoning of logs that an estimate does not know, with nominal and with its parameters."""
 
     logs: Annotated[list[str], Field(min_length=1)]
-    before: list[Steps]
-    after: list[Steps]
+    before: list[Reckoned]
+    after: list[Reckoned]
     parameters: dict[str, Maybe] | Column | None = None
-    mean: dict[str, Steps] | None = None
+    mean: dict[str, Reckoned] | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> Known:
+    def _require(self) -> None:
         require_alike(len(self.logs), before=self.before, after=self.after)
-        return self
 
 
-class FittedParameter(Keyed):
+class FittedParameter(Stored):
     """A parameter of a model."""
 
     name: str
@@ -145,7 +201,7 @@ class FittedParameter(Keyed):
     standard_error: Positive | None
 
 
-class Score(Keyed):
+class Score(Stored):
     """How good a model is by a measure."""
 
     value: Maybe
@@ -154,7 +210,7 @@ class Score(Keyed):
     equal: bool
 
 
-class ComparedModel(Keyed):
+class ComparedModel(Stored):
     """A model that was compared."""
 
     name: str
@@ -171,7 +227,7 @@ class ComparedModel(Keyed):
 
 
 class Models(Stored):
-    """The comparison of models."""
+    """Models side by side, as `Comparison` has them."""
 
     models: list[ComparedModel]
     readings: Maybe
@@ -181,32 +237,42 @@ class Models(Stored):
     agree: bool | None
     favourites: list[str]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Models:
+    def _require(self) -> None:
         names = [one.name for one in self.models]
         require_known("best", self.best.values(), names)
         require_known("favourites", self.favourites, names)
-        return self
 
 
-class Reckoned(Stored):
-    """A path, measured and by dead reckoning."""
+class ReckonedPath(Stored):
+    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters; None
+    where it is interrupted.
+    """
 
     log: str
     role: str | None = None
-    t: Column | None = None
-    x: Column
-    y: Column
-    before_x: Column
-    before_y: Column
-    after_x: Column
-    after_y: Column
+    t: Place | None = None
+    x: Place
+    y: Place
+    before_x: Place
+    before_y: Place
+    after_x: Place
+    after_y: Place
 
-    @model_validator(mode="after")
-    def _fits(self) -> Reckoned:
+    @property
+    def paths(self) -> tuple[Array, Array, Array]:
+        """Measured, before and after, each (n, 2)."""
+        measured = np.array([self.x, self.y], dtype=float).T
+        before = np.array([self.before_x, self.before_y], dtype=float).T
+        return measured, before, np.array([self.after_x, self.after_y], dtype=float).T
+
+    @property
+    def drawable(self) -> bool:
+        """Whether each has a point."""
+        return all(np.isfinite(path).all(axis=1).any() for path in self.paths)
+
+    def _require(self) -> None:
         columns = ("y", "before_x", "before_y", "after_x", "after_y")
         require_alike(len(self.x), **{name: getattr(self, name) for name in columns})
-        return self
 
 
 class Residuals(Stored):
@@ -215,27 +281,29 @@ class Residuals(Stored):
     log: str
     quantity: str
     unit: str | None = None
-    t: Column
-    value: Column
-    speed: Column
-    yaw_rate: Column | None = None
+    t: Drawn
+    value: Annotated[Column, Rounded(7)]
+    speed: Drawn
+    yaw_rate: Drawn | None = None
 
-    @model_validator(mode="after")
-    def _fits(self) -> Residuals:
+    def _require(self) -> None:
         require_alike(len(self.t), value=self.value, speed=self.speed, yaw_rate=self.yaw_rate or self.t)
-        return self
 
 
 class Correlations(Stored):
     """Correlations of residuals with later ones."""
 
     about: str
-    values: Column
+    values: Place
     bound: Maybe = None
 
 
-class StoredEstimate(Stored):
-    """The outcome of a calibration; the study itself is checked by its own reader."""
+class EstimateRecord(Stored):
+    """The outcome of a calibration, as estimate.json holds it; SI, None where there is none.
+
+    What all models that were compared have in common stands in `comparison`: readings, inflation,
+    inflation_by, best, agree, favourites (as good as the best by every measure).
+    """
 
     format: Literal[1]
     parameters: list[Estimated]
@@ -245,35 +313,83 @@ class StoredEstimate(Stored):
     provenance: Provenance | None = None
     seed: Seed | None = None
     method: str | None = None
-    covariance: list[Column] | None = None
-    correlation: list[Column] | None = None
+    covariance: Entries[Column]
+    correlation: Entries[Column]
     covariance_kind: str | None = None
     half_width: Maybe = None
-    coefficients: list[Along] | None = None
-    nuisances: list[Along] | None = None
+    coefficients: Entries[Unknown]
+    nuisances: Entries[Unknown]
     segments: Segments | None = None
-    noise: list[FoundNoise] | None = None
+    noise: Entries[FoundNoise]
     converged: bool | None = None
-    untold: list[str] | None = None
-    notes: list[str] | None = None
-    diagnostics: list[Diagnostic] | None = None
-    logs: list[ReadLog] | None = None
-    left_out: list[Known] | None = None
-    held_out: Known | None = None
+    not_identifiable: Annotated[Entries[str], Field(alias="untold")]
+    notes: Entries[str]
+    diagnostics: Entries[Diagnostic]
+    logs: Entries[ReadLog]
+    cross_validation: Annotated[Entries[UnseenLogs], Field(alias="left_out")]
+    test_set: UnseenLogs | None = Field(default=None, alias="held_out")
     comparison: Models | None = None
-    paths: list[Reckoned] | None = None
-    residuals: list[Residuals] | None = None
-    correlations: list[Correlations] | None = None
+    paths: Entries[ReckonedPath]
+    residuals: Entries[Residuals]
+    correlations: Entries[Correlations]
+    _file: Path | None = PrivateAttr(default=None)
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredEstimate:
+    def _require(self) -> None:
         require_different("parameters", [one.name for one in self.parameters])
         for what in ("covariance", "correlation"):
             matrix = getattr(self, what)
             if matrix:
                 require_table(what, matrix, len(self.parameters), len(self.parameters))
-        return self
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from, None of one that was made here."""
+        return self._file
+
+    def at(self, file: Path) -> EstimateRecord:
+        """What was read from a file."""
+        found = self.model_copy()
+        found._file = file
+        return found
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, SI; NaN where there is none."""
+        return {one.name: math.nan if one.value is None else one.value for one in self.parameters}
+
+    @property
+    def title(self) -> str:
+        """The study's name."""
+        return str((self.study or {}).get("name", "Robot"))
+
+    @property
+    def robot(self) -> str:
+        """The kind of robot."""
+        return str((self.study or {}).get("robot", {}).get("kind", ""))
+
+    def asked(self, option: str) -> Any:
+        """An option of the study's key `calibration`, "auto" where it does not say."""
+        return ((self.study or {}).get("calibration") or {}).get(option, "auto")
+
+    @property
+    def by_windows(self) -> bool:
+        """Whether motion between the ends of windows was compared, rather than all poses of segments."""
+        return self.method in ("gls", "two_stage")
+
+    @property
+    def models(self) -> list[ComparedModel]:
+        """One entry per model that was compared, the study's own first; none where nothing was.
+
+        Scores are by `aicc`, `bic` and `held_out` [m]: the value, difference to the best, interval of that
+        (95 %) and whether it is as good as the best.
+        """
+        return [] if self.comparison is None else self.comparison.models
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What estimate.json holds, as plain data."""
+        return self.plain()
 
     def plain(self) -> dict[str, Any]:
         """As plain data, as much as the file holds."""
-        return self.model_dump(exclude_unset=True)
+        return self.model_dump(by_alias=True, exclude_unset=True, warnings=False)

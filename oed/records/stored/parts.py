@@ -1,14 +1,21 @@
-"""What saved data is made of: parts with keys, numbers of a sane size, tables of one width."""
+"""What saved data is made of: parts with keys, numbers of a sane size, tables of one width.
+
+The fields of a part say what its file holds: reading checks them (pydantic), and `Stored.of` writes them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic.fields import FieldInfo
 
 from oed.foundation.names import identifier_flaw, name_flaw
 from oed.foundation.quantities import LARGEST as FARTHEST
+from oed.records.numbers import plain
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
@@ -19,27 +26,108 @@ class Stored(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False, defer_build=True)
 
+    @classmethod
+    def of(cls, *sources: object, **given: Any) -> Self:
+        """The part that a file is to hold of objects, with numbers as JSON has them.
+
+        Args:
+            sources: a field is the attribute of its name that the first of them has; those that hold parts
+                are made of the objects there alike.
+            given: values of fields that are not simply such attributes.
+
+        Raises:
+            TypeError: a field that is nowhere and has no default, or a value of no field.
+        """
+        forms = _forms(cls)
+        if not given.keys() <= forms.keys():
+            raise TypeError(f"{cls.__name__} has no {', '.join(given.keys() - forms.keys())}")
+        found: dict[str, Any] = {}
+        for name, form in forms.items():
+            value = given[name] if name in given else _attribute(sources, name)
+            if value is not _ABSENT:
+                found[name] = form.made(value)
+            elif form.required:
+                raise TypeError(f"{cls.__name__}: expected {name}")
+        return super().model_construct(**found)
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        self._require()
+        return self
+
+    def _require(self) -> None:
+        # Of what has to fit together in a part: raises ValueError.
+        return
+
     def plain(self) -> dict[str, Any]:
         """As plain data, with what files of earlier versions leave out."""
-        return self.model_dump()
+        # What does not fit is told by the reader, by its key.
+        return self.model_dump(by_alias=True, warnings=False)
 
 
-class Keyed(Stored, Mapping[str, Any]):
-    """A part that is read by its keys too, as the plain data that it stands for."""
+_ABSENT = object()
 
-    def __getitem__(self, key: str) -> Any:
-        """What stands under a key."""
-        if key in type(self).model_fields:
-            return getattr(self, key)
-        return (self.model_extra or {})[key]
 
-    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        """The keys."""
-        return iter((*type(self).model_fields, *(self.model_extra or {})))
+def _attribute(sources: Iterable[object], name: str) -> Any:
+    return next((getattr(one, name) for one in sources if hasattr(one, name)), _ABSENT)
 
-    def __len__(self) -> int:
-        """How many keys there are."""
-        return len(type(self).model_fields) + len(self.model_extra or {})
+
+@dataclass(frozen=True)
+class Rounded:
+    """Marks numbers that are written to so many decimals only: drawn, or told, not computed with."""
+
+    digits: int
+
+
+@dataclass(frozen=True)
+class _Form:
+    """How a field is written.
+
+    Attributes:
+        required: whether it has no default.
+        part: what it holds: one, a list of them or some by name; None where it holds plain values.
+        digits: decimals of its numbers, None for all of them.
+        real: whether a whole number is written as any other.
+    """
+
+    required: bool
+    part: type[Stored] | None
+    digits: int | None
+    real: bool
+
+    def made(self, value: Any) -> Any:
+        if self.part is None or value is None:
+            found = plain(value, self.digits)
+            return float(found) if self.real and type(found) is int else found
+        if isinstance(value, Mapping) and not isinstance(value, Stored):
+            return {name: self._part(one) for name, one in value.items()}
+        return [self._part(one) for one in value] if isinstance(value, list | tuple) else self._part(value)
+
+    def _part(self, value: Any) -> Any:
+        return value if self.part is None or isinstance(value, self.part) else self.part.of(value)
+
+
+@cache
+def _forms(kind: type[Stored]) -> dict[str, _Form]:
+    return {name: _form(field) for name, field in kind.model_fields.items()}
+
+
+def _form(field: FieldInfo) -> _Form:
+    said = [*_said(field.annotation), *field.metadata]
+    parts = (one for one in said if isinstance(one, type) and issubclass(one, Stored))
+    return _Form(
+        required=field.is_required(),
+        part=next(parts, None),
+        digits=next((one.digits for one in said if isinstance(one, Rounded)), None),
+        real=float in said and int not in said,
+    )
+
+
+def _said(annotation: Any) -> Iterator[Any]:
+    # A type, and everything that it is made of.
+    yield annotation
+    for inner in get_args(annotation):
+        yield from _said(inner)
 
 
 def _name(text: str) -> str:
@@ -63,6 +151,8 @@ Positive = Annotated[float, Field(ge=0, le=LARGEST)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=10**12)]
 Seed = Annotated[int, Field(ge=0)]
+Seconds = Annotated[Positive, Rounded(6)]
+"""A time that was measured."""
 Name = Annotated[str, AfterValidator(_name)]
 """What files are named after."""
 Identifier = Annotated[str, AfterValidator(_identifier)]

@@ -7,24 +7,36 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
-    Keyed,
     Name,
     Number,
     Numbers,
     Positive,
+    Rounded,
+    Seconds,
     Seed,
     Size,
     Sizes,
+    Stored,
     require_table,
 )
 
 DEGREE = 7
 """Of splines, at most."""
+NUMBERS = (
+    "objective",
+    "lambda_min",
+    "lambda_max",
+    "condition_number",
+    "smallest_singular_value",
+    "norm_y",
+    "path_length",
+)
+"""Of an evaluation, each a number of a result."""
 ROUNDING = 1e-6
 """Share by which two eigenvalues that are one may differ: each is computed in its own way."""
 
@@ -32,7 +44,7 @@ SINGULAR = 1e-9
 """Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
 
 
-class Drive(Keyed):
+class Drive(Stored):
     """A drive's exact splines, and its poses at the samples."""
 
     degree: Annotated[int, Field(ge=0, le=DEGREE)]
@@ -41,7 +53,7 @@ class Drive(Keyed):
     start: list[Size] | Sizes
     samples: Annotated[int, Field(ge=1)]
     runs: Annotated[int, Field(ge=1)] = 1
-    poses: Sizes
+    poses: Annotated[Sizes, Rounded(9)]
 
     @property
     def trajectory(self) -> Trajectory:
@@ -60,8 +72,7 @@ class Drive(Keyed):
         """The poses of every run at its samples, each (N + 1, states)."""
         return np.split(np.array(self.poses, dtype=float), self.runs)
 
-    @model_validator(mode="after")
-    def _fits(self) -> Drive:
+    def _require(self) -> None:
         require_table("coefficients", self.coefficients, None, len(self.coefficients[0]))
         if not self.coefficients[0]:
             raise ValueError("coefficients: expected one of every input, got none")
@@ -71,7 +82,6 @@ class Drive(Keyed):
         width = max(3, len(self.poses[0])) if self.poses else 3
         require_table("poses", self.poses, self.samples + self.runs, width)
         self._require_starts(width)
-        return self
 
     def _require_knots(self) -> None:
         count = len(self.coefficients) + self.degree + 1
@@ -92,7 +102,7 @@ class Drive(Keyed):
             raise ValueError(f"start: expected {width} numbers of each of {self.runs} runs")
 
 
-class Margin(Keyed):
+class Margin(Stored):
     """How much room a drive leaves to a limit."""
 
     limit: str
@@ -104,39 +114,37 @@ class Margin(Keyed):
     certain: bool | None = None
 
 
-class StartPoint(Keyed):
+class StartPoint(Stored):
     """What a search made of one of its starts."""
 
     objective: Number | None
     status: str
-    wall_seconds: Positive
+    wall_seconds: Seconds
     iterations: Count
 
 
-class Progress(Keyed):
+class Progress(Stored):
     """The best objective after so many evaluations."""
 
     evaluations: Count
-    seconds: Positive
+    seconds: Seconds
     objective: Number | None
 
 
-class Covariance(Keyed):
+class Covariance(Stored):
     """The predicted covariance of parameters that are told together."""
 
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Number | None]]
 
-    @model_validator(mode="after")
-    def _square(self) -> Covariance:
+    def _require(self) -> None:
         require_table("covariance", self.covariance, len(self.parameters), len(self.parameters))
         known = [row[place] for place, row in enumerate(self.covariance)]
         if any(value is not None and value < 0 for value in known):
             raise ValueError("covariance: expected variances of at least 0")
-        return self
 
 
-class Result(Keyed):
+class Result(Stored):
     """What a search, a baseline or a path of the user's own came to; SI, None where there is no number.
 
     Attributes:
@@ -170,7 +178,7 @@ class Result(Keyed):
     standard_deviations: dict[str, Positive | None]
     covariances: list[Covariance] = Field(default_factory=list)
     margins: list[Margin] = Field(default_factory=list)
-    wall_seconds: Positive
+    wall_seconds: Seconds
     starts: list[StartPoint]
     stages: dict[str, Number | None]
     history: list[Progress] = Field(default_factory=list)
@@ -213,14 +221,12 @@ class Result(Keyed):
             return None
         return -math.inf if self.objective is None else self.objective
 
-    @model_validator(mode="after")
-    def _known(self) -> Result:
+    def _require(self) -> None:
         if self.feasible and self.drive is None:
             raise ValueError("drive: expected that of a feasible result, got none")
         if self.drive is not None and self.path_length is None:
             raise ValueError("path_length: expected that of the drive, got none")
         self._require_order()
-        return self
 
     def _require_order(self) -> None:
         if self.lambda_min is None or self.lambda_max is None:

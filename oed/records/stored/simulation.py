@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
-    Keyed,
     Line,
     Matrix,
     Name,
     Number,
     Numbers,
+    Rounded,
     Seed,
     Share,
+    Stored,
     require_alike,
     require_different,
     require_known,
@@ -25,7 +26,7 @@ from oed.records.stored.parts import (
 from oed.simulation.monte_carlo import ALPHA
 
 
-class StoredCheck(Keyed):
+class StoredCheck(Stored):
     """A test of simulated estimates against what is promised."""
 
     name: str
@@ -36,7 +37,7 @@ class StoredCheck(Keyed):
     passed: bool
 
 
-class Simulated(Keyed):
+class Simulated(Stored):
     """Simulated experiments with one drive."""
 
     name: Name
@@ -52,10 +53,9 @@ class Simulated(Keyed):
     paired_variance_ratio: Numbers
     paired_standard_error: Numbers
     checks: list[StoredCheck]
-    estimates: Annotated[Matrix, Field(min_length=2)]
+    estimates: Annotated[Matrix, Field(min_length=2), Rounded(10)]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Simulated:
+    def _require(self) -> None:
         count = len(self.parameters)
         require_different("parameters", self.parameters)
         require_alike(
@@ -70,7 +70,6 @@ class Simulated(Keyed):
             covariance: Matrix = getattr(self, what)
             require_table(what, covariance, count, count)
             require_covariance(what, covariance)
-        return self
 
 
 def require_covariance(what: str, matrix: Matrix) -> None:
@@ -88,10 +87,11 @@ def require_covariance(what: str, matrix: Matrix) -> None:
                 raise ValueError(f"{what}.{place}.{other}: expected a correlation of at most 1")
 
 
-class StoredValidation(Keyed):
+class StoredValidation(Stored):
     """A record's `validation`: options left out are the usual ones."""
 
     replicates: Count = 0
+    estimators: list[str] | None = None
     heading: Literal["known", "predicted", "measured"] = "known"
     loss: str | None = "linear"
     alpha: Share = ALPHA
@@ -99,7 +99,7 @@ class StoredValidation(Keyed):
     results: list[Simulated]
 
 
-class Uncertain(Keyed):
+class Uncertain(Stored):
     """A parameter that may be another."""
 
     name: str
@@ -110,7 +110,7 @@ class Uncertain(Keyed):
     uniform: bool
 
 
-class Tried(Keyed):
+class Tried(Stored):
     """How many robots leave the limits on a drive."""
 
     name: Name
@@ -126,20 +126,18 @@ class Tried(Keyed):
     checked_at_points: list[str] | None = None
 
 
-class Paths(Keyed):
+class Paths(Stored):
     """Where robots drawn from the uncertainty go: points by robot and run."""
 
     name: Name
     leaves: list[bool]
-    paths: list[list[Line]]
+    paths: Annotated[list[list[Line]], Rounded(4)]
 
-    @model_validator(mode="after")
-    def _fits(self) -> Paths:
+    def _require(self) -> None:
         require_alike(len(self.paths), leaves=self.leaves)
-        return self
 
 
-class StoredRobustness(Keyed):
+class StoredRobustness(Stored):
     """A record's `robustness`."""
 
     kind: Literal["chance", "tube", "scenarios"]
@@ -150,9 +148,7 @@ class StoredRobustness(Keyed):
     results: list[Tried]
     bundles: list[Paths]
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredRobustness:
+    def _require(self) -> None:
         names = [one.name for one in self.results]
         require_different("results", names)
         require_known("bundles", (one.name for one in self.bundles), names)
-        return self

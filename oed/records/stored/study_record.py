@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.parts import (
     Identifier,
-    Keyed,
     Number,
     Positive,
     Seed,
@@ -22,10 +21,8 @@ from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredValidation
 from oed.records.stored.trial import StoredTrial
 
-FORMAT = 1
 
-
-class StoredInput(Keyed):
+class StoredInput(Stored):
     """An input of the robot."""
 
     name: Identifier
@@ -33,14 +30,14 @@ class StoredInput(Keyed):
     unit: str
 
 
-class StoredState(Keyed):
+class StoredState(Stored):
     """A state of the robot."""
 
     name: Identifier
     unit: str
 
 
-class StoredParameter(Keyed):
+class StoredParameter(Stored):
     """An estimated parameter: nominal value, SI unit, the block of readings that it follows from and their
     noise, and whether the criterion judges it.
     """
@@ -53,7 +50,7 @@ class StoredParameter(Keyed):
     judged: bool = True
 
 
-class StoredNuisance(Keyed):
+class StoredNuisance(Stored):
     """A nuisance parameter: SI unit, the block of readings that it is of, its prior standard deviation."""
 
     name: str
@@ -62,7 +59,7 @@ class StoredNuisance(Keyed):
     deviation: Positive | None
 
 
-class Provenance(Keyed):
+class Provenance(Stored):
     """What made the file."""
 
     packages: dict[str, str]
@@ -93,8 +90,7 @@ class StudyRecord(Stored):
     notes: list[str]
     provenance: Provenance
 
-    @model_validator(mode="after")
-    def _fits_together(self) -> StudyRecord:
+    def _require(self) -> None:
         names, parameters = [one.name for one in self.results], [one.name for one in self.parameters]
         require_different("results", names)
         require_different("parameters", parameters)
@@ -106,7 +102,6 @@ class StudyRecord(Stored):
                 require_known(f"{what}.covariances", covariance.parameters, parameters)
             self._require_inputs(what, one)
         self._require_simulated(names, parameters)
-        return self
 
     def _require_inputs(self, what: str, one: Result) -> None:
         driven = [other for other in self.results if other.drive is not None]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
     Name,
     Number,
     Positive,
+    Seconds,
     Seed,
     Stored,
     require_different,
@@ -29,9 +30,14 @@ class SweptKey(Stored):
     values: Annotated[list[str], Field(min_length=1)]
     numeric: bool
 
+    @property
+    def varied(self) -> bool:
+        """Whether it has several values."""
+        return len(self.values) > 1
+
 
 class SweptPoint(Stored):
-    """A point, in a folder of its own."""
+    """A point, in a folder of its own: the values of the keys, and what its best drive reaches; SI."""
 
     values: dict[str, str]
     numbers: dict[str, Number | None]
@@ -47,16 +53,14 @@ class SweptPoint(Stored):
     standard_deviations: dict[str, Positive | None]
     upper_bound: Number | None
     gap: Number | None
-    seconds: Positive | None
+    seconds: Seconds | None
 
-    @model_validator(mode="after")
-    def _in_its_folder(self) -> SweptPoint:
+    def _require(self) -> None:
         expected = f"{self.folder}/{RECORD}"
         if self.record not in (None, expected):
             raise ValueError(f"record: expected {expected!r}, got {self.record!r}")
         if self.record is None and self.design is not None:
             raise ValueError("record: expected that of the design, got none")
-        return self
 
 
 class StoredSweep(Stored):
@@ -73,8 +77,7 @@ class StoredSweep(Stored):
     kept: Count = 0
     interrupted: bool
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredSweep:
+    def _require(self) -> None:
         folders = [one.folder for one in self.points]
         require_different("points", folders)
         require_known("best", [self.best] if self.best is not None else [], folders)
@@ -86,7 +89,11 @@ class StoredSweep(Stored):
             raise ValueError("points: expected other values in each, got some twice")
         if len(seen) < self._combinations:
             raise ValueError(f"points: expected all {self._combinations} combinations, got {len(seen)}")
-        return self
+
+    @property
+    def varied(self) -> list[SweptKey]:
+        """The keys of several values."""
+        return [axis for axis in self.keys if axis.varied]
 
     @property
     def _combinations(self) -> int:

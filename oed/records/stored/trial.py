@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from oed.records.stored.parts import (
     Count,
@@ -133,8 +133,7 @@ class StoredTrial(Stored):
     planned: list[StoredPlan]
     floors: list[StoredFloor]
 
-    @model_validator(mode="after")
-    def _fits(self) -> StoredTrial:
+    def _require(self) -> None:
         require_different("models", [one.name for one in self.models])
         require_different("planned", [one.name for one in self.planned])
         require_different("fits", [one.name for one in self.fits])
@@ -145,7 +144,6 @@ class StoredTrial(Stored):
         driven = [set(floor.paths) for floor in self.floors if floor.errors]
         if any(names != driven[0] for names in driven):
             raise ValueError("floors: expected the same drives on every floor")
-        return self
 
     def _require_floor(self, what: str, floor: StoredFloor) -> None:
         planned = [one.name for one in self.planned if one.path is not None]

@@ -1,95 +1,197 @@
-"""Does the fit hold? Tests of what it leaves, and the residuals to look at."""
+"""What the error bars rest on: segments, ways to a covariance, tests of what the fit leaves."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from oed.foundation.text import count, significant, slug, words
-from oed.report.estimate.numbers import known, probability
-from oed.report.estimate.reading import Data, entries, in_signs
-from oed.report.estimate.residuals import Residuals, residuals_of
+from oed.foundation.text import fixed, in_signs, significant, slug, words
+from oed.records.stored.estimate import Column as Numbers
+from oed.records.stored.estimate import Estimated, EstimateRecord, TriedLength
+from oed.report.figures.residuals import Residuals, residuals_of
+from oed.report.parts.prose import Prose
+from oed.report.parts.rounding import error_text, own_unit, probability, scaled, shown_unit, sized
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import MISSING, Column, Table
+from oed.report.parts.tables import Cell, Column, Table
 
+SAY = Prose("estimate/fit")
+KINDS = ("information", "sandwich", "bootstrap")
+"""Ways to a covariance, the most trusting first."""
+UNEQUAL = 1.1
+"""Ratio of standard errors from which on they are worth comparing in words."""
+STRONG = 0.5
+"""Correlation from which on the strongest of several is named."""
 TESTS = {
     "whiteness": "residuals are white",
     "outliers": "no outliers",
-    "stated_noise": "noise is as stated",
+    "stated_noise": "noise is as specified",
     "logs_agree": "logs agree",
 }
 """Tests in words, as what they ask."""
 
 
-def fit(data: Data) -> Section | None:
+def error_bars(record: EstimateRecord) -> Section:
+    """Standard errors side by side, segments, correlations."""
+    tables = (_side_by_side(record), _lengths(record), _correlations(record))
+    cut = SAY("segments", record, segment_text(record))
+    errors = SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record))
+    return Section(
+        "What the error bars rest on",
+        paragraphs=tuple(filter(None, (cut, errors))),
+        tables=tuple(table for table in tables if table is not None),
+    )
+
+
+def segment_text(record: EstimateRecord) -> str:
+    """`segments of 2 s (210 in all)`, or what else the logs were cut into."""
+    segments, parts = record.segments, "windows" if record.by_windows else "segments"
+    if segments is None or segments.seconds is None:
+        each = "whole logs"
+    else:
+        each = f"{parts} of {segments.seconds:.3g} s"
+    return f"{each} ({segments.count} in all)" if segments is not None and segments.count else each
+
+
+def _more_than_predicted(record: EstimateRecord) -> tuple[str, str]:
+    # How many times the errors in use are those of the information; nothing where they are about the same.
+    kind = record.covariance_kind or ""
+    pairs = [(one.error(kind), one.error("information")) for one in record.parameters]
+    ratios = [own / other for own, other in pairs if own and other]
+    if kind == "information" or max(ratios, default=0.0) < UNEQUAL:
+        return "", ""
+    return f"{min(ratios):.2g}", f"{max(ratios):.2g}"
+
+
+def _kinds(record: EstimateRecord) -> list[str]:
+    found = {kind for one in record.parameters for kind in one.standard_errors or {}}
+    return [kind for kind in KINDS if kind in found] + sorted(found - set(KINDS))
+
+
+def _side_by_side(record: EstimateRecord) -> Table | None:
+    kinds, used = _kinds(record), record.covariance_kind
+    if len(kinds) < 2:
+        return None
+    titles = [f"{kind} (used)" if kind == used else kind for kind in kinds]
+    columns = (Column("parameter"), Column("unit"), *(_digits(title, 2) for title in titles))
+    return Table(columns, tuple(_errors(one, kinds) for one in record.parameters), "Standard errors")
+
+
+def _digits(title: str, digits: int) -> Column:
+    return Column(title, "", significant(digits))
+
+
+def _errors(one: Estimated, kinds: Sequence[str]) -> tuple[Cell, ...]:
+    factor = own_unit(one.unit)[1]
+    return words(one.name), shown_unit(one.unit), *(error_text(one.error(kind), factor) for kind in kinds)
+
+
+def _lengths(record: EstimateRecord) -> Table | None:
+    segments = record.segments
+    if segments is None or len(segments.tried) < 2:
+        return None
+    abouts, first = list(segments.tried[0].sizes), segments.tried[0]
+    measures = [_measured(about, segments.tried) for about in abouts]
+    rows = tuple(
+        (
+            "whole logs" if one.seconds is None else f"{one.seconds:.3g} s",
+            *(
+                scaled(one.sizes.get(about), factor)
+                for about, (_, factor) in zip(abouts, measures, strict=True)
+            ),
+            _growth(one, first),
+            "chosen" if one.seconds == segments.seconds else "",
+        )
+        for one in segments.tried
+    )
+    columns = (
+        Column("segments"),
+        *(column for column, _ in measures),
+        Column("variance over the shortest's", "", fixed(2)),
+        Column("chosen"),
+    )
+    return Table(columns, rows, "Size of the residuals (RMS) by the length of the segments")
+
+
+def _measured(about: str, tried: Sequence[TriedLength]) -> tuple[Column, float]:
+    unit = "m" if about == "position" else "rad"
+    return sized(words(about), [one.sizes.get(about) for one in tried], unit)
+
+
+def _growth(one: TriedLength, first: TriedLength) -> float | None:
+    pairs = [(one.sizes.get(about), shortest) for about, shortest in first.sizes.items()]
+    ratios = [(size / shortest) ** 2 for size, shortest in pairs if size is not None and shortest]
+    return max(ratios, default=None)
+
+
+def _correlations(record: EstimateRecord) -> Table | None:
+    names, matrix = [words(one.name) for one in record.parameters], record.correlation
+    if len(names) < 2 or not matrix:
+        return None
+    columns = (Column(""), *(Column(name, "", fixed(2)) for name in names[:-1]))
+    rows = tuple(
+        (name, *(matrix[row][column] if column < row else "" for column in range(len(names) - 1)))
+        for row, name in enumerate(names)
+        if row
+    )
+    return Table(columns, rows, SAY("strongest", *_strongest(names, matrix)))
+
+
+def _strongest(names: Sequence[str], matrix: Sequence[Numbers]) -> tuple[str, str]:
+    sizes = {
+        (names[column], names[row]): abs(matrix[row][column] or 0.0)
+        for row in range(len(names))
+        for column in range(row)
+    }
+    pair = max(sizes, key=lambda names: sizes[names])
+    return pair if len(sizes) > 1 and sizes[pair] >= STRONG else ("", "")
+
+
+def fit(record: EstimateRecord) -> Section | None:
     """Verdicts, and a figure of the residuals of each kind of reading."""
-    tests, drawn = entries(data, "diagnostics"), residuals_of(data)
+    tests, drawn = record.diagnostics, residuals_of(record)
     if not tests and not drawn:
         return None
+    failed = sum(not one.passed for one in tests)
+    verdict = SAY("verdict", failed, len(tests), record.covariance_kind)
     return Section(
         "Does the fit hold",
-        paragraphs=(_verdict(data),) if tests else (),
-        tables=(_tests(data),) if tests else (),
+        paragraphs=(verdict,) if verdict else (),
+        tables=(_tests(record),) if tests else (),
         figures=tuple(_picture(one) for one in drawn),
     )
 
 
-def _verdict(data: Data) -> str:
-    tests = entries(data, "diagnostics")
-    failed = sum(not one["passed"] for one in tests)
-    if not failed:
-        return f"All {len(tests)} tests are passed: nothing speaks against the fit."
-    text = f"{failed} of {count(len(tests), 'test')} {'is' if failed == 1 else 'are'} not passed."
-    if data.get("covariance_kind") == "information":
-        return f"{text} The error bars rest on the tests that ask for white residuals and logs that agree."
-    return (
-        f"{text} Real logs seldom have white residuals: wheels slip and sensors drift. The error bars above "
-        "allow for that, since they do not rest on the noise model."
-    )
-
-
-def _tests(data: Data) -> Table:
+def _tests(record: EstimateRecord) -> Table:
     columns = (
         Column("test"),
         Column("of"),
         Column("verdict"),
-        Column("statistic", "", significant(3)),
-        Column("p-value", "", significant(2)),
+        _digits("statistic", 3),
+        _digits("p-value", 2),
         Column("in words"),
     )
-    rows = []
-    for one in entries(data, "diagnostics"):
-        p_value = known(one.get("p_value"))
-        rows.append(
-            (
-                TESTS.get(one["name"], words(str(one["name"]))),
-                words(str(one["about"])),
-                "passed" if one["passed"] else "not\u00a0passed",
-                known(one.get("statistic")),
-                MISSING if p_value is None else probability(p_value),
-                in_signs(str(one["message"])),
-            )
+    rows = tuple(
+        (
+            TESTS.get(one.name, words(one.name)),
+            words(one.about),
+            "passed" if one.passed else "not\u00a0passed",
+            one.statistic,
+            probability(one.p_value),
+            in_signs(one.message),
         )
-    return Table(columns, tuple(rows), "Tests of the fit")
+        for one in record.diagnostics
+    )
+    return Table(columns, rows, "Tests of the fit")
 
 
 def _picture(one: Residuals) -> Picture:
-    about = words(one.about)
-    numbered = ", numbered as in the table of logs" if one.numbered else ""
-    size = "their size in all" if one.at_rest is None else "the noise that the fit takes them to have"
-    size += ", at the yaw rates driven at such speeds" if one.per_yaw_rate else ""
-    caption = (
-        f"Residuals of the {about}. Above: over time, one log after the other in alternating shades{numbered}"
-        "; triangles at the edges stand for what lies beyond. Below, left: against speed, with their size "
-        f"(RMS) by speed (line with dots) and {size} (dashed). Middle: in units of that against what a "
-        "normal distribution would give (dashed). Right: correlation with residuals so many readings later; "
-        "of white residuals 95 % lie between the dashed lines."
-    )
-    alt = f"Residuals of the {about} over time, against speed, their distribution and correlations"
-    return Picture(f"estimate_residuals_{slug(one.about)}", alt, caption, partial(_draw, one))
+    alt = f"Residuals of the {words(one.about)} over time, against speed, their distribution and correlations"
+    name = f"estimate_residuals_{slug(one.about)}"
+    return Picture(name, alt, SAY("residuals", one), partial(_draw, one))
 
 
 def _draw(one: Residuals) -> Any:
-    from oed.report.estimate import figures
+    from oed.report.figures import estimate_figures
 
-    return figures.residuals(one)
+    return estimate_figures.residuals(one)

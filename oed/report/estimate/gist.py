@@ -2,129 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from oed.foundation.text import count, listing, quantity
-from oed.report.estimate.numbers import known, unit_for
-from oed.report.estimate.reading import (
-    Data,
-    Run,
-    clock_label,
-    clocks,
-    entries,
-    held_out_runs,
-    in_signs,
-    left_out_runs,
-    means,
-)
+from oed.foundation.text import in_signs, quantity
+from oed.records.stored.estimate import EstimateRecord
+from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
+from oed.report.estimate.logs import LogFinding, findings
+from oed.report.parts.prose import Prose
+from oed.report.parts.rounding import unit_for
 
+SAY = Prose("estimate/gist")
 GAINS = (
     ("drift over 1 m of path", "drift_position", "m"),
     ("position error (RMS)", "rmse_position", "m"),
     ("heading error (RMS)", "rmse_heading", "rad"),
 )
-"""What is told of dead reckoning in one sentence, and the numbers' names and units."""
+"""What one sentence says of dead reckoning, and the numbers' names and units."""
 WORSE = 1.05
 """Ratio of errors after and before from which on the estimate has made dead reckoning worse."""
-CLOCKS_APART = 0.1
-"""Offset of two clocks that is worth a warning [s]."""
-NAMED = 3
-"""How many things a sentence names before it counts the others."""
 
 
-def gains(data: Data) -> list[str]:
-    """A sentence each on the logs kept apart and on those left out one at a time; [] without positions."""
-    apart, left = held_out_runs(data), left_out_runs(data)
-    kept = "log" if len(apart) == 1 else count(len(apart), "log")
-    found = [_gain(f"the {kept} kept apart", apart)]
-    found.append(_gain(f"{_parts(data)}, by the estimate from the others", left))
+def gains(record: EstimateRecord) -> list[str]:
+    """A sentence each on the test set and on cross-validation; [] without positions."""
+    test, folds = tested(record.test_set), folds_of(record)
+    parts = SAY("folds", len(record.cross_validation), one_by_one(record))
+    found = (_gain(SAY("test_set", len(test)), test), _gain(parts, folds))
     return list(filter(None, found))
 
 
-def _parts(data: Data) -> str:
-    folds = entries(data, "left_out")
-    if all(len(fold["logs"]) == 1 for fold in folds):
-        return "each log"
-    return f"each of {len(folds)} parts of the logs"
-
-
 def _gain(which: str, runs: Sequence[Run]) -> str:
-    told = [_from_to(name, means(runs, key), unit) for name, key, unit in GAINS]
-    changes = list(filter(None, told))
-    return f"Dead reckoning of {which}: {', '.join(changes)}." if changes else ""
+    pairs = [(name, means(runs, key), unit) for name, key, unit in GAINS]
+    return SAY("gain", which, [_change(name, *pair, unit) for name, pair, unit in pairs if pair])
 
 
-def _from_to(name: str, pair: tuple[float, float] | None, unit: str) -> str:
-    if pair is None:
-        return ""
-    shown, factor = unit_for([max(pair)], unit)
-    before, after = (quantity(value * factor, shown) for value in pair)
-    return f"{name} from {before} to {after}"
+def _change(name: str, before: float, after: float, unit: str) -> tuple[str, str, str]:
+    shown, factor = unit_for([max(before, after)], unit)
+    return name, quantity(before * factor, shown), quantity(after * factor, shown)
 
 
-def warnings(data: Data) -> list[str]:
+def warnings(record: EstimateRecord) -> list[str]:
     """What must not be overlooked, the gravest first."""
-    found = []
-    if not data.get("converged", True):
-        found.append("The search did not converge: take the estimates with care.")
-    found += [_sentence(str(text)) for text in data.get("untold") or []]
-    return [*found, *_doubts(data), *_worse(data), *_failed(data)]
+    found = [SAY("not_converged")] if record.converged is False else []
+    found += [sentence(text) for text in record.not_identifiable]
+    return list(filter(None, [*found, *_doubts(record), _worse(record), *_failed(record)]))
 
 
-def notes(data: Data) -> list[str]:
+def notes(record: EstimateRecord) -> list[str]:
     """What was decided or seen on the way."""
-    return [_sentence(in_signs(str(text))) for text in data.get("notes") or []]
+    return [sentence(text) for text in record.notes]
 
 
-def _worse(data: Data) -> list[str]:
-    runs = held_out_runs(data) or left_out_runs(data)
+def _worse(record: EstimateRecord) -> str:
+    runs = tested(record.test_set) or folds_of(record)
     pairs = [(name, means(runs, key)) for name, key, _ in GAINS]
-    grown = [name for name, pair in pairs if pair is not None and pair[1] > WORSE * pair[0]]
-    if not grown:
-        return []
-    return [f"With these estimates dead reckoning of logs that they do not know is worse: {listing(grown)}."]
+    return SAY("worse", [name for name, pair in pairs if pair is not None and pair[1] > WORSE * pair[0]])
 
 
-def _failed(data: Data) -> list[str]:
+def _failed(record: EstimateRecord) -> list[str]:
     # The other ways to a covariance allow for what is left of correlations and of differences between logs.
-    grave = {"outliers"} if data.get("covariance_kind") != "information" else {"outliers", "whiteness"}
-    grave |= {"logs_agree"} if data.get("covariance_kind") == "information" else set()
-    failed = [one for one in entries(data, "diagnostics") if not one["passed"] and one["name"] in grave]
-    return [_sentence(in_signs(str(one["message"]))) for one in failed]
+    trusting = record.covariance_kind == "information"
+    grave = {"outliers", "whiteness", "logs_agree"} if trusting else {"outliers"}
+    return [sentence(one.message) for one in record.diagnostics if not one.passed and one.name in grave]
 
 
-def _doubts(data: Data) -> list[str]:
-    groups = findings(data)
-    return [_doubt(group) for group in groups.values() if group[0][1].get("doubtful")]
+def _doubts(record: EstimateRecord) -> list[str]:
+    return [_doubt(group) for (_, doubtful), group in findings(record).items() if doubtful]
 
 
-def _doubt(group: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
-    log, first = group[0]
-    others = len({name for name, _ in group}) - 1
-    more = f" (and something alike in {count(others, 'other log')})" if others else ""
-    return f"{log}: {in_signs(str(first['message']))}{more}."
+def _doubt(group: Sequence[LogFinding]) -> str:
+    first = group[0]
+    others = len({one.log for one in group} - {first.log})
+    return SAY("doubt", first.log, in_signs(first.finding.message), others)
 
 
-def findings(data: Data) -> dict[tuple[str, bool], list[tuple[str, Mapping[str, Any]]]]:
-    """Findings with the names of their logs, by kind and doubtfulness, the doubtful ones first."""
-    groups: dict[tuple[str, bool], list[tuple[str, Mapping[str, Any]]]] = {}
-    for log in entries(data, "logs"):
-        for one in log.get("findings") or []:
-            key = str(one["name"]), bool(one.get("doubtful"))
-            groups.setdefault(key, []).append((str(log["name"]), one))
-    return dict(sorted(groups.items(), key=lambda item: not item[0][1]))
-
-
-def offset_clocks(data: Data, beyond: float = CLOCKS_APART) -> str:
-    """Which clocks are further apart than `beyond` [s], in words; nothing where none is."""
-    sizes = [(clock_label(data, one), known(one.get("value")) or 0.0) for one in clocks(data)]
-    far = sorted((one for one in sizes if abs(one[1]) > beyond), key=lambda one: -abs(one[1]))
-    told = [f"{label} {1e3 * value:+.0f} ms" for label, value in far[:NAMED]]
-    if len(far) > NAMED:
-        told.append(f"{len(far) - NAMED} more")
-    return listing(told)
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+def sentence(text: str) -> str:
+    """A message as a sentence of a page."""
+    shown = in_signs(text)
+    return f"{shown[:1].upper()}{shown[1:].rstrip('.')}."

@@ -108,7 +108,14 @@ def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
 
 
 def of_length(problem: Problem, shape: Shape, length: float, most: float) -> Trajectory:
-    """As few laps as the largest size, of length `most` [m], needs; at the size that gives `length` [m]."""
+    """As few laps as the largest size, of length `most` [m], needs; at the size that gives `length` [m].
+
+    Args:
+        problem: that the drive is made for.
+        shape: the family of drives.
+        length: of the drive [m].
+        most: length of the largest size with one lap [m].
+    """
     needed = min(MOST_LAPS, max(1, math.ceil(length / most - 1e-5))) if most > 0 else 1
     laps = next((laps for laps in range(needed, 1, -1) if shape.fits(laps)), 1)
 

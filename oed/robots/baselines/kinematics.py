@@ -89,7 +89,7 @@ class Kinematics:
         """Inputs (moves, inputs) that make each move in one second, and whether the robot can make it.
 
         Steering angles keep to their `bounds` (inputs, 2) where some within them make the move; beyond them
-        the move counts as one that the robot can make, except on the spot, which no size makes easier.
+        the move counts as one that the robot can make, except in place, which no size makes easier.
         """
         distinct = list(dict.fromkeys(moves))
         wanted = self.wanted(distinct)
@@ -99,7 +99,7 @@ class Kinematics:
         values, made = self._unhurried(wanted, angles)
         # Slips that hinder Newton's method are no reason to refuse a move.
         made |= self.free & values.any(axis=1) & np.isfinite(self._linear(values)[0]).all(axis=1)
-        made &= within | ~np.array([move.on_the_spot for move in distinct])
+        made &= within | ~np.array([move.in_place for move in distinct])
         made &= np.array([self.sideways or move.sideways == 0 for move in distinct])
         order = [distinct.index(move) for move in moves]
         return values[order], made[order]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.foundation.errors import NotFinite, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
@@ -32,7 +32,7 @@ def baselines(problem: Problem, name: str, *, length: float | None = None, seed:
     text = "" if name in NAMES else f"expected one of {', '.join(NAMES)}, got {name!r}"
     text = text or refusal(problem, name)
     if text:
-        raise ProblemError([Flaw(("baselines",), text)])
+        raise ProblemError.about(("baselines",), text)
     shape = _random_shape(problem, seed) if name == RANDOM else _pattern_shape(problem, PATTERNS[name])
     scored = [_scored(problem, name, largest(problem, shape), seed)]
     if length is not None:

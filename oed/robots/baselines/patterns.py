@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 FULL_TURN = 2 * math.pi
 RIGHT_ANGLE = FULL_TURN / 4
@@ -28,7 +28,7 @@ class Move:
     sideways: float = 0.0
 
     @property
-    def on_the_spot(self) -> bool:
+    def in_place(self) -> bool:
         """Whether the robot's origin stays where it is."""
         return self.forward == 0 and self.sideways == 0
 
@@ -79,7 +79,7 @@ def slalom(size: float, lap: int) -> list[Move]:
 
 
 def straight_and_spin(size: float, lap: int) -> list[Move]:
-    """There, a full turn on the spot, back, and the turn undone."""
+    """There, a full turn in place, back, and the turn undone."""
     return [Move(size, 0.0), Move(0.0, FULL_TURN), Move(-size, 0.0), Move(0.0, -FULL_TURN)]
 
 
@@ -96,27 +96,23 @@ def sideways_square(size: float, lap: int) -> list[Move]:
 
 
 PATTERNS: dict[str, Pattern] = {
-    "straight": straight,
-    "circle": circle,
-    "square": square,
-    "rounded_square": rounded_square,
-    "figure_eight": figure_eight,
-    "slalom": slalom,
-    "straight_and_spin": straight_and_spin,
-    "sideways_straight": sideways_straight,
-    "sideways_square": sideways_square,
+    one.__name__: one
+    for one in (
+        straight,
+        circle,
+        square,
+        rounded_square,
+        figure_eight,
+        slalom,
+        straight_and_spin,
+        sideways_straight,
+        sideways_square,
+    )
 }
-BaselineName = Literal[
-    "straight",
-    "circle",
-    "square",
-    "rounded_square",
-    "figure_eight",
-    "slalom",
-    "straight_and_spin",
-    "sideways_straight",
-    "sideways_square",
-    "random",
-]
-NAMES: tuple[str, ...] = get_args(BaselineName)
+"""The patterns by the names that studies call them; a new one is a function above and its name here."""
 RANDOM = "random"
+NAMES: tuple[str, ...] = (*PATTERNS, RANDOM)
+if TYPE_CHECKING:
+    BaselineName = str
+else:
+    BaselineName = Literal[NAMES]

@@ -68,6 +68,6 @@ def _obstacle(problem: Problem, name: str) -> str:
 def _in_words(move: Move) -> str:
     if move.sideways:
         return "move sideways"
-    if move.on_the_spot:
-        return "turn on the spot"
+    if move.in_place:
+        return "turn in place"
     return "drive along an arc" if move.turn else "drive straight on"

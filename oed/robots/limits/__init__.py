@@ -6,12 +6,10 @@ from oed.foundation.component import OneOf
 from oed.kernel.limit import Limit, Rows
 from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
 from oed.robots.limits.end_pose import EndHeading, EndPosition
+from oed.robots.limits.inputs import SteeringAngle, SteeringRate, WheelAcceleration, WheelJerk, WheelSpeed
 from oed.robots.limits.path_length import PathLength
-from oed.robots.limits.steering import SteeringAngle, SteeringRate
+from oed.robots.limits.python_limit import PythonLimit
 from oed.robots.limits.trailer_angle import TrailerAngle
-from oed.robots.limits.wheel_acceleration import WheelAcceleration
-from oed.robots.limits.wheel_jerk import WheelJerk
-from oed.robots.limits.wheel_speed import WheelSpeed
 from oed.robots.limits.workspace import (
     WORKSPACES,
     Circle,
@@ -25,21 +23,24 @@ from oed.robots.limits.workspace import (
 )
 
 LIMITS: dict[str, Any] = {
-    WheelSpeed.name: WheelSpeed,
-    WheelAcceleration.name: WheelAcceleration,
-    WheelJerk.name: WheelJerk,
-    SteeringAngle.name: SteeringAngle,
-    SteeringRate.name: SteeringRate,
-    BodySpeed.name: BodySpeed,
-    YawRate.name: YawRate,
-    LateralAcceleration.name: LateralAcceleration,
-    TurningRadius.name: TurningRadius,
-    TrailerAngle.name: TrailerAngle,
-    Workspace.name: Annotated[Workspace, OneOf(WORKSPACES)],
-    Obstacles.name: Obstacles,
-    PathLength.name: PathLength,
-    EndPosition.name: EndPosition,
-    EndHeading.name: EndHeading,
+    one.name: Annotated[one, OneOf(WORKSPACES)] if one is Workspace else one
+    for one in (
+        WheelSpeed,
+        WheelAcceleration,
+        WheelJerk,
+        SteeringAngle,
+        SteeringRate,
+        BodySpeed,
+        YawRate,
+        LateralAcceleration,
+        TurningRadius,
+        TrailerAngle,
+        Workspace,
+        Obstacles,
+        PathLength,
+        EndPosition,
+        EndHeading,
+    )
 }
 """What a study's `limits:` may hold: key -> type."""
 
@@ -57,6 +58,7 @@ __all__ = [
     "PathLength",
     "Polygon",
     "PolygonalObstacle",
+    "PythonLimit",
     "Rectangle",
     "Rows",
     "SteeringAngle",

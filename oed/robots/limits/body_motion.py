@@ -76,7 +76,7 @@ class BodySpeed(MotionLimit):
         return Rows(ca.vertcat(forward, whole), lower, upper, size, "m/s")
 
     def motion_bounds(self) -> dict[int, tuple[float, float]]:
-        """Of the forward speed; sideways no robot is faster than the larger bound."""
+        """The bounds of the forward speed; sideways no robot is faster than the larger bound."""
         size = max(map(abs, self.bounds))
         return {0: self.bounds, 1: (-size, size)}
 
@@ -99,7 +99,7 @@ class YawRate(MotionLimit):
         return Rows(motion[:, 2], np.full(count, low), np.full(count, high), size, "rad/s")
 
     def motion_bounds(self) -> dict[int, tuple[float, float]]:
-        """Of the yaw rate."""
+        """The bounds of the yaw rate."""
         return {2: self.bounds}
 
     def flaws(self, system: System, space: Space) -> list[Flaw]:
@@ -127,8 +127,8 @@ class TurningRadius(MotionLimit):
     """Turns no tighter than radius `bounds` R [m]: speed at least R times the yaw rate.
 
     Its margin, in m, is R (v^2 - (R Omega)^2) / (v^2 + (R Omega)^2): close to the limit by how much wider
-    than R the robot turns, R on a straight, -R on the spot. At rest it is 0, and rounded near it: on the
-    spot -R / 3 at `CREEP`, and only below a twentieth of that (9e-5 rad/s) within what is tolerated.
+    than R the robot turns, R on a straight, -R in place. At rest it is 0, and rounded near it: in
+    place -R / 3 at `CREEP`, and only below a twentieth of that (9e-5 rad/s) within what is tolerated.
     """
 
     name: ClassVar[str] = "turning_radius"

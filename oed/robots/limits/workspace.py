@@ -68,7 +68,13 @@ class Area(PathLimit):
         return []
 
     def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
-        """Whether a robot of that radius may have its origin at a point [m]."""
+        """Whether a robot of that radius may have its origin at a point [m].
+
+        Args:
+            x: of the robot's origin [m].
+            y: of the robot's origin [m].
+            radius: of the robot's body [m].
+        """
         rows = self.rows_for(ca.DM([[x, y]]), radius)
         values = np.array(ca.evalf(rows.expression)).ravel()
         return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))
@@ -83,7 +89,7 @@ def _keeping(radius: float) -> str:
 
 
 class Workspace(Area):
-    """An area that the robot must not leave."""
+    """An area in which the robot has to stay."""
 
     name: ClassVar[str] = "workspace"
     kind: str
@@ -94,7 +100,7 @@ class Workspace(Area):
         """Bounding box (x_min, x_max, y_min, y_max) [m]."""
 
     def state_bounds(self) -> dict[str, tuple[float, float]]:
-        """Of x and y: the bounding box [m]."""
+        """Bounds of x and y: the bounding box [m]."""
         x_min, x_max, y_min, y_max = self.extent
         return {"x": (x_min, x_max), "y": (y_min, y_max)}
 
@@ -221,7 +227,7 @@ class Polygon(Workspace):
 
     @property
     def extent(self) -> Extent:
-        """Its bounding box [m]."""
+        """The polygon's bounding box [m]."""
         return self.outline.extent
 
     @property
@@ -301,7 +307,7 @@ class CircularObstacle(Obstacle):
 
     @property
     def size(self) -> float:
-        """Its radius [m]."""
+        """The column's radius [m]."""
         return self.radius
 
     @property

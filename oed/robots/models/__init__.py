@@ -4,13 +4,13 @@ from oed.kernel.dynamics.system import Input as Input
 from oed.kernel.dynamics.system import Parameter as Parameter
 from oed.kernel.dynamics.system import follows_state as follows_state
 from oed.robots.models.ackermann import Ackermann as Ackermann
+from oed.robots.models.arcs import Integration as Integration
+from oed.robots.models.arcs import chord as chord
+from oed.robots.models.arcs import sinc as sinc
 from oed.robots.models.differential_drive import DifferentialDrive as DifferentialDrive
 from oed.robots.models.mecanum import Mecanum as Mecanum
-from oed.robots.models.model import Integration as Integration
 from oed.robots.models.model import Model as Model
-from oed.robots.models.model import chord as chord
 from oed.robots.models.model import moves_sideways as moves_sideways
-from oed.robots.models.model import sinc as sinc
 from oed.robots.models.offset_drive import OffsetDrive as OffsetDrive
 from oed.robots.models.omni_three import OmniThree as OmniThree
 from oed.robots.models.python_robot import PythonRobot as PythonRobot

@@ -1,16 +1,19 @@
-"""Arcs between samples: where a robot of constant twist is on its way from one pose to the next."""
+"""Arcs: how a constant twist moves a pose over a period, and where a robot is on its way."""
 
 from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Literal
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from oed.robots.models.model import Integration
+from oed.kernel.dynamics.expression import Expression
 
 Array = npt.NDArray[np.float64]
+Integration = Literal["arc", "midpoint"]
 
 FULL_TURN = 2 * math.pi - 0.05
 """Turn [rad] from which a chord says too little of its arc."""
@@ -22,6 +25,30 @@ TURN = 0.05
 """Largest turn between two places that are drawn [rad]: arcs look round."""
 FINEST = 40
 """Places drawn between two samples at most."""
+
+
+def sinc(angle: Expression) -> Expression:
+    """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
+    magnitude = ca.fabs(angle)
+    small = magnitude < 0.02
+    square = angle * angle
+    # Products, for quotients take several times as long.
+    series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
+    # Of the magnitude: what stands in for small ones is on the same side of 0, so that bounds stay finite.
+    return ca.if_else(small, series, ca.sin(magnitude) / ca.if_else(small, 1, magnitude))
+
+
+def chord(
+    yaw_rate: Expression, heading: Expression, period: Expression, integration: Integration
+) -> tuple[Expression, Expression]:
+    """How a sample's speed moves the pose: (gain [s], direction [rad]); displacement = gain * R(direction) v.
+
+    `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
+    `midpoint` is the paper's rule, gain T [Choi, eq. 8].
+    """
+    half_turn = 0.5 * period * yaw_rate
+    gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
+    return gain, heading + half_turn
 
 
 def between(first: Array, last: Array, shares: Array) -> Array:

@@ -18,13 +18,13 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, UserMistake
+from oed.foundation.own.code import in_words
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
-from oed.robots.models.own_code import in_words
+from oed.robots.models.arcs import Integration, chord
 
 Array = npt.NDArray[np.float64]
-Integration = Literal["arc", "midpoint"]
 
 RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
@@ -258,8 +258,9 @@ class Model(Component, System):
 
     @property
     def body_width(self) -> float:
-        """Width of its body, roughly [m]; 0 where its geometry says nothing of it."""
-        return 0.0
+        """Width of its body, roughly [m]: its `track`; 0 where its geometry says nothing of it."""
+        track = getattr(self, "track", 0.0)
+        return track if isinstance(track, float) else 0.0
 
     @property
     def towed(self) -> tuple[float, float] | None:
@@ -407,30 +408,6 @@ def coefficient_values(model: Model, parameters: Array) -> tuple[tuple[str, ...]
     function = ca.Function("coefficients", [symbols], [entries, ca.densify(ca.jacobian(entries, symbols))])
     values, slopes = function(parameters)
     return names, np.array(values).ravel(), np.array(slopes)
-
-
-def sinc(angle: Expression) -> Expression:
-    """sin(angle) / angle, by its series near 0, so that every derivative is finite there."""
-    magnitude = ca.fabs(angle)
-    small = magnitude < 0.02
-    square = angle * angle
-    # Products, for quotients take several times as long.
-    series = 1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42)))
-    # Of the magnitude: what stands in for small ones is on the same side of 0, so that bounds stay finite.
-    return ca.if_else(small, series, ca.sin(magnitude) / ca.if_else(small, 1, magnitude))
-
-
-def chord(
-    yaw_rate: Expression, heading: Expression, period: Expression, integration: Integration
-) -> tuple[Expression, Expression]:
-    """How a sample's speed moves the pose: (gain [s], direction [rad]); displacement = gain * R(direction) v.
-
-    `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
-    `midpoint` is the paper's rule, gain T [Choi, eq. 8].
-    """
-    half_turn = 0.5 * period * yaw_rate
-    gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
-    return gain, heading + half_turn
 
 
 def robot_of(system: System) -> Model:

@@ -5,12 +5,13 @@ from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors.displacements import Displacements, PoseNoise
 from oed.robots.sensors.placed import LeverArm, PosePrior
 from oed.robots.sensors.poses import AbsoluteNoise, Poses
+from oed.robots.sensors.python_sensor import PythonSensor
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.several import SENSORS, Several
 from oed.robots.sensors.trailer_angle import TrailerAngle
 from oed.robots.sensors.yaw_rate import YawRate
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (Displacements, *SENSORS, Several)
+MEASUREMENTS: tuple[type[Measurement], ...] = (Displacements, *SENSORS, PythonSensor, Several)  # type: ignore[type-abstract]
 
 __all__ = [
     "MEASUREMENTS",
@@ -25,6 +26,7 @@ __all__ = [
     "PoseNoise",
     "PosePrior",
     "Poses",
+    "PythonSensor",
     "Ranges",
     "Sensor",
     "Several",

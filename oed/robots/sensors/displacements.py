@@ -77,7 +77,7 @@ class Displacements(Measurement):
         return ("heading", "position") if self.regressor == "both" else (self.regressor,)
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
-        """Robots without coefficients, more segments than samples, too few to tell two parameters apart."""
+        """Robots without coefficients, more segments than samples, too few to identify two parameters."""
         robot = robot_of(system)
         if not robot.coefficient_names:
             text = f"displacements need a robot whose twist is linear in coefficients; {robot.kind} is not"
@@ -89,7 +89,7 @@ class Displacements(Measurement):
         columns = len(robot.coefficient_names[0])
         if self.regressor != "position" and count < columns:
             text = (
-                f"one heading row per segment cannot tell {columns} coefficients apart: expected at least "
+                f"one heading row per segment cannot identify {columns} coefficients: expected at least "
                 f"{columns} segments, got {count}"
             )
             return [Flaw(("measurement", "segments"), text)]
@@ -123,7 +123,7 @@ class Displacements(Measurement):
         return 1 if self.segments == "samples" else self.segments
 
     def coarser(self, times: float) -> Displacements:
-        """The same: segments are parts of the drive, or its samples."""
+        """This measurement: segments are parts of the drive, or its samples."""
         return self
 
     def _heading_block(self, drive: Drive) -> Block:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -65,7 +66,7 @@ class AbsoluteNoise(Component):
     def _one_way_to_give_it(self) -> AbsoluteNoise:
         others = [name for name, value in self if name != "covariance" and value]
         if self.covariance is not None and others:
-            raise ValueError(f"a covariance says it all: leave out {', '.join(others)}")
+            raise ValueError(f"a covariance says it all: omit {', '.join(others)}")
         return self
 
     def deviation(self, quantity: Quantity) -> float | None:
@@ -74,11 +75,23 @@ class AbsoluteNoise(Component):
         return self.position if own is None and quantity != "heading" else own
 
     def of(self, quantity: Quantity) -> Noise | None:
-        """That of one quantity; None where it is not given."""
+        """The noise of one quantity; None where it is not given."""
         return None if self.deviation(quantity) is None else self.at_least(quantity)
 
+    def drawn(
+        self, quantities: Sequence[Quantity], speeds: Array, yaw_rates: Array, rng: np.random.Generator
+    ) -> Array:
+        """Errors (n, q) of poses at `speeds` [m/s] and `yaw_rates` [rad/s], both (n,); none where a
+        quantity has no noise.
+        """
+        standard = rng.normal(size=(len(speeds), len(quantities)))
+        if self.covariance is not None:
+            return np.asarray(standard @ np.linalg.cholesky(np.array(self.covariance)).T)
+        own = [self.at_least(name).deviation(speeds, yaw_rates) for name in quantities]
+        return np.asarray(standard * np.column_stack(own))
+
     def at_least(self, quantity: Quantity) -> Noise:
-        """The same, at rest 0 where it is not given."""
+        """Standard deviations of all quantities at rest, SI; 0 where one is not given."""
         size = self.deviation(quantity) or 0.0
         return Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
 
@@ -99,9 +112,9 @@ class AbsoluteNoise(Component):
             return f"correlated noise, its covariance given for {of} (standard deviations {text})"
         sizes = {name: self.deviation(name) or 0.0 for name in quantities}
         alike = {"x", "y"} <= sizes.keys() and sizes["x"] == sizes["y"]
-        told = [f"{given_text(sizes['x'], 'm')} per coordinate"] if alike else []
-        told += [_sized(name, size) for name, size in sizes.items() if name == "heading" or not alike]
-        return f"{deviations_text(*told)}{self._growth(quantities)}"
+        parts = [f"{given_text(sizes['x'], 'm')} per coordinate"] if alike else []
+        parts += [_sized(name, size) for name, size in sizes.items() if name == "heading" or not alike]
+        return f"{deviations_text(*parts)}{self._growth(quantities)}"
 
     def _growth(self, quantities: tuple[Quantity, ...]) -> str:
         # How the variance grows with the speed V and the yaw rate Omega.
@@ -173,7 +186,7 @@ class Poses(PlacedSensor):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of the quantities."""
+        """The quantities' units."""
         return tuple(UNITS[name] for name in self.quantities)
 
     @property
@@ -195,7 +208,7 @@ class Poses(PlacedSensor):
 
     @property
     def noises(self) -> dict[str, Noise]:
-        """That of each quantity; {} of a covariance."""
+        """The noise of each quantity; {} of a covariance."""
         own = {name: self.noise.of(name) for name in self.quantities}
         return {name: noise for name, noise in own.items() if noise is not None}
 
@@ -221,7 +234,7 @@ class Poses(PlacedSensor):
             return flaws
         missing = [name for name in self.quantities if noise.deviation(name) is None]
         if missing:
-            text = f"the noise of {', '.join(missing)} is needed to weigh the readings"
+            text = f"the noise of {', '.join(missing)} is needed to weight the readings"
             flaws.append(Flaw(("measurement", "noise"), text))
         return flaws
 

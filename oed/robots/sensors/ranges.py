@@ -43,7 +43,7 @@ class Ranges(PlacedSensor):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of every distance."""
+        """The unit of every distance."""
         return ("m",) * len(self.beacons)
 
     @property

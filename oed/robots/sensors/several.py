@@ -14,18 +14,20 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement
 from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
 from oed.robots.sensors.poses import Poses
+from oed.robots.sensors.python_sensor import PythonSensor
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.trailer_angle import TrailerAngle
 from oed.robots.sensors.yaw_rate import YawRate
 
 SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
+"""Every sensor of this package."""
 
 
 class Several(Measurement):
     """Sensors used together; in a study, a list of them."""
 
     kind: Literal["several"] = "several"
-    sensors: Annotated[tuple[Annotated[Sensor, OneOf(SENSORS)], ...], Field(min_length=1)]
+    sensors: Annotated[tuple[Annotated[Sensor, OneOf((*SENSORS, PythonSensor))], ...], Field(min_length=1)]
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block of all sensors."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import casadi as ca
 from pydantic import Field
 
 from oed.foundation.errors import Flaw
@@ -12,8 +11,8 @@ from oed.foundation.quantities import Angle
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, label_of
-from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import Moment, Sensor, Start
+from oed.kernel.measurement.sensor import Moment, Start
+from oed.robots.sensors.biased import BiasedSensor
 from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.placed import InitialPose, start_of
 
@@ -21,17 +20,18 @@ STATE = 3
 """Place of the trailer's angle among the states."""
 
 
-class TrailerAngle(Sensor):
+class TrailerAngle(BiasedSensor):
     """The trailer's heading relative to the tractor's [rad], at every n-th sample, plus a constant bias.
 
     Attributes:
         noise: standard deviation of one reading [rad].
-        bias: the encoder's zero: "known", "unknown" (eliminated), or its standard deviation known
-            beforehand [rad].
-        initial_pose: "unknown" (eliminated), "known", or standard deviations known beforehand.
+        bias: the encoder's zero: "known", "unknown" (eliminated), or the standard deviation of its
+            prior [rad].
+        initial_pose: "unknown" (eliminated), "known", or a prior's standard deviations.
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"
+    unit = "rad"
     noise: Annotated[Angle, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[Angle, Field(gt=0)] = "known"
     initial_pose: InitialPose = "unknown"
@@ -46,36 +46,14 @@ class TrailerAngle(Sensor):
         """The reading itself."""
         return (0,)
 
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """The bias, where it is not known."""
-        if self.bias == "known":
-            return ()
-        deviation = self.bias if isinstance(self.bias, float) else None
-        return (Nuisance("bias", 0.0, "rad", deviation),)
-
-    def reading(self, moment: Moment) -> Expression:
-        """Angle and bias."""
-        return moment.state[STATE] + moment.nuisances.get("bias", 0.0)
-
-    def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma."""
-        return ca.SX(1 / self.noise)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Of the reading."""
-        return ("rad",)
+    def quantity(self, moment: Moment) -> Expression:
+        """The angle."""
+        return moment.state[STATE]
 
     @property
     def subject(self) -> str:
         """The angle."""
         return "the trailer's angle"
-
-    @property
-    def remark(self) -> str:
-        """That there is no bias, where that is known."""
-        return " and no bias" if self.bias == "known" else ""
 
     def brief(self, samples: int) -> str:
         """How many are read."""
@@ -83,7 +61,7 @@ class TrailerAngle(Sensor):
 
     @property
     def noises(self) -> dict[str, Noise]:
-        """That of the angle."""
+        """The noise of the angle."""
         return {"trailer_angle": Noise(self.noise)}
 
     @property

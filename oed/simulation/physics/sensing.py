@@ -54,13 +54,15 @@ class Sensing(Component):
             UserMistake: poses are read more often than the motion was logged.
         """
         rows = self._pose_rows(motion)
+        speeds, yaw_rates = (rates[rows] for rates in _rates(motion))
+        encoded = self._encoded(motion.wheel_angles, rng)
         return Log(
             name=name,
             file=name,
             input_times=motion.times,
-            integrals=self._encoded(motion.wheel_angles, rng),
+            integrals=encoded,
             pose_times=motion.times[rows],
-            poses=motion.poses[rows] + self._errors(_speeds(motion)[rows], _yaw_rates(motion)[rows], rng),
+            poses=motion.poses[rows] + self.noise.drawn(QUANTITIES, speeds, yaw_rates, rng),
             quantities=QUANTITIES,
         )
 
@@ -83,19 +85,8 @@ class Sensing(Component):
         ticks = np.floor(angles / tick + rng.random(angles.shape[1]))
         return np.asarray(tick * (ticks - ticks[0]))
 
-    def _errors(self, speeds: Array, yaw_rates: Array, rng: np.random.Generator) -> Array:
-        standard = rng.normal(size=(len(speeds), len(QUANTITIES)))
-        if self.noise.covariance is not None:
-            return np.asarray(standard @ np.linalg.cholesky(np.array(self.noise.covariance)).T)
-        own = [self.noise.at_least(name) for name in QUANTITIES]
-        return np.asarray(standard * np.column_stack([noise.deviation(speeds, yaw_rates) for noise in own]))
 
-
-def _yaw_rates(motion: Motion) -> Array:
-    # (n,) [rad/s].
-    return np.asarray(np.gradient(motion.poses[:, 2], motion.times))
-
-
-def _speeds(motion: Motion) -> Array:
-    # Of the robot's origin, (n,) [m/s].
-    return np.asarray(np.linalg.norm(np.gradient(motion.poses[:, :2], motion.times, axis=0), axis=1))
+def _rates(motion: Motion) -> tuple[Array, Array]:
+    # Speeds of the robot's origin [m/s] and yaw rates [rad/s], (n,) each.
+    x, y, yaw_rates = np.gradient(motion.poses, motion.times, axis=0).T
+    return np.asarray(np.hypot(x, y)), np.asarray(yaw_rates)

@@ -10,9 +10,9 @@ from zlib import crc32
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.assessment.reckoning import reckoned
+from oed.estimation.assessment.dead_reckoning import dead_reckoned
 from oed.estimation.methods.fitting import Fitting
-from oed.estimation.preprocessing.ready import ready
+from oed.estimation.preprocessing.preprocess import preprocess
 from oed.foundation.errors import Failure, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
@@ -78,7 +78,7 @@ class Found:
         end: distance from where the robot truly is to where dead reckoning has it, at the end of every
             held-out drive, (drives, fits, held-out drives) [m].
         along: root mean square of the same all along the drive [m].
-        misfit: mean square of the residuals in units of the stated noise, (drives, fits).
+        misfit: mean square of the residuals in units of the specified noise, (drives, fits).
         paths: true x, y of the drives, each (n, 2) [m].
         friction: of the robot that was drawn.
     """
@@ -150,7 +150,7 @@ def prediction_errors(fitting: Fitting, log: Log, parameters: Array) -> tuple[fl
         log: of the true motion.
         parameters: of the robot, all of them (p,), SI.
     """
-    found = reckoned(fitting.robot, log, parameters, ORIGIN, 0.0)
+    found = dead_reckoned(fitting.robot, log, parameters, ORIGIN, 0.0)
     assert found.end_position is not None
     assert found.rmse_position is not None
     return found.end_position, found.rmse_position
@@ -166,7 +166,7 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
     # Estimates, all of the robot's parameters with them, and the misfit; None where the log is refused.
     options = fitting.options
     try:
-        usable = ready(fitting.robot, [log], compare_clocks=options.clock_offset)
+        usable = preprocess(fitting.robot, [log], compare_clocks=options.clock_offset)
         fit = fitting.fitted(usable).fit
     except (UserMistake, np.linalg.LinAlgError):
         return None

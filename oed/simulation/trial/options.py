@@ -10,7 +10,7 @@ from oed.estimation import Alternative, CalibrationOptions
 from oed.estimation.setup.options import Method
 from oed.foundation.component import Component, OneOf
 from oed.foundation.quantities import Ratio
-from oed.kernel.criteria import CRITERIA, Criterion
+from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.simulation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
 from oed.simulation.trial.paths import EVERYDAY
 
@@ -52,7 +52,7 @@ class Trial(Component):
     repeats: Annotated[int, Field(ge=2)] = 20
     variation: Variation = Variation()
     models: tuple[Alternative, ...] = ()
-    criterion: Annotated[Criterion, OneOf(CRITERIA)] | None = None
+    criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
     drives: Annotated[tuple[PathName, ...], Field(min_length=1)] = EVERYDAY_DRIVES
     held_out: Annotated[int, Field(ge=1)] = 8
     calibration: CalibrationOptions = AS_DESIGNED

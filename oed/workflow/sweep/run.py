@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from oed.foundation.errors import FileFlaw, OedError, RecordError
+from oed.foundation.errors import OedError, RecordError
 from oed.foundation.files import inside
 from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.foundation.work.parallel import run_tasks
@@ -18,7 +18,7 @@ from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, load_record, pages, saved_file
-from oed.records.stored.door import checked, read_object
+from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
 from oed.workflow.runner import package_version, run
@@ -26,7 +26,6 @@ from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
-FORMAT: Final = 1
 FILE = "sweep.json"
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
@@ -85,7 +84,7 @@ def swept(
             of an earlier sweep stay as they are until all of the new ones are there.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
-        progress: told how far it is.
+        progress: informed how far it is.
 
     Raises:
         UserMistake, StudyError: anything wrong with any of the combinations; then nothing is run.
@@ -98,18 +97,14 @@ def swept(
         return done.finish()
 
 
-def load_sweep(folder: str | Path) -> dict[str, Any]:
-    """The table of the sweep in `folder`.
+def load_sweep(folder: str | Path) -> StoredSweep:
+    """The sweep in `folder`.
 
     Raises:
         RecordError: none there, or not one of this format.
     """
     path = saved_file(folder, FILE)
-    expected = f"expected a sweep of format {FORMAT}; make it again with `oed sweep`"
-    data = read_object(path, "cannot be read: no such file; make one with `oed sweep`", expected)
-    if data.get("format") != FORMAT:
-        raise RecordError([FileFlaw(str(path), 0, 0, "", expected)])
-    return checked(StoredSweep, data, path).plain()
+    return checked(StoredSweep, read_file(path, "a sweep", "oed sweep", "points"), path)
 
 
 @dataclass(frozen=True)
@@ -154,7 +149,7 @@ class _Sweep:
         self.kept = sorted(self.records)
 
     def run(self, workers: Workers, progress: Progress) -> None:
-        """Run what is not there yet; an interrupt leaves what is done."""
+        """Run what is not there yet; an interrupt keeps what is done."""
         left = [index for index in range(len(self.points)) if index not in self.records]
         if not left:
             return
@@ -212,8 +207,8 @@ class _Sweep:
             record = load_record(folder)
         except RecordError:
             return None
-        same = record.data["study"] == self.points[index].study.echo() and record.seed == self.seeds[index]
-        finished = not record.interrupted and record.data["oed_version"] == _version()
+        same = record.echo == self.points[index].study.echo() and record.seed == self.seeds[index]
+        finished = not record.interrupted and record.version == _version()
         return record if same and finished else None
 
     def finish(self) -> Swept:
@@ -237,8 +232,8 @@ class _Sweep:
 
     def _in_the_way(self) -> bool:
         # Whether there is a finished sweep, or a finished point that is another one now.
-        with suppress(RecordError, KeyError):
-            if not load_sweep(self.draft.target)["interrupted"]:
+        with suppress(RecordError):
+            if not load_sweep(self.draft.target).interrupted:
                 return True
         fresh = [self.points[index].folder for index in self.records if index not in self.kept]
         return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
@@ -252,39 +247,31 @@ class _Sweep:
         """The points side by side."""
         rows = [self._row(index) for index in range(len(self.points))]
         comparable = all(_comparable(axis) for axis in axes)
-        return StoredSweep.model_construct(
+        names = short_names([axis.key for axis in axes])
+        return StoredSweep.of(
+            self,
             format=FORMAT,
             oed_version=_version(),
             study=file.name,
             name=self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
             keys=[
-                SweptKey.model_construct(
-                    key=axis.key,
-                    name=name,
-                    unit=axis.unit,
-                    values=list(axis.texts),
-                    numeric=axis.numbers is not None,
-                )
-                for axis, name in zip(axes, short_names([axis.key for axis in axes]), strict=True)
+                SweptKey.of(axis, name=name, values=axis.texts, numeric=axis.numbers is not None)
+                for axis, name in zip(axes, names, strict=True)
             ],
             points=rows,
             best=_best(rows) if comparable else None,
             comparable=comparable,
             kept=len(self.kept),
-            interrupted=self.interrupted,
         )
 
     def _row(self, index: int) -> SweptPoint:
         point, record = self.points[index], self.records.get(index)
         best = None if record is None else record.best
         certificate = None if record is None else record.certificate
-        seconds = None if record is None else sum(one.wall_seconds for one in record.results)
         status, message = self._outcome(index, record)
-        return SweptPoint.model_construct(
-            values=dict(point.texts),
-            numbers=dict(point.numbers),
-            label=point.label,
-            folder=point.folder,
+        return SweptPoint.of(
+            point,
+            values=point.texts,
             record=None if record is None else f"{point.folder}/{RECORD}",
             status=status,
             message=message,
@@ -292,10 +279,10 @@ class _Sweep:
             design=None if best is None else best.name,
             objective=None if best is None else best.objective,
             lambda_min=None if best is None else best.lambda_min,
-            standard_deviations={} if best is None else dict(best.standard_deviations),
+            standard_deviations={} if best is None else best.standard_deviations,
             upper_bound=None if certificate is None else certificate.upper_bound,
             gap=None if certificate is None else certificate.gap,
-            seconds=None if seconds is None else round(seconds, 6),
+            seconds=None if record is None else sum(one.wall_seconds for one in record.results),
         )
 
     def _outcome(self, index: int, record: Record | None) -> tuple[str, str]:
@@ -311,7 +298,7 @@ class _Sweep:
 
 
 def _best(rows: Sequence[SweptPoint]) -> str | None:
-    # Folder of the first of those that only rounding tells apart.
+    # Folder of the first of those that differ by rounding only.
     known = {row.folder: row.objective for row in rows if row.objective is not None}
     largest = max(known.values(), default=0.0)
     close = largest - ROUNDING * abs(largest)
@@ -319,7 +306,7 @@ def _best(rows: Sequence[SweptPoint]) -> str | None:
 
 
 def _is_finished(folder: Path) -> bool:
-    with suppress(RecordError, KeyError):
+    with suppress(RecordError):
         return folder.is_dir() and not load_record(folder).interrupted
     return False
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, make_problem
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, problem_of
 
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
@@ -141,7 +141,7 @@ class TestInTheFlagship:
 class TestForwardOnly:
     """Wheels that do not turn backwards cannot spin on the spot."""
 
-    problem = make_problem(limits=(WheelSpeed(bounds=(0, 10)), ACCELERATION, BOX))
+    problem = problem_of(limits=(WheelSpeed(bounds=(0, 10)), ACCELERATION, BOX))
 
     @pytest.mark.parametrize("name", ["square", "straight_and_spin"])
     def test_spins_exceed_the_wheel_speed(self, name: str):
@@ -185,12 +185,12 @@ class TestStudies:
     @pytest.mark.parametrize("length", [0.5, 3.5])
     @every
     def test_any_length(self, name: str, length: float):
-        fitted = baselines(make_problem(), name, length=length)[1]
+        fitted = baselines(problem_of(), name, length=length)[1]
         assert fitted.evaluation.path_length == pytest.approx(length, rel=1e-3)
 
     @every
     def test_a_free_start_is_the_middle_of_the_room(self, name: str):
-        problem = make_problem(
+        problem = problem_of(
             design=DesignSpace(duration=10, samples=40, start="free"),
             limits=(SPEED, ACCELERATION, Rectangle(x=(3, 5), y=(-1, 0))),
         )
@@ -201,7 +201,7 @@ class TestStudies:
     @pytest.mark.slow
     @every
     def test_without_room_or_acceleration_limit(self, name: str):
-        problem = make_problem(limits=(SPEED,))
+        problem = problem_of(limits=(SPEED,))
         (solution,) = baselines(problem, name)
         assert solution.evaluation.feasible
         assert solution.evaluation.path_length > 0.1
@@ -223,13 +223,13 @@ class TestStudies:
     @pytest.mark.slow
     @pytest.mark.parametrize("name", ["straight", "circle"])
     def test_patterns_do_not_depend_on_the_seed(self, name: str):
-        problem = make_problem()
+        problem = problem_of()
         first, other = (baselines(problem, name, seed=seed)[0].trajectory for seed in (1, 2))
         np.testing.assert_array_equal(first.coefficients, other.coefficients)
 
     def test_an_unknown_name(self):
         with pytest.raises(ProblemError, match=r"expected one of straight, circle, .*got 'triangle'"):
-            baselines(make_problem(), "triangle")
+            baselines(problem_of(), "triangle")
 
 
 def slipping(per_yaw_rate: float) -> SkidSteerSlip:
@@ -242,7 +242,7 @@ class TestRobotsThatCannotTurnFaster:
 
     @pytest.mark.parametrize("per_yaw_rate", [0.04, 0.05, 5.0])
     def test_every_path_is_finite_and_says_what_it_exceeds(self, per_yaw_rate: float):
-        problem = make_problem(
+        problem = problem_of(
             model=slipping(per_yaw_rate),
             measurement=Poses(noise={"position": 0.01, "heading": 0.01}),
             limits=(SPEED, ACCELERATION, BOX),

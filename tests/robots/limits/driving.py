@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import oracle
-from builders import input_limits, make_problem
+from builders import input_limits, problem_of
 from sample_robots import ROBOTS, Example
 
 from oed.kernel.criteria import E
@@ -32,7 +32,7 @@ def limited(example: Example, *limits: Limit, runs: int = 1, **space) -> Problem
     names = {limit.name for limit in limits}
     bounds = [limit for limit in input_limits(example.model) if limit.name not in names]
     shape = {"duration": DURATION, "samples": SAMPLES, "spline": Spline(coefficients=8), "runs": runs}
-    return make_problem(
+    return problem_of(
         model=example.model,
         design=DesignSpace(**{**shape, **space}),
         measurement=Poses(noise={"position": 0.01, "heading": 0.01}),

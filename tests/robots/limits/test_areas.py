@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import shapely
-from builders import RADIUS, TRACK, make_problem, random_drive
+from builders import RADIUS, TRACK, problem_of, random_drive
 from driving import BY_NAME, fine_path, limited, margin_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -189,7 +189,7 @@ def test_a_body_counts_along_a_drive(distance: float, expected: float):
         "design": DesignSpace(duration=10, samples=4, rest_to_rest=False),
     }
     base = limited(ROBOT, obstacles(shelf), Polygon(points=L_SHAPE), rest_to_rest=False)
-    problem = make_problem(
+    problem = problem_of(
         **parts, measurement=base.measurement, limits=base.limits[:2], criterion=base.criterion
     )
     assert margin_of(problem, straight(distance), "obstacles").margin == pytest.approx(expected)

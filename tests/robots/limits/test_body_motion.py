@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import oracle
 import pytest
-from builders import make_problem, random_drive
+from builders import problem_of, random_drive
 from driving import BY_NAME, FINER, as_drive, fine_path, fine_times, fine_twists, limited, margin_of, slack
 from pydantic import TypeAdapter, ValidationError
 from sample_robots import ROBOTS, Example, draw_inputs
@@ -125,7 +125,7 @@ def test_turning_radius_is_tolerated_by_a_share_of_itself(scale: float, share: f
     wheels = 0.5 * np.array([radius + track / 2, radius - track / 2]) / (0.049 * scale)
     model = DifferentialDrive(wheel_radius=0.049 * scale, track=track)
     limits = (WheelSpeed(bounds=100), TurningRadius(bounds=share * radius))
-    problem = make_problem(
+    problem = problem_of(
         model=model,
         design=DesignSpace(duration=2, samples=8, rest_to_rest=False),
         limits=limits,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import make_problem
+from builders import problem_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
@@ -114,7 +114,7 @@ def test_wrong_workspaces_are_refused(wrong, reason: str):
     bounds=st.tuples(st.floats(-10, -0.1), st.floats(0.1, 10)),
 )
 def test_speed_margin_is_the_distance_to_the_nearer_bound(right, left, bounds):
-    problem = make_problem(limits=(WheelSpeed(bounds=bounds),))
+    problem = problem_of(limits=(WheelSpeed(bounds=bounds),))
     margin = margin_of(problem, constant_drive(right, left), "wheel_speed")
     low, high = bounds
     assert margin.margin == pytest.approx(min(high - max(right, left), min(right, left) - low), abs=1e-12)
@@ -123,7 +123,7 @@ def test_speed_margin_is_the_distance_to_the_nearer_bound(right, left, bounds):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_acceleration_margin_of_a_ramp(sign: int):
-    problem = make_problem(limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=(-1, 2))))
+    problem = problem_of(limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=(-1, 2))))
     ramp = sign * np.outer((np.arange(40) + 0.5) * 0.25, [0.5, 0.25])
     drive = Trajectory.from_samples(ramp, 10.0, (0, 0, 0), rest_to_rest=False)
     margin = margin_of(problem, drive, "wheel_acceleration")
@@ -135,7 +135,7 @@ def test_acceleration_margin_of_a_ramp(sign: int):
 @pytest.mark.parametrize(("speed", "expected"), [(2.0, 0.02), (2.5, -0.225), (-1.0, 0.01), (-4.0, -1.46)])
 def test_workspace_margin_of_a_straight(speed: float, expected: float):
     # 10 s at r w = 0.049 w m/s along x, in a box that is 1 m ahead and 0.5 m behind.
-    problem = make_problem(limits=(WheelSpeed(bounds=10), Rectangle(x=(-0.5, 1), y=(-1, 1))))
+    problem = problem_of(limits=(WheelSpeed(bounds=10), Rectangle(x=(-0.5, 1), y=(-1, 1))))
     margin = margin_of(problem, constant_drive(speed, speed), "workspace")
     assert margin.margin == pytest.approx(expected)
     assert (margin.size, margin.unit) == (0.75, "m")
@@ -145,7 +145,7 @@ def test_workspace_margin_of_a_straight(speed: float, expected: float):
 def test_workspace_is_looked_at_between_the_samples():
     # One circle per period: the samples all lie at the start, the path does not.
     speed = 2 * np.pi * 0.18 / (0.049 * 0.25)
-    problem = make_problem(limits=(WheelSpeed(bounds=100), Rectangle(x=(-1, 1), y=(-0.05, 0.05))))
+    problem = problem_of(limits=(WheelSpeed(bounds=100), Rectangle(x=(-1, 1), y=(-0.05, 0.05))))
     evaluation = evaluate(problem, constant_drive(speed, 0.0))
     np.testing.assert_allclose(evaluation.states[:, :2], 0, atol=1e-9)
     margin = margin_of(problem, constant_drive(speed, 0.0), "workspace")
@@ -165,7 +165,7 @@ def test_what_is_active_and_what_is_kept(margin: float, active: bool, kept: bool
 
 @pytest.mark.parametrize(("x", "y"), [(1.5, 0), (0, -1.5), (-2, 2)])
 def test_a_start_outside_the_workspace_is_a_flaw(x: float, y: float):
-    model, box = make_problem().model, Rectangle(x=(-1, 1), y=(-1, 1))
+    model, box = problem_of().model, Rectangle(x=(-1, 1), y=(-1, 1))
     (flaw,) = box.flaws(model, DesignSpace(duration=10, start=StartPose(x=x, y=y)))
     assert flaw.key == ("limits", "workspace")
     assert f"({x:g} m, {y:g} m) lies outside the workspace" in flaw.message
@@ -175,7 +175,7 @@ def test_a_start_outside_the_workspace_is_a_flaw(x: float, y: float):
 
 @pytest.mark.parametrize("bounds", [(3, 10), (-10, -3)])
 def test_a_least_speed_needs_a_drive_without_rest(bounds):
-    model, limit = make_problem().model, WheelSpeed(bounds=bounds)
+    model, limit = problem_of().model, WheelSpeed(bounds=bounds)
     (flaw,) = limit.flaws(model, DesignSpace(duration=10))
     assert flaw.key == ("limits", "wheel_speed")
     assert "excludes 0" in flaw.message
@@ -183,6 +183,6 @@ def test_a_least_speed_needs_a_drive_without_rest(bounds):
 
 
 def test_speeds_bound_the_inputs_and_accelerations_do_not():
-    model = make_problem().model
+    model = problem_of().model
     assert WheelSpeed(bounds=(0, 4)).input_bounds(model) == dict.fromkeys(model.input_names, (0, 4))
     assert WheelAcceleration(bounds=4).input_bounds(model) == {}

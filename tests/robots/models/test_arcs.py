@@ -8,8 +8,7 @@ import pytest
 
 from oed.kernel.dynamics.system import stepper
 from oed.robots.models import DifferentialDrive, Mecanum, Model
-from oed.robots.models.arcs import between, mean_speeds, moves
-from oed.robots.models.model import Integration
+from oed.robots.models.arcs import Integration, between, mean_speeds, moves
 
 SHARES = np.array([0.0, 0.25, 0.5, 1.0])
 ROBOTS = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from builders import SPEED, make_problem
+from builders import SPEED, problem_of
 
 import oed
 from oed.cli import main
@@ -114,14 +114,14 @@ def test_it_survives_pickling(folder: Path):
 
 def test_its_body_radius_is_the_robots(folder: Path):
     study = load(folder, **{"gain: 0.9": "body_radius: 20 cm"})
-    assert study.problem.model.body_radius == study.problem.model.robot.body_radius == 0.2
+    assert study.problem.model.body_radius == 0.2
 
 
 def test_an_object_in_python_needs_no_study(folder: Path):
     sys.path.append(str(folder))
     import my_robots
 
-    problem = make_problem(
+    problem = problem_of(
         model=my_robots.Unicycle(gain=1.1),
         measurement=oed.Poses(noise={"position": 0.01, "heading": 0.01}),
         limits=(SPEED,),
@@ -221,7 +221,7 @@ class TestVelocityCommands:
 def test_limits_on_the_motion_bound_wheels_as_well():
     wheels = oed.DifferentialDrive(wheel_radius=0.05, track=0.2)
     limits = (oed.BodySpeed(bounds=0.5), YawRate(bounds=2.0))
-    problem = make_problem(model=wheels, limits=limits)
+    problem = problem_of(model=wheels, limits=limits)
     # Driving as fast as allowed while turning as fast as allowed: (0.5 + 0.1 * 2) / 0.05.
     np.testing.assert_allclose(problem.input_bounds, [[-14, 14]] * 2, rtol=1e-8)
 
@@ -260,7 +260,8 @@ def test_a_module_that_fails(folder: Path, text: str, words: str):
 def test_equal_robots_are_equal(folder: Path):
     load(folder)
     one, same, other = (
-        PythonRobot(object="my_robots:Unicycle", folder=str(folder), gain=gain) for gain in (0.8, 0.8, 0.7)
+        PythonRobot(object="my_robots:Unicycle", folder=str(folder), gain=gain).made(oed.Model)
+        for gain in (0.8, 0.8, 0.7)
     )
     assert one == same
     assert hash(one) == hash(same)
@@ -335,7 +336,7 @@ def test_a_module_that_has_changed_is_read_again(folder: Path):
 
 def test_a_module_that_is_as_it_was_is_one_module(folder: Path):
     first, again = (load(folder).problem.model for _ in range(2))
-    assert type(first.robot) is type(again.robot)
+    assert type(first) is type(again)
 
 
 def test_a_module_in_a_folder_below(folder: Path):
@@ -350,7 +351,7 @@ def test_an_installed_module_needs_no_file_beside_the_study(folder: Path):
         "oed.robots.models.offset_drive:OffsetDrive",
         **{"gain: 0.9": "wheel_radius: 5 cm\n  track: 20 cm"},
     )
-    assert study.problem.model.robot.track == 0.2
+    assert study.problem.model.track == 0.2
 
 
 def test_a_module_that_ends_the_program_does_not_end_the_check_as_if_all_were_well(
@@ -587,7 +588,7 @@ class TestEveryMember:
 
     def test_what_fails_later_is_named_too(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
         model = own(folder).problem.model
-        monkeypatch.setattr(type(model.robot), "twist", lambda *_: sys.exit(3))
+        monkeypatch.setattr(type(model).__mro__[1], "twist", lambda *_: sys.exit(3))
         with pytest.raises(UserMistake, match="own:Robot: twist: SystemExit: 3"):
             model.twist(ca.DM([1, 1]), ca.DM([1, 1]))
 

@@ -240,7 +240,9 @@ class TestSeam:
         assert not follows_state(SkidSteerSlip(**SIZES, track_per_yaw_rate=0.02))
 
     def test_a_robot_of_ones_own_lags_as_well(self):
-        own = PythonRobot(object="oed.robots.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS)
+        own = PythonRobot(object="oed.robots.models.skid_steer_slip:SkidSteerSlip", **SIZES, **EFFECTS).made(
+            Model
+        )
         assert follows_state(own)
         state, inputs = [0.1, 0.2, 0.3, 1.5], [6.0, 2.0]
         assert np.array_equal(after(own, state, inputs, 0.1), after(FULL, state, inputs, 0.1))

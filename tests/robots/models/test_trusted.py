@@ -18,10 +18,10 @@ from oed.cli import main
 from oed.exporters import export
 from oed.exporters.request import Request
 from oed.foundation.errors import RecordError, StudyError, UserMistake
+from oed.foundation.own import modules as own_module
 from oed.kernel.solution import scored
 from oed.records.record import Record, load_record, save_record
 from oed.records.recorded_study import recorded_study
-from oed.robots.models import own_module
 from oed.study.study import Study
 from oed.workflow.experiments import validated, validation_options
 from oed.workflow.next_drive import next_drive
@@ -212,7 +212,7 @@ class TestNames:
 
     def test_nor_does_one_of_a_record_in_memory(self, tmp_path: Path):
         fresh = made(parse_study(SMALL))
-        evil = {**fresh.results[0], "name": "../evil"}
+        evil = {**fresh.results[0].plain(), "name": "../evil"}
         changed = replace(fresh, data={**fresh.data, "results": [evil]})
         request = Request(tmp_path, changed, "../evil", None, None, "sqlite3", force=False)
         with pytest.raises(UserMistake, match="expected a name"):

@@ -8,13 +8,12 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_problem, random_drive, upper_bound
+from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive, upper_bound
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
-from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -32,7 +31,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 @cache
 def problem_for(model, rule: str, segments, regressor: str = "both") -> Problem:
-    return make_problem(
+    return problem_of(
         model=model,
         design=DesignSpace(
             duration=DURATION, samples=SAMPLES, integration=rule, rest_to_rest=False, start="free"
@@ -156,7 +155,7 @@ def test_no_drive_exceeds_the_cap(seed: int, segments: int, amplitude: float):
 @given(seed=seeds, radii=st.tuples(st.floats(0.02, 0.1), st.floats(0.02, 0.1)))
 def test_no_drive_with_unequal_radii_exceeds_the_cap(seed: int, radii: tuple[float, float]):
     right, left = radii
-    problem = make_problem(
+    problem = problem_of(
         model=DifferentialDrive(wheel_radius_right=right, wheel_radius_left=left, track=TRACK),
         limits=(SPEED,),
         design=DesignSpace(duration=DURATION, samples=SAMPLES, rest_to_rest=False, start="free"),
@@ -229,7 +228,7 @@ class TestPaperTable:
 
     @given(seed=seeds)
     def test_norm_y_is_at_most_the_largest_singular_value_times_norm_c(self, seed: int):
-        problem = make_problem(limits=(SPEED, ACCELERATION, BOX), measurement=Displacements(segments=3))
+        problem = problem_of(limits=(SPEED, ACCELERATION, BOX), measurement=Displacements(segments=3))
         evaluation = evaluate(problem, random_drive(problem, seed))
         bounds = evaluation.singular_values * self.norm_c / 100
         assert bounds[-1] * (1 - 1e-12) <= evaluation.norm_y <= bounds[0] * (1 + 1e-12)
@@ -241,9 +240,7 @@ class TestPaperTable:
 
 
 def test_splines_and_samples_of_the_same_drive_give_the_same_rows():
-    problem = make_problem(
-        design=DesignSpace(duration=DURATION, samples=SAMPLES, spline=Spline(coefficients=7))
-    )
+    problem = problem_of(duration=DURATION, samples=SAMPLES, coefficients=7)
     drive = random_drive(problem, 3)
     held = Trajectory.from_samples(drive.inputs, DURATION, drive.start)
     first, second = (evaluate(problem, each).design_matrices["position"] for each in (drive, held))

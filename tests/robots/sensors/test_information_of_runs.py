@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem
+from builders import RADIUS, SPEED, TRACK, problem_of
 from sample_robots import ROBOTS, draw_inputs, motion_by_parameters
 from scipy.linalg import block_diag
 from sensors import PERIOD, Example, Experiment, named
@@ -19,7 +20,6 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.records.problem_tables import nuisance_table
 from oed.robots.sensors import Displacements, Poses, Several
-from oed.robots.space import DesignSpace
 
 SAMPLES, RUNS = 11, 3
 STARTS = np.array([[0.2, -0.1, 0.4], [-0.5, 0.3, 2.0], [1.0, 0.7, -1.2]])
@@ -44,12 +44,17 @@ SUITES = {
 suites = pytest.mark.parametrize("names", SUITES.values(), ids=SUITES.keys())
 
 
-def problem_of(measurement, runs: int = RUNS, **parts) -> Problem:
-    space = DesignSpace(
-        duration=PERIOD * SAMPLES, samples=SAMPLES, rest_to_rest=False, start="free", runs=runs
-    )
-    given = {"criterion": E(scaling="none"), "limits": (SPEED,), "model": ROBOT.model, **parts}
-    return make_problem(measurement=measurement, design=space, **given)
+runs_problem = partial(
+    problem_of,
+    model=ROBOT.model,
+    period=PERIOD,
+    samples=SAMPLES,
+    rest_to_rest=False,
+    start="free",
+    runs=RUNS,
+    criterion=E(scaling="none"),
+    limits=(SPEED,),
+)
 
 
 def some_inputs(seed: int = 3, runs: int = RUNS) -> np.ndarray:
@@ -138,7 +143,7 @@ class TestSensors:
     @pytest.mark.slow
     def test_information_is_that_of_the_joint_matrix(self, names: tuple[str, ...], seed: int):
         inputs = some_inputs(seed)
-        found = driven(problem_of(measurement_of(names)), inputs, STARTS).information["joint"]
+        found = driven(runs_problem(measurement=measurement_of(names)), inputs, STARTS).information["joint"]
         parts = np.split(inputs, RUNS)
         expected = together(
             [experiment(names, part, start) for part, start in zip(parts, STARTS, strict=True)]
@@ -149,8 +154,8 @@ class TestSensors:
     def test_the_white_design_is_the_runs_one_below_the_other(self, names: tuple[str, ...]):
         """Sensor by sensor, each sensor's runs in turn."""
         measurement, inputs = measurement_of(names), some_inputs()
-        found = driven(problem_of(measurement), inputs, STARTS)
-        single = problem_of(measurement, runs=1)
+        found = driven(runs_problem(measurement=measurement), inputs, STARTS)
+        single = runs_problem(measurement=measurement, runs=1)
         parts = zip(np.split(inputs, RUNS), STARTS, strict=True)
         each = [driven(single, part, start) for part, start in parts]
         rows = np.vstack([one.design_matrices["joint"] for one in each])
@@ -162,15 +167,15 @@ class TestSensors:
 
     @pytest.mark.parametrize("names", [SUITES["poses"], SUITES["known start"], SUITES["noise that grows"]])
     def test_without_common_nuisances_it_adds_up(self, names: tuple[str, ...]):
-        inputs, single = some_inputs(), problem_of(measurement_of(names), runs=1)
-        found = driven(problem_of(measurement_of(names)), inputs, STARTS).information["joint"]
+        inputs, single = some_inputs(), runs_problem(measurement=measurement_of(names), runs=1)
+        found = driven(runs_problem(measurement=measurement_of(names)), inputs, STARTS).information["joint"]
         parts = zip(np.split(inputs, RUNS), STARTS, strict=True)
         assert_same(found, sum(driven(single, *part).information["joint"] for part in parts), 1e-9)
 
     @pytest.mark.parametrize("names", [SUITES["unknown arm"], SUITES["poses and gyro"]])
     def test_a_common_nuisance_is_worth_more_than_one_in_every_run(self, names: tuple[str, ...]):
-        inputs, single = some_inputs(), problem_of(measurement_of(names), runs=1)
-        found = driven(problem_of(measurement_of(names)), inputs, STARTS).information["joint"]
+        inputs, single = some_inputs(), runs_problem(measurement=measurement_of(names), runs=1)
+        found = driven(runs_problem(measurement=measurement_of(names)), inputs, STARTS).information["joint"]
         apart = sum(
             driven(single, part, start).information["joint"]
             for part, start in zip(np.split(inputs, RUNS), STARTS, strict=True)
@@ -182,8 +187,8 @@ class TestSensors:
     def test_equal_runs_tell_that_often(self, names: tuple[str, ...]):
         """With what is unknown of all runs as well as of each; what is known beforehand counts once."""
         measurement, inputs = measurement_of(names), some_inputs(runs=1)
-        single = driven(problem_of(measurement, runs=1), inputs, STARTS[0]).information["joint"]
-        found = driven(problem_of(measurement), np.tile(inputs, (RUNS, 1)), STARTS[[0, 0, 0]])
+        single = driven(runs_problem(measurement=measurement, runs=1), inputs, STARTS[0]).information["joint"]
+        found = driven(runs_problem(measurement=measurement), np.tile(inputs, (RUNS, 1)), STARTS[[0, 0, 0]])
         examples = [named(name) for name in names]
         if any(0 < deviation < math.inf for one in examples for _, deviation in one.own):
             assert_at_least(RUNS * single, found.information["joint"])
@@ -194,7 +199,9 @@ class TestSensors:
         """Starts known, known roughly, unknown; and a run longer, which has only one start to find."""
         noise, inputs = {"position": 1e-3, "heading": 0.01}, some_inputs()
         known, roughly, unknown = (
-            driven(problem_of(Poses(noise=noise, initial_pose=pose)), inputs, STARTS).information["joint"]
+            driven(
+                runs_problem(measurement=Poses(noise=noise, initial_pose=pose)), inputs, STARTS
+            ).information["joint"]
             for pose in ("known", {"position": 1e-3, "heading": 0.01}, "unknown")
         )
         assert_at_least(known, roughly)
@@ -209,24 +216,26 @@ class TestSensors:
         ]
         jacobians = [one.white_jacobian for one in each]
         shared = np.vstack(jacobians)
-        found = driven(problem_of(named("poses").sensor), inputs, STARTS).information["joint"]
+        found = driven(runs_problem(measurement=named("poses").sensor), inputs, STARTS).information["joint"]
         assert_at_least(eliminated(shared.T @ shared, 3) * (1 + 1e-6), found)
 
     def test_the_nuisances_names(self):
         sensors = (named("unknown_arm").sensor, named("yaw_rate").sensor)
-        names = [row["name"] for row in nuisance_table(problem_of(Several(sensors=sensors), runs=2))]
+        names = [
+            row["name"] for row in nuisance_table(runs_problem(measurement=Several(sensors=sensors), runs=2))
+        ]
         poses = [f"initial_pose_{run}.{state}" for run in (1, 2) for state in ("x", "y", "heading")]
         assert names == [*poses, "poses.lever_arm.x", "poses.lever_arm.y", "yaw_rate.bias"]
         known = named("poses_of_known_start").sensor
-        assert nuisance_table(problem_of(known)) == []
+        assert nuisance_table(runs_problem(measurement=known)) == []
 
     def test_a_covariance_of_all_readings_is_that_of_one_run(self):
         sensor = named("correlated_over_time").sensor
         assert len(sensor.noise.covariance) == 2 * len(range(0, SAMPLES + 1, sensor.every))
-        problem_of(sensor)
+        runs_problem(measurement=sensor)
         covariance = block_diag(*[sensor.noise.covariance] * RUNS).tolist()
         with pytest.raises(ProblemError, match=r"or 6 \(all readings\), got 18"):
-            problem_of(Poses(quantities=("x", "y"), noise={"covariance": covariance}, every=5))
+            runs_problem(measurement=Poses(quantities=("x", "y"), noise={"covariance": covariance}, every=5))
 
 
 NOISE = {"position": 2e-3, "heading": 0.01}
@@ -252,8 +261,8 @@ class TestRegressions:
     @pytest.mark.parametrize("segments", [4, "samples"])
     def test_designs_and_information(self, kind: tuple[str, str], segments):
         measurement, inputs = regression(kind, segments), some_inputs()
-        found = driven(problem_of(measurement), inputs, STARTS)
-        single = problem_of(measurement, runs=1)
+        found = driven(runs_problem(measurement=measurement), inputs, STARTS)
+        single = runs_problem(measurement=measurement, runs=1)
         parts = zip(np.split(inputs, RUNS), STARTS, strict=True)
         each = [driven(single, part, start) for part, start in parts]
         for name, coordinates in COORDINATES.items():
@@ -275,8 +284,8 @@ class TestRegressions:
     @pytest.mark.parametrize("kind", KINDS, ids="-".join)
     def test_equal_runs_tell_that_often_wherever_they_start(self, kind: tuple[str, str]):
         measurement, inputs = regression(kind), some_inputs(runs=1)
-        single = driven(problem_of(measurement, runs=1), inputs, STARTS[0])
-        found = driven(problem_of(measurement), np.tile(inputs, (RUNS, 1)), STARTS)
+        single = driven(runs_problem(measurement=measurement, runs=1), inputs, STARTS[0])
+        found = driven(runs_problem(measurement=measurement), np.tile(inputs, (RUNS, 1)), STARTS)
         for name in COORDINATES:
             expected = RUNS * single.information[name]
             np.testing.assert_allclose(found.information[name], expected, rtol=1e-8)
@@ -293,7 +302,7 @@ class TestRegressions:
         measurement, inputs = regression(KINDS[0]), some_inputs()
         changed = inputs.copy()
         changed[SAMPLES : 2 * SAMPLES] *= 0.5
-        problem = problem_of(measurement)
+        problem = runs_problem(measurement=measurement)
         before, after = (
             driven(problem, rows, STARTS).design_matrices["position"] for rows in (inputs, changed)
         )
@@ -304,7 +313,7 @@ class TestRegressions:
 
     def test_the_papers_robot(self):
         """A straight run and a turn on the spot, each told by one direction alone: sizes by hand."""
-        problem = problem_of(Displacements(segments=1), runs=2)
+        problem = runs_problem(measurement=Displacements(segments=1), runs=2)
         inputs = np.vstack([np.full((SAMPLES, 2), 4.0), np.tile([4.0, -4.0], (SAMPLES, 1))])
         found = driven(problem, inputs, STARTS[:2]).information["position"]
         time = PERIOD * SAMPLES

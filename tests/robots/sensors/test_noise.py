@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from builders import RADIUS, SPEED, TRACK, make_problem
+from builders import RADIUS, SPEED, TRACK, problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -41,7 +41,7 @@ def problem_for(
     noisy: bool = True,
     **measurement,
 ) -> Problem:
-    return make_problem(
+    return problem_of(
         model=model,
         design=DesignSpace(
             duration=DURATION, samples=samples, integration=rule, rest_to_rest=False, start="free"
@@ -151,7 +151,7 @@ def test_the_estimator_is_of_no_matter_to_independent_increments(example: Exampl
 @estimators
 def test_one_segment_has_the_errors_of_two_poses(estimator: str):
     space = DesignSpace(duration=DURATION, samples=SAMPLES, rest_to_rest=False, start="free")
-    problem = make_problem(
+    problem = problem_of(
         design=space,
         measurement=Displacements(segments=1, noise_model="absolute", estimator=estimator),
         limits=(SPEED,),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import oracle
 import pytest
-from builders import TRACK, input_limits, make_problem
+from builders import TRACK, input_limits, problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -46,7 +46,6 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import SENSORS, AbsoluteNoise, LeverArm, Poses, Ranges, Several, YawRate
-from oed.robots.space import DesignSpace
 
 START = (0.2, -0.1, 0.4)
 C = ("c11", "c12", "c21", "c22")
@@ -104,16 +103,19 @@ examples = pytest.mark.parametrize("example", PLAIN, ids=lambda example: example
 seeds = st.integers(0, 2**32 - 1)
 
 
-@cache
-def problem_of(
-    measurement, model=ROBOTS[0].model, rule: str = "arc", samples: int = SAMPLES, **parts
-) -> Problem:
-    """A problem with this measurement and few limits, in SI units unless told otherwise."""
-    space = DesignSpace(
-        duration=PERIOD * samples, samples=samples, integration=rule, rest_to_rest=False, start="free"
+sensor_problem = cache(
+    partial(
+        problem_of,
+        model=ROBOTS[0].model,
+        period=PERIOD,
+        samples=SAMPLES,
+        rest_to_rest=False,
+        start="free",
+        criterion=E(scaling="none"),
+        limits=input_limits,
     )
-    given = {"criterion": E(scaling="none"), "limits": input_limits(model), **parts}
-    return make_problem(model=model, measurement=measurement, design=space, **given)
+)
+"""A problem with few limits, in SI units unless told otherwise."""
 
 
 def driven(problem: Problem, inputs: np.ndarray, start: Sequence[float] = START) -> Evaluation:
@@ -122,7 +124,7 @@ def driven(problem: Problem, inputs: np.ndarray, start: Sequence[float] = START)
 
 def told(measurement, inputs: np.ndarray, start: Sequence[float] = START, **parts) -> np.ndarray:
     """The joint information of a drive."""
-    problem = problem_of(measurement, samples=len(inputs), **parts)
+    problem = sensor_problem(measurement=measurement, samples=len(inputs), **parts)
     return driven(problem, inputs, start).information["joint"]
 
 
@@ -186,7 +188,11 @@ class TestOracle:
     @pairs_and_rules
     def test_readings_and_information(self, example: Example, robot: Robot, rule: str):
         expected = experiment(robot, [example], rule)
-        found = driven(problem_of(example.sensor, robot.model, rule), expected.inputs, expected.start)
+        found = driven(
+            sensor_problem(measurement=example.sensor, model=robot.model, integration=rule),
+            expected.inputs,
+            expected.start,
+        )
         size = len(expected.parameters)
         assert found.parameters["joint"] == tuple(entry.name for entry in robot.model.parameters)
         assert found.norm_y == pytest.approx(np.linalg.norm(expected.white_readings), rel=1e-6)
@@ -204,7 +210,11 @@ class TestOracle:
         expected, names = experiment(robot, [example]), [entry.name for entry in robot.model.parameters]
         chosen = [index for index, value in enumerate(robot.model.nominal) if value != 0]
         parts = {"criterion": E(scaling="relative"), "estimate": tuple(names[index] for index in chosen)}
-        found = driven(problem_of(example.sensor, robot.model, **parts), expected.inputs, expected.start)
+        found = driven(
+            sensor_problem(measurement=example.sensor, model=robot.model, **parts),
+            expected.inputs,
+            expected.start,
+        )
         kept = [*chosen, *range(len(names), len(expected.full))]
         matrix, scales = expected.full[np.ix_(kept, kept)], np.abs(expected.parameters[chosen])
         scaled = schur(matrix, len(chosen)) * np.outer(scales, scales)
@@ -221,7 +231,10 @@ class TestOracle:
     def test_coefficients_of_every_robot(self, example: Example, robot: Robot, rule: str):
         expected = experiment(robot, [example], rule, coefficients=True)
         names = tuple(name for row in robot.model.coefficient_names for name in row)
-        found = driven(problem_of(example.sensor, robot.model, rule, estimate=names), expected.inputs)
+        found = driven(
+            sensor_problem(measurement=example.sensor, model=robot.model, integration=rule, estimate=names),
+            expected.inputs,
+        )
         sizes = np.linalg.norm(expected.white_jacobian[:, : len(names)], axis=0)
         sizes = np.where(sizes > 0, sizes, 1.0)
         assert_close(found.information["joint"], expected.information, sizes)
@@ -243,7 +256,9 @@ class TestOracle:
         sensors = [named(name) for name in names]
         expected = experiment(robot, sensors)
         several = Several(sensors=[sensor.sensor for sensor in sensors])
-        found = driven(problem_of(several, robot.model), expected.inputs, expected.start)
+        found = driven(
+            sensor_problem(measurement=several, model=robot.model), expected.inputs, expected.start
+        )
         white = expected.white_jacobian[:, : len(expected.parameters)]
         sizes = np.linalg.norm(white, axis=0)
         # The yaw rate says nothing of where on the robot the pose is taken.
@@ -281,7 +296,9 @@ class TestMidpointFormulas:
         position, heading = 1e-3, 0.01
         sensor = Poses(noise={"position": position, "heading": heading}, initial_pose=initial_pose)
         inputs = some_inputs(model=robot.model)
-        found = driven(problem_of(sensor, robot.model, "midpoint", estimate=C), inputs)
+        found = driven(
+            sensor_problem(measurement=sensor, model=robot.model, integration="midpoint", estimate=C), inputs
+        )
         c = np.array(robot.model.coefficients(robot.model.nominal)).ravel()
         effective = np.array([robot.effective(row) for row in inputs])
         rows = self.pose_derivatives(effective, c, START)
@@ -346,7 +363,7 @@ class TestSeveral:
     def test_nuisances_are_told_apart_by_their_sensor(self):
         arm = named("unknown_arm").sensor
         several = Several(sensors=[arm, YawRate(noise=0.01), arm, YawRate(noise=0.1, bias=0.01)])
-        (estimation,) = problem_of(several).any_estimations
+        (estimation,) = sensor_problem(measurement=several).any_estimations
         names = [nuisance.name for nuisance in estimation.block.nuisances]
         assert names[:3] == ["initial_pose.x", "initial_pose.y", "initial_pose.heading"]
         assert names[3:] == [
@@ -364,7 +381,7 @@ class TestSeveral:
         poses, noise = Poses(noise={"position": 1e-3, "heading": 0.1}), YawRate(noise=0.1)
         ranges = Ranges(beacons=[(1, 2)], noise=0.1, initial_pose=other)
         with pytest.raises(ProblemError) as caught:
-            problem_of(Several(sensors=[noise, poses, ranges]))
+            sensor_problem(measurement=Several(sensors=[noise, poses, ranges]))
         (flaw,) = caught.value.flaws
         assert flaw.key == ("measurement", 2, "initial_pose")
         assert "differs from that of the sensors before" in flaw.message
@@ -373,9 +390,9 @@ class TestSeveral:
         good = Poses(noise={"position": 1e-3, "heading": 0.1})
         several = Several(sensors=[Poses(), good, Poses(quantities=("x", "x"), noise={"x": 1})])
         with pytest.raises(ProblemError) as caught:
-            problem_of(several)
+            sensor_problem(measurement=several)
         assert [(flaw.key, flaw.message) for flaw in caught.value.flaws] == [
-            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weigh the readings"),
+            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weight the readings"),
             (("measurement", 2, "quantities"), "a quantity is listed twice"),
         ]
 
@@ -414,8 +431,12 @@ class TestInitialPose:
     @pytest.mark.slow
     def test_where_the_drive_begins_is_of_no_matter(self, sensor, rule: str, x: float, y: float, turn: float):
         inputs = some_inputs()
-        here, there = (told(sensor, inputs, start, rule=rule) for start in (START, moved(START, x, y, turn)))
-        sizes = np.sqrt(np.diag(driven(problem_of(sensor, rule=rule), inputs).information["joint"]))
+        here, there = (
+            told(sensor, inputs, start, integration=rule) for start in (START, moved(START, x, y, turn))
+        )
+        sizes = np.sqrt(
+            np.diag(driven(sensor_problem(measurement=sensor, integration=rule), inputs).information["joint"])
+        )
         assert_close(there, here, sizes, 1e-8)
 
     @settings(max_examples=15)
@@ -532,7 +553,7 @@ class TestNoise:
             YawRate(noise=0.01, every=every): len(range(0, 11, every)),
         }
         for sensor, rows in sensors.items():
-            found = driven(problem_of(sensor), inputs)
+            found = driven(sensor_problem(measurement=sensor), inputs)
             assert found.design_matrices["joint"].shape == (rows, 3)
 
     def test_a_beacon_on_the_way_is_no_singularity(self):
@@ -553,7 +574,7 @@ class TestBounds:
     def score(inputs: np.ndarray, heading: float, model=PLAIN, estimate=None) -> Evaluation:
         sensor = Poses(noise={"position": SIGMA, "heading": heading})
         parts = {"samples": len(inputs), "estimate": estimate, "criterion": E()}
-        return driven(problem_of(sensor, model, **parts), inputs)
+        return driven(sensor_problem(measurement=sensor, model=model, **parts), inputs)
 
     @settings(max_examples=30)
     @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 1e-2, 10.0]))
@@ -595,8 +616,12 @@ class TestChainRule:
     def test_constants_from_coefficients(self, robot: Robot, rule: str, name: str):
         model, inputs, sensor = robot.model, some_inputs(model=robot.model), named(name).sensor
         geometry = ("wheel_radius_right", "wheel_radius_left", "track")
-        by_c = driven(problem_of(sensor, model, rule, estimate=C), inputs).information["joint"]
-        found = driven(problem_of(sensor, model, rule, estimate=geometry), inputs).information["joint"]
+        by_c = driven(
+            sensor_problem(measurement=sensor, model=model, integration=rule, estimate=C), inputs
+        ).information["joint"]
+        found = driven(
+            sensor_problem(measurement=sensor, model=model, integration=rule, estimate=geometry), inputs
+        ).information["joint"]
 
         def coefficients(values: np.ndarray) -> np.ndarray:
             right, left, track = values
@@ -663,7 +688,7 @@ def test_noise_may_come_with_units():
 )
 def test_poses_that_cannot_be_weighed_are_flaws(sensor: Poses, key: str, words: str):
     with pytest.raises(ProblemError) as caught:
-        problem_of(sensor)
+        sensor_problem(measurement=sensor)
     (flaw,) = caught.value.flaws
     assert ".".join(map(str, flaw.key)) == f"measurement.{key}"
     assert words in flaw.message
@@ -705,7 +730,7 @@ def test_a_covariance_stands_instead_of_deviations():
 
 def test_a_covariance_of_all_readings_fits_drives_of_its_length_only():
     every = np.eye(2 * (SAMPLES + 1)).tolist()
-    problem = problem_of(Poses(quantities=("x", "y"), noise={"covariance": every}))
+    problem = sensor_problem(measurement=Poses(quantities=("x", "y"), noise={"covariance": every}))
     driven(problem, some_inputs())
     with pytest.raises((UserMistake, ValueError), match="readings"):
         driven(problem, some_inputs(count=SAMPLES - 1))

@@ -13,10 +13,12 @@ lambda_min = P / 2 + H - sqrt(P^2 / 4 + H^2).
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, SPEED, make_problem, random_drive
+from builders import ACCELERATION, SPEED, problem_of, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_robots import EXAMPLES, Example
@@ -26,7 +28,6 @@ import oed
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.robots.sensors import Displacements
-from oed.robots.space import DesignSpace
 
 SAMPLES, PERIOD, TOP = 24, 0.1, 10.0
 NOISE = {"position": 2e-3, "heading": 0.01}
@@ -38,13 +39,16 @@ rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 seeds = st.integers(0, 2**32 - 1)
 
 
-def problem_of(example: Example, rule: str = "midpoint", **parts) -> oed.Problem:
-    space = DesignSpace(
-        duration=SAMPLES * PERIOD, samples=SAMPLES, integration=rule, rest_to_rest=False, start="free"
-    )
-    measurement = Displacements(segments="samples", regressor="both", noise=NOISE)
-    given = {"limits": (SPEED,), "measurement": measurement, **parts}
-    return make_problem(model=example.model, design=space, **given)
+sideways_problem = partial(
+    problem_of,
+    period=PERIOD,
+    samples=SAMPLES,
+    integration="midpoint",
+    rest_to_rest=False,
+    start="free",
+    limits=(SPEED,),
+    measurement=Displacements(segments="samples", regressor="both", noise=NOISE),
+)
 
 
 def driven(problem: oed.Problem, speeds: np.ndarray) -> Evaluation:
@@ -70,7 +74,7 @@ def squares(example: Example, speeds: np.ndarray, rule: str) -> np.ndarray:
 @pytest.mark.slow
 def test_information_on_coefficients(example: Example, rule: str, seed: int):
     speeds = random_speeds(example, seed)
-    found = driven(problem_of(example, rule), speeds)
+    found = driven(sideways_problem(model=example.model, integration=rule), speeds)
     expected = squares(example, speeds, rule)
     position, heading = (found.design_matrices[name] for name in ("position", "heading"))
     np.testing.assert_allclose(position.T @ position, np.kron(np.eye(2), expected), rtol=0, atol=1e-10)
@@ -83,7 +87,7 @@ def test_information_on_coefficients(example: Example, rule: str, seed: int):
 def test_uncorrelated_wheels_at_full_speed_reach_the_cap(example: Example):
     columns = slice(1, 1 + len(example.model.inputs))
     speeds = TOP * np.tile(hadamard(8)[:, columns], (SAMPLES // 8, 1)).astype(float)
-    problem = problem_of(example, measurement=Displacements(segments="samples"))
+    problem = sideways_problem(model=example.model, measurement=Displacements(segments="samples"))
     cap = PERIOD**2 * SAMPLES * TOP**2
     assert driven(problem, speeds).objective == pytest.approx(cap, rel=1e-12)
     assert oed.bound(problem).upper_bound == pytest.approx(cap, rel=1e-6)
@@ -94,7 +98,9 @@ def test_uncorrelated_wheels_at_full_speed_reach_the_cap(example: Example):
 @settings(max_examples=8)
 @given(seed=seeds)
 def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
-    problem = problem_of(example, rule, measurement=Displacements(segments="samples"))
+    problem = sideways_problem(
+        model=example.model, integration=rule, measurement=Displacements(segments="samples")
+    )
     assert driven(problem, random_speeds(example, seed)).objective <= PERIOD**2 * SAMPLES * TOP**2
 
 
@@ -103,7 +109,7 @@ def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
 @given(seed=seeds)
 def test_information_on_radius_and_distance(example: Example, seed: int):
     speeds, model = random_speeds(example, seed), example.model
-    found = driven(problem_of(example), speeds).design_matrices
+    found = driven(sideways_problem(model=example.model), speeds).design_matrices
     by_coefficients = {name: found[name].T @ found[name] / NOISE[name] ** 2 for name in found}
 
     def coefficients(values: np.ndarray) -> np.ndarray:
@@ -133,14 +139,19 @@ def test_the_wheels_that_do_not_move_it_tell_nothing_of_its_motion(example: Exam
     idle = np.linalg.svd(matrix)[2][np.linalg.matrix_rank(matrix) :]
     assert len(idle) == len(example.model.inputs) - 3
     for direction in idle:
-        same, other = driven(problem_of(example), speeds), driven(problem_of(example), speeds + 3 * direction)
+        same, other = (
+            driven(sideways_problem(model=example.model), speeds),
+            driven(sideways_problem(model=example.model), speeds + 3 * direction),
+        )
         np.testing.assert_allclose(same.states, other.states, atol=1e-12)
         assert not np.allclose(same.information["heading"], other.information["heading"])
 
 
 @sideways
 def test_random_drives_keep_their_closed_form_under_limits(example: Example):
-    problem = problem_of(example, limits=(SPEED, ACCELERATION), measurement=Displacements(segments="samples"))
+    problem = sideways_problem(
+        model=example.model, limits=(SPEED, ACCELERATION), measurement=Displacements(segments="samples")
+    )
     drive = random_drive(problem, 4)
     expected = np.linalg.eigvalsh(PERIOD**2 * drive.inputs.T @ drive.inputs)[0]
     assert evaluate(problem, drive).objective == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,162 @@
+"""Dead reckoning of logs: how far wrong the robot is when it relies on its wheels alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.starts import first_starts, further_starts
+from oed.logs.log import Log
+from oed.robots.models.model import Model
+
+Array = npt.NDArray[np.float64]
+
+PIECE = 1.0
+"""Length of the pieces that drift is measured over [m]."""
+
+
+@dataclass(frozen=True)
+class DeadReckoning:
+    """Dead reckoning of one log against its reference; SI. What the log does not hold is None.
+
+    Attributes:
+        length: of the reference path [m].
+        rmse_position: root mean square of the distance to the reference, started on its first pose, as evo's
+            absolute pose error aligned at the origin [m].
+        rmse_aligned: the same after the rigid motion that fits best, as evo's absolute pose error aligned
+            [m].
+        rmse_heading: root mean square of the heading's error, started alike [rad].
+        end_position, end_heading: at the log's end [m, rad].
+        drift_position, drift_heading: root mean square of the relative pose error over pieces of 1 m of
+            path, one after the other [m per m, rad per m]; where no stretch is that long, its end's, per
+            metre.
+        times: of the poses [s].
+        reference, path: x, y by the reference and by dead reckoning, (n, 2); NaN between stretches.
+    """
+
+    length: float
+    rmse_position: float | None
+    rmse_aligned: float | None
+    rmse_heading: float | None
+    end_position: float | None
+    end_heading: float | None
+    drift_position: float | None
+    drift_heading: float | None
+    times: Array
+    reference: Array
+    path: Array
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    # Measured and dead reckoned x + j y, headings, of one stretch without gaps.
+    times: Array
+    truth: npt.NDArray[np.complex128]
+    guess: npt.NDArray[np.complex128]
+    heading: Array
+    turned: Array
+
+    @property
+    def length(self) -> float:
+        return float(np.abs(np.diff(self.truth)).sum())
+
+
+def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> DeadReckoning:
+    """Dead reckoning of a log, started on its first pose.
+
+    Args:
+        robot: that drove.
+        log: with positions.
+        parameters: (p,), SI.
+        place: of the pose sensor on the robot, (3,).
+        offset: of the log's clocks [s].
+    """
+    stretches = _stretches(robot, log, parameters, place, offset)
+    with_heading = "heading" in log.quantities
+    off = [np.abs(one.guess - one.truth) for one in stretches]
+    turned = [one.turned - one.heading for one in stretches]
+    # A stretch of a few centimetres shows noise, not drift.
+    pieces = [_pieces(one) for one in stretches if one.length >= PIECE] or [_pieces(one) for one in stretches]
+    gap = np.full((1, 2), np.nan)
+    return DeadReckoning(
+        length=sum(one.length for one in stretches),
+        rmse_position=_rms(off),
+        rmse_aligned=_rms([np.abs(_aligned(one.guess, one.truth) - one.truth) for one in stretches]),
+        rmse_heading=_rms(turned) if with_heading else None,
+        end_position=float(off[-1][-1]) if off else None,
+        end_heading=float(abs(turned[-1][-1])) if turned and with_heading else None,
+        drift_position=_rms([position for position, _ in pieces]),
+        drift_heading=_rms([heading for _, heading in pieces]) if with_heading else None,
+        times=np.concatenate([np.append(one.times, np.nan) for one in stretches] or [np.zeros(0)]),
+        reference=np.vstack([row for one in stretches for row in (_xy(one.truth), gap)] or [gap]),
+        path=np.vstack([row for one in stretches for row in (_xy(one.guess), gap)] or [gap]),
+    )
+
+
+def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> list[_Stretch]:
+    layout = cut([log], np.inf, [offset])
+    offsets = np.array([offset])
+    inputs = layout.inputs(offsets)
+
+    def paths(quantities: tuple[str, ...]) -> Callable[[Array], Array]:
+        readings = SegmentReadings.logged(robot, quantities, layout.count, layout.periods)
+        return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
+
+    further = further_starts(robot, layout, offsets, parameters)
+    starts = first_starts(robot, layout, paths(log.quantities), place, further)
+    found = paths(("x", "y", "heading"))(starts)
+    read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
+    heading = read.get("heading", found[..., 2])
+    return [
+        _Stretch(
+            layout.times[row][valid],
+            (read["x"] + 1j * read["y"])[row][valid],
+            (found[row, :, 0] + 1j * found[row, :, 1])[valid],
+            heading[row][valid],
+            found[row, :, 2][valid],
+        )
+        for row, valid in enumerate(layout.valid)
+    ]
+
+
+def _aligned(
+    guess: npt.NDArray[np.complex128], truth: npt.NDArray[np.complex128]
+) -> npt.NDArray[np.complex128]:
+    # The rigid motion of least squares, without scale [Umeyama, Least-squares estimation, 1991].
+    centred, wanted = guess - guess.mean(), truth - truth.mean()
+    turn = np.exp(1j * np.angle((wanted * centred.conj()).sum()))
+    return np.asarray(turn * centred + truth.mean())
+
+
+def _pieces(one: _Stretch) -> tuple[Array, Array]:
+    # Relative pose errors per metre over successive pieces of the reference path.
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(one.truth)))])
+    if along[-1] == 0:
+        return np.zeros(0), np.zeros(0)
+    marks = [0]
+    while (after := int(np.searchsorted(along, along[marks[-1]] + PIECE))) < len(along):
+        marks.append(after)
+    if len(marks) == 1:
+        marks.append(len(along) - 1)
+    edges = np.array(marks)
+    truth, guess = (
+        np.diff(path[edges]) * np.exp(-1j * heading[edges[:-1]])
+        for path, heading in ((one.truth, one.heading), (one.guess, one.turned))
+    )
+    turned = np.diff(one.turned[edges]) - np.diff(one.heading[edges])
+    lengths = np.diff(along[edges])
+    return np.abs(guess - truth) / lengths, turned / lengths
+
+
+def _rms(parts: list[Array]) -> float | None:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None
+
+
+def _xy(path: npt.NDArray[np.complex128]) -> Array:
+    return np.column_stack([path.real, path.imag])

@@ -1,0 +1,11 @@
+from .choice import estimator_flaws as estimator_flaws
+from .choice import make_estimator as make_estimator
+from .choice import usual_estimator as usual_estimator
+from .displacements import METHODS as METHODS
+from .displacements import Heading as Heading
+from .displacements import Regression as Regression
+from .displacements import missing_noise as missing_noise
+from .estimate import Estimate as Estimate
+from .estimator import Estimator as Estimator
+from .estimator import EstimatorName as EstimatorName
+from .nonlinear import Nonlinear as Nonlinear

@@ -1,0 +1,301 @@
+"""Least squares on displacements: the paper's two stages, and what does them better.
+
+First c11, c12 from the turns [Choi, eq. 12], then c21, c22 from the displacements, with headings that are
+known, predicted by the first stage [Choi, eq. 16], or measured at every sample.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from oed.estimation.methods.bands import band_of, factor, weighted, whitened
+from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
+from oed.estimation.methods.estimate import Estimate
+from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.measured_headings import MeasuredHeadings
+from oed.estimation.methods.replicated import least_squares
+from oed.estimation.prediction.regressors import Regressors
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
+from oed.robots.sensors.displacements import Displacements
+
+Array = npt.NDArray[np.float64]
+Heading = Literal["known", "predicted", "measured"]
+
+WIDTH = 2
+"""How many rows on of a displacement's coordinate are correlated with it at most."""
+METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_variables")
+
+
+def missing_noise(measurement: Measurement, heading: Heading) -> list[str]:
+    """The noises that a simulation with such headings needs and the measurement does not give."""
+    if not isinstance(measurement, Displacements):
+        return []
+    needed = set(measurement.regressions) | (set() if heading == "known" else {"heading"})
+    return sorted(name for name in needed if getattr(measurement.noise, name) is None)
+
+
+class Regression(Estimator):
+    """Least squares on the displacements of one drive.
+
+    `ols` predicts the paper's sigma^2 (W'W)^-1, as if rows were independent and headings exact; `sandwich`
+    estimates the same and predicts its covariance under all the noise there is, to first order; `gls`
+    weights by the noise's covariance; `errors_in_variables` takes out the bias that noisy headings inside W
+    cause.
+
+    Raises:
+        ProblemError: coefficients that are not identifiable from the drive.
+    """
+
+    def __init__(
+        self, problem: Problem, trajectory: Trajectory, name: EstimatorName, heading: Heading = "known"
+    ) -> None:
+        """Compute the regressors at the true coefficients."""
+        measurement = problem.measurement
+        assert isinstance(measurement, Displacements)
+        self.name, self.heading, self.measurement = name, heading, measurement
+        self.regressors = Regressors(robot_of(problem.model), measurement, trajectory)
+        chosen = measurement.regressions
+        self.parameters = tuple(entry for block in chosen for entry in self.regressors.names[block])
+        self.true = np.concatenate([self.regressors.true[block] for block in chosen])
+        self._maps: dict[str, Array] = {}
+        self._check_rank()
+
+    @cached_property
+    def covariance(self) -> Array:
+        """The method's own formula."""
+        if self.name == "sandwich":
+            return self.linear_covariance
+        blocks = []
+        for name in self.measurement.regressions:
+            weighted = self._weighted(name)
+            inverse = np.linalg.inv(weighted.T @ weighted)
+            # Unweighed, every row counts with its own variance, as if it were independent of the others.
+            variance = self._noise(name) ** 2 if self._weights else self._covariance(name)[0, 0]
+            blocks.append(variance * inverse)
+        if self.name == "errors_in_variables":
+            blocks = [self._linear_block(name, name) for name in self.measurement.regressions]
+            if "position" in self.measurement.regressions:
+                blocks[-1] = self._corrected_covariance()
+        return np.asarray(scipy.linalg.block_diag(*blocks))
+
+    @cached_property
+    def linear_covariance(self) -> Array:
+        """First-order covariance under all the noise that is simulated."""
+        chosen = self.measurement.regressions
+        return np.asarray(
+            np.block([[self._linear_block(row, column) for column in chosen] for row in chosen])
+        )
+
+    def _linear_block(self, row: str, column: str) -> Array:
+        own = {name: self._map(name) @ self._covariance(name) @ self._map(name).T for name in {row, column}}
+        if self.heading == "predicted" and "position" in (row, column):
+            # Headings predicted from the first stage's estimates carry their errors along.
+            carried = -self._map("position") @ self.regressors.heading_effect
+            first = self._map("heading") @ self._covariance("heading") @ self._map("heading").T
+            crossed = {("position", "heading"): carried @ first, ("heading", "position"): first @ carried.T}
+            if row == column:
+                return np.asarray(own["position"] + carried @ first @ carried.T)
+            return np.asarray(crossed[row, column])
+        if row != column:
+            size = len(self.regressors.names[row])
+            return np.zeros((size, len(self.regressors.names[column])))
+        if self.heading == "measured" and row == "position":
+            turned = self._map("position") @ self._turned
+            return np.asarray(own[row] + self._noise("heading") ** 2 * turned @ turned.T)
+        return np.asarray(own[row])
+
+    def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+        """Estimates (count, p) from simulated noise, and the linear estimates from the same noise."""
+        designs, true = self.regressors.nominal_designs, self.regressors.true
+        noise = {name: self._draw(rng, name, count) for name in self._simulated}
+        linear = {name: true[name] + noise[name] @ self._map(name).T for name in noise}
+        readings = {name: noise[name] + designs[name] @ true[name] for name in noise}
+        if "position" in noise and self.heading == "predicted":
+            first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
+            linear["position"] = linear["position"] - first @ self._map("position").T
+        chosen = self.measurement.regressions
+        if "position" not in noise or self.heading != "measured":
+            return self._estimates(readings), np.hstack([linear[name] for name in chosen])
+        effect, estimates = self._map("position") @ self._turned, []
+        for own in self._measured_headings.blocks(count):
+            errors = rng.standard_normal((own.stop - own.start, self.regressors.samples))
+            errors *= self._noise("heading")
+            linear["position"][own] -= errors @ effect.T
+            estimates.append(self._estimates({name: rows[own] for name, rows in readings.items()}, errors))
+        return np.concatenate(estimates), np.hstack([linear[name] for name in chosen])
+
+    def fit(
+        self,
+        *,
+        turns: npt.ArrayLike | None = None,
+        displacements: npt.ArrayLike | None = None,
+        headings: npt.ArrayLike | None = None,
+    ) -> Estimate:
+        """Estimate from the readings of one drive.
+
+        Args:
+            turns: of the segments, (P,) [rad]; for the heading regression and for predicted headings.
+            displacements: x and y of each segment in turn, (2 P,) [m]; for the position regression.
+            headings: in the middle of every period, (N,) [rad]; where the method uses measured ones.
+
+        Raises:
+            ValueError: readings missing, of another number, or not finite.
+        """
+        given = {"heading": ("turns", turns), "position": ("displacements", displacements)}
+        designs = self.regressors.nominal_designs
+        readings = {
+            name: _readings(*given[name], expected=len(designs[name]))[None] for name in self._simulated
+        }
+        errors = None
+        if self.heading == "measured" and "position" in readings:
+            measured = _readings("headings", headings, expected=self.regressors.samples)
+            errors = (measured - self.regressors.directions)[None]
+        values = self._estimates(readings, errors)[0]
+        return Estimate(
+            parameters=self.parameters,
+            values=values,
+            covariance=self.covariance,
+            residuals=self._residuals(readings, errors, values),
+        )
+
+    def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:
+        # In units of the noise, against the design with the headings that were used.
+        parts, first = [], 0
+        for name in self.measurement.regressions:
+            design = self.regressors.nominal_designs[name]
+            if name == "position" and self.heading == "predicted":
+                turned = readings["heading"] @ self._map("heading").T
+                design = self.regressors.predicted_positions(turned)[0]
+            elif name == "position" and errors is not None:
+                design = self._measured_headings.designs(errors)[:, :, 0]
+            own = values[first : first + design.shape[1]]
+            first += design.shape[1]
+            left = (readings[name][0] - design @ own) / self._noise(name)
+            parts.append(whitened(self._roots[name], left[:, None])[:, 0])
+        return np.concatenate(parts)
+
+    def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
+        # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.
+        found = {name: rows @ self._map(name).T for name, rows in readings.items()}
+        if "position" in found and self.heading == "predicted":
+            designs = self.regressors.predicted_positions(found["heading"]).transpose(1, 2, 0)
+            found["position"] = self._least_squares(designs, readings["position"].T)
+        if errors is not None:
+            found["position"] = self._with_measured_headings(errors, readings["position"].T)
+        return np.hstack([found[name] for name in self.measurement.regressions])
+
+    def _with_measured_headings(self, errors: Array, measured: Array) -> Array:
+        designs = self._measured_headings.designs(errors)
+        if self.name == "errors_in_variables":
+            return corrected(designs, measured, self.regressors.per_sample, self._noise("heading"))
+        return self._least_squares(designs, measured)
+
+    def _corrected_covariance(self) -> Array:
+        edges = self.regressors.edges
+        return corrected_covariance(
+            self.regressors.per_sample[:, 0] + 1j * self.regressors.per_sample[:, 1],
+            edges,
+            self.regressors.true["position"],
+            heading_noise=self._noise("heading"),
+            spread=self.regressors.nominal_designs["position"].T
+            @ self._covariance("position")
+            @ self.regressors.nominal_designs["position"],
+            variance=float(self._covariance("position")[0, 0]),
+        )
+
+    @property
+    def _simulated(self) -> tuple[str, ...]:
+        # The two-stage estimator needs the turns even where only positions are asked for.
+        chosen = self.measurement.regressions
+        first = self.heading == "predicted" and "heading" not in chosen
+        return ("heading", *chosen) if first else chosen
+
+    def _noise(self, name: str) -> float:
+        return float(getattr(self.measurement.noise, name) or 0.0)
+
+    def _spread(self, name: str) -> Any:
+        # D (rows, draws) of noise sigma D z, z white: neighbours share the error of the pose between them.
+        rows = len(self.regressors.nominal_designs[name])
+        if self.measurement.noise_model == "increments":
+            return scipy.sparse.eye_array(rows, format="csr")
+        coordinates, runs = 2 if name == "position" else 1, self.regressors.trajectory.runs
+        segments = rows // coordinates // runs
+        steps = scipy.sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(segments, segments + 1))
+        one_run = scipy.sparse.kron(steps, scipy.sparse.eye_array(coordinates))
+        return scipy.sparse.kron(scipy.sparse.eye_array(runs), one_run, format="csr")
+
+    def _covariance(self, name: str) -> Array:
+        spread = self._noise(name) * self._spread(name)
+        return np.asarray((spread @ spread.T).toarray())
+
+    def _draw(self, rng: np.random.Generator, name: str, count: int) -> Array:
+        spread = self._spread(name)
+        return np.asarray(self._noise(name) * (rng.standard_normal((count, spread.shape[1])) @ spread.T))
+
+    @cached_property
+    def _roots(self) -> dict[str, Array]:
+        # Bands of the noise's covariance, its size apart, as factors of which rows are whitened.
+        spreads = {name: self._spread(name) for name in ("heading", "position")}
+        return {name: factor(band_of(spread @ spread.T, WIDTH)) for name, spread in spreads.items()}
+
+    @property
+    def _weights(self) -> bool:
+        return self.name == "gls" and self.measurement.noise_model == "absolute"
+
+    def _weighted(self, name: str) -> Array:
+        design = self.regressors.nominal_designs[name]
+        return whitened(self._roots[name], design) if self._weights else design
+
+    def _map(self, name: str) -> Array:
+        # (q, rows): the estimator at the true design, from readings to coefficients.
+        if name not in self._maps:
+            inverse = np.asarray(np.linalg.pinv(self._weighted(name)).T, dtype=float)
+            self._maps[name] = (weighted(self._roots[name], inverse) if self._weights else inverse).T
+        return self._maps[name]
+
+    def _least_squares(self, designs: Array, measured: Array) -> Array:
+        # Of replicates, (2 P, q, R) and (2 P, R).
+        if self._weights:
+            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
+            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
+        return least_squares(designs, measured)
+
+    @cached_property
+    def _turned(self) -> Array:
+        # (2 P, N): how a heading's error at one sample moves the displacement computed for its segment.
+        moves = self.regressors.per_sample @ self.regressors.true["position"]
+        samples, edges = len(moves), self.regressors.edges
+        segment = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
+        matrix = np.zeros((2 * (len(edges) - 1), samples))
+        matrix[2 * segment, np.arange(samples)] = -moves[:, 1]
+        matrix[2 * segment + 1, np.arange(samples)] = moves[:, 0]
+        return matrix
+
+    @cached_property
+    def _measured_headings(self) -> MeasuredHeadings:
+        return MeasuredHeadings(self.regressors.per_sample, self.regressors.edges)
+
+    def _check_rank(self) -> None:
+        for name in self._simulated:
+            design = self.regressors.nominal_designs[name]
+            if not SquareRoot.of_rows(design).complete:
+                names = ", ".join(self.regressors.names[name])
+                text = f"the drive does not identify {names}; nothing to simulate"
+                raise ProblemError([Flaw(("validation",), text)])
+
+
+def _readings(what: str, values: npt.ArrayLike | None, *, expected: int) -> Array:
+    array = np.zeros(0) if values is None else np.asarray(values, dtype=float).ravel()
+    if len(array) != expected or not np.all(np.isfinite(array)):
+        raise ValueError(f"expected {expected} finite {what}, got {len(array)}")
+    return array

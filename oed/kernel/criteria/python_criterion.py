@@ -1,0 +1,37 @@
+"""A criterion of the user's own, named in a study by where its class stands."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import ConfigDict
+
+from oed.foundation.component import Component
+from oed.foundation.own.part import OwnPart
+from oed.kernel.criteria.criterion import Criterion
+
+
+class CriterionDescription(Component):
+    """What a criterion of the user's own says of itself."""
+
+    kind: str | None = None
+    number: str | None = None
+    definition: str | None = None
+    share: str | None = None
+    asks_about: str | None = None
+    conceded: str | None = None
+    proportional: bool | None = None
+
+
+class PythonCriterion(OwnPart, Criterion):
+    """The criterion that `object` ("my_module:MyCriterion") makes of all further keys."""
+
+    model_config = ConfigDict(extra="allow")
+
+    noun = "criterion"
+    kind: Literal["python"] = "python"
+    described: CriterionDescription | None = None
+
+    def efficiency(self, value: float, best: float, size: int) -> float | None:
+        """How many repetitions of the best design are worth one of this; None unless repetitions add up."""
+        return super().efficiency(value, best, size) if self.proportional else None

@@ -1,0 +1,169 @@
+"""Dead reckoning of logs that the estimate does not know, before and after, and the paths that it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from oed.foundation.text import count, significant, unit_text, words
+from oed.records.stored.estimate import EstimateRecord, Reckoned, ReckonedPath, UnseenLogs
+from oed.report.estimate.logs import MOST_ROWS
+from oed.report.parts.prose import Prose
+from oed.report.parts.rounding import own_unit, scaled, sized, to_error
+from oed.report.parts.section import Picture, Section
+from oed.report.parts.tables import Cell, Column, Table
+
+SAY = Prose("estimate/dead_reckoning")
+MEASURES = (
+    ("position", "rmse_position", "m"),
+    ("heading", "rmse_heading", "rad"),
+    ("drift", "drift_position", "m/m"),
+    ("turning drift", "drift_heading", "rad/m"),
+)
+"""Title, name and unit of the errors that are shown before and after."""
+MOST_PATHS = 6
+"""Paths that are drawn."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Dead reckoning of one log, with nominal and with estimated parameters."""
+
+    log: str
+    before: Reckoned
+    after: Reckoned
+
+    def pair(self, name: str) -> tuple[float, float] | None:
+        """An error before and after; None unless both are known."""
+        before, after = getattr(self.before, name), getattr(self.after, name)
+        return None if before is None or after is None else (before, after)
+
+
+def tested(logs: UnseenLogs | None) -> list[Run]:
+    """Logs that an estimate does not know, one by one."""
+    return [] if logs is None else list(map(Run, logs.logs, logs.before, logs.after))
+
+
+def folds_of(record: EstimateRecord) -> list[Run]:
+    """Every log against the estimate from the others."""
+    return [run for fold in record.cross_validation for run in tested(fold)]
+
+
+def one_by_one(record: EstimateRecord) -> bool:
+    """Whether every fold is a single log."""
+    return all(len(fold.logs) == 1 for fold in record.cross_validation)
+
+
+def means(runs: Sequence[Run], name: str) -> tuple[float, float] | None:
+    """An error before and after, mean of the runs that have it."""
+    pairs = [pair for run in runs if (pair := run.pair(name)) is not None]
+    if not pairs:
+        return None
+    before, after = zip(*pairs, strict=True)
+    return sum(before) / len(pairs), sum(after) / len(pairs)
+
+
+def validation(record: EstimateRecord) -> Section | None:
+    """Tables of the test set and of cross-validation; None where there are neither."""
+    caption = SAY("folds", len(record.cross_validation), one_by_one(record))
+    tables = (
+        _errors(tested(record.test_set), "Test set, by the estimate from all other logs"),
+        _errors(folds_of(record), caption),
+        _parameters(record),
+    )
+    found = tuple(table for table in tables if table is not None)
+    if not found:
+        return None
+    return Section("Cross-validation and test set", paragraphs=(SAY("errors"),), tables=found)
+
+
+def _errors(runs: Sequence[Run], caption: str) -> Table | None:
+    known = [one for one in MEASURES if means(runs, one[1]) is not None]
+    if not known:
+        return None
+    scales = {key: sized(title, _both(runs, key), unit) for title, key, unit in known}
+    factors = {key: factor for key, (_, factor) in scales.items()}
+    shown, rest = _worst_first(runs)
+    rows = [_row(run.log, [run], factors) for run in shown]
+    if rest:
+        caption += SAY("worst", len(shown), len(runs))
+        rows.append(_row(f"and {len(rest)} more, on average", rest, factors))
+    if len(runs) > 1:
+        rows.append(_row(f"mean of all {len(runs)}", runs, factors))
+    columns = [Column("log"), Column("path", "m", significant(3))]
+    for column, _ in scales.values():
+        columns += [
+            Column(f"{column.title} {when}", column.unit, column.form) for when in ("before", "after")
+        ]
+    return Table(tuple(columns), tuple(rows), caption)
+
+
+def _both(runs: Sequence[Run], key: str) -> list[float | None]:
+    return [value for run in runs for value in run.pair(key) or ()]
+
+
+def _worst_first(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
+    if len(runs) <= MOST_ROWS:
+        return list(runs), []
+    order = sorted(runs, key=lambda run: -(run.pair("rmse_position") or (0.0, 0.0))[1])
+    return order[:MOST_ROWS], order[MOST_ROWS:]
+
+
+def _row(name: str, runs: Sequence[Run], factors: Mapping[str, float]) -> tuple[Cell, ...]:
+    cells: list[Cell] = []
+    for key, factor in factors.items():
+        cells += [scaled(value, factor) for value in means(runs, key) or (None, None)]
+    length = means(runs, "length")
+    return name, None if length is None else length[0], *cells
+
+
+def _parameters(record: EstimateRecord) -> Table | None:
+    named = [(_name(fold), _values(fold, record)) for fold in record.cross_validation]
+    if not named or not all(values for _, values in named):
+        return None
+    named.append(("nothing", {one.name: one.value for one in record.parameters}))
+    columns = [Column("left out")]
+    for one in record.parameters:
+        columns.append(Column(words(one.name), unit_text(own_unit(one.unit)[0]), significant(5)))
+    rows = tuple((name, *_estimates(values, record)) for name, values in named)
+    what = "each log" if one_by_one(record) else "each part of the logs"
+    return Table(tuple(columns), rows, f"Estimates without {what} in turn")
+
+
+def _estimates(values: Mapping[str, float | None], record: EstimateRecord) -> list[str]:
+    return [
+        to_error(values.get(one.name), one.standard_error, own_unit(one.unit)[1]) for one in record.parameters
+    ]
+
+
+def _values(fold: UnseenLogs, record: EstimateRecord) -> Mapping[str, float | None]:
+    # By name, or in the order of the parameters where all of the robot's were estimated.
+    given = fold.parameters or []
+    if isinstance(given, Mapping):
+        return given
+    names = [one.name for one in record.parameters]
+    return dict(zip(names, given, strict=True)) if len(given) == len(names) else {}
+
+
+def _name(fold: UnseenLogs) -> str:
+    names = fold.logs
+    return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]} ({count(len(names), 'log')})"
+
+
+def paths(record: EstimateRecord) -> Section | None:
+    """Paths of logs that the estimate does not know, else of its own; None where there are no positions."""
+    drawn = [one for one in record.paths if one.drawable][:MOST_PATHS]
+    if not drawn:
+        return None
+    alt = "Driven paths beside dead reckoning with nominal and with estimated parameters"
+    roles = sorted({str(one.role) for one in record.paths[: len(drawn)]})
+    picture = Picture("estimate_paths", alt, SAY("paths"), partial(_draw, drawn))
+    return Section("Driven paths", paragraphs=(SAY("drawn", roles),), figures=(picture,))
+
+
+def _draw(drawn: Sequence[ReckonedPath]) -> Any:
+    from oed.report.figures import estimate_figures
+
+    return estimate_figures.paths(drawn)

@@ -1,0 +1,104 @@
+"""Limits on the inputs: wheels' speeds and steered wheels' angles, and how fast these change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_flaws
+
+SpeedPair = Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
+AccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "20 rad/s^2")]
+JerkPair = Annotated[tuple[float, float], TwoSided("rad/s^3", "100 rad/s^3")]
+AnglePair = Annotated[tuple[float, float], TwoSided("rad", "40 deg")]
+RatePair = Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
+
+
+class DerivativeLimit(InputLimit):
+    """A limit on all inputs of one quantity, or on their rates."""
+
+    order: ClassVar[Literal[0, 1, 2]]
+    """Which derivative of the inputs is limited: 0 for themselves."""
+
+    def rows(self, drive: Drive) -> Rows:
+        """One row per input and value that bounds the derivative."""
+        return self.bounded(
+            (drive.input_values, drive.input_rates, drive.input_jerks)[self.order], drive.system
+        )
+
+    def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
+        """The bounds of a limit on the inputs themselves, by the inputs' names."""
+        return {} if self.order else self.bounds_by_name(system)
+
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
+        """The bounds of a limit on the inputs' rates, by the inputs' names."""
+        return self.bounds_by_name(system) if self.order == 1 else {}
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """No such inputs, splines without that derivative, bounds without rest or beyond the equations."""
+        if space.spline.degree < 2 and self.order == 2:
+            text = f"a degree-{space.spline.degree} spline has no jerk; take spline.degree 2 or more"
+            return [Flaw(("limits", self.name), text)]
+        flaws = super().flaws(system, space)
+        if flaws or self.order:
+            return flaws
+        return rest_flaws(self, self.bounds_by_name(system).values(), self.unit, space) + self._beyond(system)
+
+    def _beyond(self, system: System) -> list[Flaw]:
+        below = {entry.name: entry.below for entry in system.inputs}
+        pairs = self.bounds_by_name(system).items()
+        far = [name for name, pair in pairs if max(map(abs, pair)) >= below[name]]
+        if not far:
+            return []
+        text = f"must stay below {below[far[0]]:.4g} {self.unit}, or {label_of(system)} cannot roll"
+        return [Flaw(("limits", self.name), f"{', '.join(far)} {text}")]
+
+
+class WheelSpeed(DerivativeLimit):
+    """Every wheel's speed within its bounds [rad/s]."""
+
+    name, quantity, unit, order = "wheel_speed", "wheel_speed", "rad/s", 0
+    bounds: SpeedPair | None = None
+    each: Mapping[str, SpeedPair] | None = None
+
+
+class WheelAcceleration(DerivativeLimit):
+    """Every wheel's acceleration within its bounds [rad/s^2]."""
+
+    name, quantity, unit, order = "wheel_acceleration", "wheel_speed", "rad/s^2", 1
+    bounds: AccelerationPair | None = None
+    each: Mapping[str, AccelerationPair] | None = None
+
+
+class WheelJerk(DerivativeLimit):
+    """The rate of every wheel's acceleration within its bounds [rad/s^3].
+
+    A drive of trapezoids, whose accelerations jump, has the jumps over one period as its jerk, those from
+    rest and to rest included.
+    """
+
+    name, quantity, unit, order = "wheel_jerk", "wheel_speed", "rad/s^3", 2
+    bounds: JerkPair | None = None
+    each: Mapping[str, JerkPair] | None = None
+
+
+class SteeringAngle(DerivativeLimit):
+    """Every steering angle within its bounds [rad]."""
+
+    name, quantity, unit, order = "steering_angle", "steering_angle", "rad", 0
+    in_degrees = True
+    bounds: AnglePair | None = None
+    each: Mapping[str, AnglePair] | None = None
+
+
+class SteeringRate(DerivativeLimit):
+    """The rate of every steering angle within its bounds [rad/s]."""
+
+    name, quantity, unit, order = "steering_rate", "steering_angle", "rad/s", 1
+    in_degrees = True
+    bounds: RatePair | None = None
+    each: Mapping[str, RatePair] | None = None

@@ -1,0 +1,150 @@
+"""Parts of the user's own are tried where a study names them: each is asked once for all it will be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from pydantic import BaseModel
+
+from oed.foundation.errors import Flaw
+from oed.foundation.own.code import in_words, lent_streams
+from oed.foundation.own.part import OwnCodeError, is_own
+from oed.foundation.own.place import place_of
+from oed.foundation.shown import written
+from oed.kernel.criteria import CRITERIA, Criterion, Epigraph
+from oed.kernel.dynamics.rollout import drive_shape
+from oed.kernel.dynamics.system import System, signaller
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
+from oed.kernel.problem import Problem
+from oed.robots.space import DesignSpace
+
+Key = tuple[str | int, ...]
+
+
+def components(part: Any, key: Key = ()) -> Iterator[tuple[Key, BaseModel]]:
+    """A part of a study, and all parts that it has in turn, with their keys."""
+    if isinstance(part, BaseModel):
+        yield key, part
+        for name in type(part).model_fields:
+            yield from components(getattr(part, name), (*key, name))
+    elif isinstance(part, tuple | list):
+        for place, one in enumerate(part):
+            yield from components(one, (*key, place))
+
+
+def measurement_flaws(file: Any) -> list[Flaw]:
+    """What is wrong with measurements of the user's own, before a problem is made of them.
+
+    Args:
+        file: the study, its robot and design space sound.
+    """
+    space = file.trajectory
+    system = file.robot.system(space.integration)
+    return _flaws(file, Sensor, lambda one: _try_sensor(one, system)) or _flaws(
+        file, Measurement, lambda one: _try_measurement(one, system, space)
+    )
+
+
+def judge_flaws(file: Any, problem: Problem) -> list[Flaw]:
+    """What is wrong with criteria and limits of the user's own.
+
+    Args:
+        file: the study.
+        problem: the one made of it.
+    """
+    return [
+        *_flaws(file, Criterion, lambda one: _try_criterion(one, problem)),
+        *_flaws(file, Limit, lambda one: _try_limit(one, problem)),
+    ]
+
+
+def code_flaw(file: Any, error: OwnCodeError) -> Flaw:
+    """Code of the user's own that failed, by the key that names it."""
+    keys = [key for key, part in components(file) if is_own(part) and place_of(type(part))[0] == error.object]
+    return Flaw(keys[0] if keys else (), str(error))
+
+
+def _flaws(file: Any, family: type, trial: Callable[[Any], None]) -> list[Flaw]:
+    found = []
+    for key, part in components(file):
+        if is_own(part) and isinstance(part, family):
+            try:
+                with lent_streams():
+                    trial(part)
+            except KeyboardInterrupt:
+                raise
+            except OwnCodeError as error:
+                found.append(Flaw(key, str(error)))
+            except BaseException as error:
+                # Whatever it is, even one that ends programs without a word.
+                found.append(Flaw(key, f"{place_of(type(part))[0]} does not work: {in_words(error)}"))
+    return found
+
+
+def _try_sensor(sensor: Sensor, system: System) -> None:
+    own = {one.name: ca.SX.sym(one.name) for one in sensor.nuisances}
+    state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
+    function = signaller(system)
+    signals = {name: ca.SX.sym(name, function.size1_out(name)) for name in function.name_out()}
+    moment = Moment(system, state, inputs, signals, own)
+    rows = _shape("reading", sensor.reading(moment), (None, 1))[0]
+    _shape("whitening", sensor.whitening(moment), (rows, rows))
+    if len(sensor.units) not in (0, rows):
+        raise ValueError(f"units: expected {rows}, one of each entry of a reading, got {len(sensor.units)}")
+    for text in (sensor.subject, sensor.noise_text, sensor.remark, sensor.brief(1), sensor.sentence(1)):
+        _require("what it says of itself", text, str)
+    moment_reading(sensor, system)
+
+
+def _try_measurement(measurement: Measurement, system: System, space: DesignSpace) -> None:
+    drive = drive_shape(system, samples=space.samples, runs=space.runs, period=space.period)
+    blocks = measurement.blocks(drive)
+    _require("blocks", blocks, tuple)
+    for block in blocks:
+        _require("blocks", block, Block)
+
+
+def _try_criterion(criterion: Criterion, problem: Problem) -> None:
+    if criterion.kind in [one.model_fields["kind"].default for one in CRITERIA]:
+        raise ValueError(f"kind: expected a name of its own, got {criterion.kind!r}, which is another one's")
+    sizes = [len(one.judged) for one in problem.any_estimations]
+    about = problem.told(criterion)
+    value = np.asarray(about.value([np.eye(size) for size in sizes]), dtype=float)
+    if value.shape != () or np.isnan(value):
+        raise ValueError(f"value: expected one number for one matrix of each block, got {written(value)}")
+    smooth = about.epigraph([ca.SX.sym("M", size, size) for size in sizes])
+    _require("epigraph", smooth, Epigraph)
+    _shape("epigraph's objective", smooth.objective, (1, 1))
+    _require("meaning", about.meaning, str)
+
+
+def _try_limit(limit: Limit, problem: Problem) -> None:
+    space = problem.design
+    drive = drive_shape(problem.robot, samples=space.samples, runs=space.runs, period=space.period)
+    rows = limit.rows(drive)
+    _require("rows", rows, Rows)
+    count = ca.MX(rows.expression).numel()
+    for name, bounds in (("lower", rows.lower), ("upper", rows.upper)):
+        if np.shape(bounds) != (count,):
+            raise ValueError(
+                f"rows: expected {count} of {name}, as of its expression, got {np.shape(bounds)}"
+            )
+
+
+def _shape(what: str, value: Any, expected: tuple[int | None, int]) -> tuple[int, int]:
+    # Any number for None.
+    shape: tuple[int, int] = ca.SX(value).shape
+    if any(want is not None and want != came for want, came in zip(expected, shape, strict=True)):
+        text = ", ".join("n" if want is None else str(want) for want in expected)
+        raise ValueError(f"{what}: expected ({text}), got {shape}")
+    return shape
+
+
+def _require(what: str, value: Any, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{what}: expected {kind.__name__}, got {written(value)}")

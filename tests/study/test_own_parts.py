@@ -1,0 +1,285 @@
+"""Sensors, criteria and limits of the user's own: from YAML and Python, saved, read again, reported again."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_parts import OWN_PARTS
+
+import oed
+from oed.cli import main
+from oed.foundation.errors import RecordError, StudyError, UserMistake
+from oed.foundation.own import modules
+from oed.kernel.criteria import PythonCriterion
+from oed.records.record import load_record, save_record
+from oed.records.recorded_study import recorded_study
+from oed.report.page import sections_of
+from oed.robots.sensors import PythonSensor
+from oed.study.study import Study
+from oed.workflow.experiments import validated, validation_options
+from oed.workflow.runner import run
+from oed.workflow.studies import load_study, parse_study
+
+STUDY = """\
+format: 1
+name: All of it my own
+robot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}
+trajectory: {duration: 8 s, samples: 20, spline: {coefficients: 6}}
+measurement:
+  - {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
+  - {kind: python, object: own:Compass, noise: 0.02, every: 2}
+limits:
+  wheel_speed: 6 rad/s
+  own:
+    - {kind: python, object: own:Strip, half_width: 0.3}
+criterion: {kind: python, object: own:LogSmallest}
+solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
+baselines: [straight]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield tmp_path
+    forget()
+
+
+def forget() -> None:
+    """Let modules be read anew, as another process would."""
+    for name in [name for name in sys.modules if name.startswith(modules.PREFIX)]:
+        del sys.modules[name]
+    modules._packages.clear()
+
+
+def load(folder: Path, text: str = STUDY, module: str = OWN_PARTS) -> Study:
+    (folder / "own.py").write_text(module)
+    (folder / "study.yaml").write_text(text)
+    return load_study(folder / "study.yaml")
+
+
+def saved(folder: Path) -> Path:
+    """A run of such a study, saved, whose code has not been run since."""
+    run(load(folder), folder / "out", workers=1)
+    (folder / "was_run").unlink()
+    forget()
+    return folder / "out"
+
+
+def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(folder: Path) -> None:
+    fresh = run(load(folder), folder / "out", workers=1)
+    best = fresh.best
+    assert best is not None
+    by_e = load(folder, STUDY.replace("python, object: own:LogSmallest", "E")).problem
+    assert best.objective == pytest.approx(np.log(oed.evaluate(by_e, best.drive.trajectory).objective))
+    assert {margin.limit for margin in best.margins} >= {"wheel_speed", "strip"}
+    assert np.abs(np.array(best.drive.poses)[:, 1]).max() <= 0.3 * 1.001
+
+    again = load_record(folder / "out")
+    assert again.data == json.loads(fresh.to_json())
+    study = recorded_study(again, trust=True)
+    assert study.problem.measurement == load(folder).problem.measurement
+    assert oed.evaluate(study.problem, best.drive.trajectory).objective == pytest.approx(best.objective)
+
+
+def test_its_echo_is_the_same_study(folder: Path) -> None:
+    study = load(folder)
+    again = parse_study(json.dumps(study.echo()))
+    for part in ("measurement", "limits", "criterion"):
+        assert getattr(again.problem, part) == getattr(study.problem, part)
+    assert again.echo() == study.echo()
+
+
+def test_no_code_is_run_to_report_again(folder: Path) -> None:
+    place = saved(folder)
+    assert main(["report", str(place)]) == 0
+    assert not (folder / "was_run").exists()
+    text = (place / "report.md").read_text()
+    assert "the compass at every 2nd sample (11 times) with a standard deviation of 1.146 deg" in text
+    assert "The criterion is log smallest, the logarithm of the smallest eigenvalue" in text
+
+
+def test_the_page_is_the_same_with_and_without_the_code(folder: Path) -> None:
+    fresh = run(load(folder), folder / "out", workers=1)
+    read = load_record(folder / "out")
+    for mine, other in zip(sections_of(fresh), sections_of(read), strict=True):
+        assert (mine.title, mine.paragraphs) == (other.title, other.paragraphs)
+        assert [table.rows for table in mine.tables] == [table.rows for table in other.tables]
+
+
+def test_code_is_run_for_who_trusts_it_only(folder: Path) -> None:
+    place = saved(folder)
+    record = load_record(place)
+    with pytest.raises(RecordError) as caught:
+        validated(record, validation_options(record, replicates=100))
+    keys = [flaw.key for flaw in caught.value.flaws]
+    assert keys == ["study.measurement.sensors.1", "study.limits.own.0", "study.criterion"]
+    assert all(
+        "own.py, and would be run; read it, and if you trust it" in str(one) for one in caught.value.flaws
+    )
+    assert not (folder / "was_run").exists()
+    assert validated(record, validation_options(record, replicates=100), trust=True, workers=1)
+    assert (folder / "was_run").exists()
+
+
+def test_what_needs_the_code_says_so(folder: Path) -> None:
+    (sensor,) = load_record(saved(folder)).study.measurement.joint_sensors[1:]
+    assert isinstance(sensor, PythonSensor)
+    assert sensor.columns(20) == list(range(0, 21, 2))
+    with pytest.raises(UserMistake, match=r"own:Compass is code, of .*own\.py, and was not run"):
+        sensor.reading(None)
+
+
+def test_parts_survive_pickling(folder: Path) -> None:
+    problem = load(folder).problem
+    again = pickle.loads(pickle.dumps(problem))
+    assert (again.measurement, again.criterion) == (problem.measurement, problem.criterion)
+    assert again.limits == problem.limits
+
+
+@pytest.mark.slow
+def test_the_number_of_workers_changes_nothing(folder: Path) -> None:
+    study = load(folder)
+    solver = study.solvers[0].model_copy(update={"starts": 2})
+    found = [oed.solve(study.problem, solver, seed=1, workers=workers) for workers in (1, 2)]
+    assert found[0].evaluation.objective == found[1].evaluation.objective
+
+
+class TestFromPython:
+    """Parts that a program makes are saved by where their classes stand."""
+
+    def study(self, folder: Path) -> Study:
+        sys.path.insert(0, str(folder))
+        (folder / "my_parts.py").write_text(OWN_PARTS)
+        sys.modules.pop("my_parts", None)
+        import my_parts
+
+        plain = load(folder, STUDY.replace("python, object: own:Compass", "yaw_rate"))
+        parts = {
+            "measurement": my_parts.Compass(noise=0.03),
+            "criterion": my_parts.LogSmallest(subset=("track",)),
+            "limits": type(plain.file.limits)(wheel_speed=6, own=(my_parts.Strip(half_width=0.3),)),
+        }
+        file = plain.file.model_copy(update=parts)
+        limits = (plain.problem.limits[0], parts["limits"].own[0])
+        problem = replace(plain.problem, **{**parts, "limits": limits})
+        return replace(plain, file=file, problem=replace(problem, estimate=("track",)))
+
+    def test_they_are_saved_and_reported_again(self, folder: Path) -> None:
+        study = self.study(folder)
+        file = study.file.model_copy(update={"estimate": ("track",)})
+        fresh = run(replace(study, file=file), folder / "out", workers=1)
+        echo = fresh.data["study"]
+        assert echo["measurement"]["object"] == "my_parts:Compass"
+        assert echo["measurement"]["folder"] == str(folder)
+        assert echo["criterion"]["described"]["kind"] == "log_smallest"
+        read = load_record(folder / "out")
+        assert [part.paragraphs for part in sections_of(read)] == [
+            part.paragraphs for part in sections_of(fresh)
+        ]
+        again = recorded_study(read, trust=True).problem
+        assert again.measurement.noise == 0.03
+        assert again.criterion.subset == ("track",)
+        assert again.limits[1].half_width == 0.3
+
+    def test_a_class_that_no_file_holds_is_saved_all_the_same(self, folder: Path) -> None:
+        class Local(oed.E):
+            kind: str = "local"
+
+        plain = load(folder, STUDY.replace("python, object: own:LogSmallest", "E"))
+        study = replace(
+            plain,
+            file=plain.file.model_copy(update={"criterion": Local()}),
+            problem=replace(plain.problem, criterion=Local()),
+        )
+        save_record(run(study, workers=1), folder / "out")
+        read = load_record(folder / "out")
+        assert isinstance(read.study.criterion, PythonCriterion)
+        assert sections_of(read)
+        with pytest.raises(RecordError, match=r"study\.criterion: .*test_own_parts has no .*Local"):
+            recorded_study(read, trust=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("own:Compass", "own:Strip", "measurement.1", "inherits from oed.Sensor"),
+        (
+            "own:Strip",
+            "own:Compass",
+            "limits.own.0",
+            "own:Compass is no limit: expected a class",
+        ),
+        ("own:LogSmallest", "own:Nothing", "criterion", "own has no Nothing"),
+        ("own:LogSmallest", "nowhere:E", "criterion", "no module nowhere in "),
+        ("noise: 0.02", "nois: 0.02", "measurement.1", "nois: Extra inputs are not permitted"),
+        ("half_width: 0.3", "half_width: wide", "limits.own.0", "half_width: Input should be a valid number"),
+        ("{kind: python, object: own:Strip", "{object: own:Strip", "limits.own.0.kind", "missing"),
+    ],
+)
+def test_mistakes_are_named_with_their_key(folder: Path, old: str, new: str, key: str, words: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        load(folder, STUDY.replace(old, new))
+    (flaw,) = caught.value.flaws
+    assert flaw.key == key
+    assert flaw.line > 4
+    assert words in flaw.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("moment.pose[2] +", "moment.pose[:2] +", "measurement", "whitening: expected (2, 2), got (1, 1)"),
+        ("moment.pose[2] +", "None +", "measurement", "own:Compass: reading: TypeError"),
+        ('moment.nuisances["north"]', 'moment.nuisances["x"]', "measurement", "KeyError: 'x' (own.py, line "),
+        ("ca.SX(1 / self.noise)", "1 / 0", "measurement", "whitening: ZeroDivisionError"),
+        (
+            'ClassVar = ("rad",)',
+            'ClassVar = ("rad", "m")',
+            "measurement",
+            "units: expected 1, one of each entry",
+        ),
+        (
+            'kind: Literal["log_smallest"] = "log_smallest"',
+            "",
+            "criterion",
+            "expected a name of its own, got 'E'",
+        ),
+        ("np.log(super()", "exit(super()", "criterion", "own:LogSmallest: judge: SystemExit"),
+        (
+            "np.log(super().judge(information))",
+            "'much'",
+            "criterion",
+            "LogSmallest does not work: ValueError",
+        ),
+        ("np.log(super().judge(information))", "np.ones(3)", "criterion", "value: expected one number"),
+        ("oed.Rows(y,", "oed.Rows(y[1:],", "limits", "expected 20 of lower, as of its expression, got (21,)"),
+        ("return oed.Rows(", "return (", "limits", "rows: expected Rows, got "),
+        ("drive.path[:, 1]", "drive.path[:, 7]", "limits", "own:Strip: rows: RuntimeError"),
+    ],
+)
+def test_a_part_that_does_not_work_is_named_where_it_is(
+    folder: Path, old: str, new: str, key: str, words: str
+) -> None:
+    assert old in OWN_PARTS
+    with pytest.raises(StudyError) as caught:
+        load(folder, module=OWN_PARTS.replace(old, new))
+    (flaw,) = caught.value.flaws
+    assert flaw.key.startswith(key)
+    assert flaw.line > 4
+    assert words in flaw.message
+    assert "\n" not in flaw.message
+
+
+def test_what_fails_later_is_named_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    criterion = load(folder).problem.criterion
+    monkeypatch.setattr(type(criterion).__mro__[1], "judge", lambda *_: sys.exit(3))
+    with pytest.raises(UserMistake, match="own:LogSmallest: judge: SystemExit: 3"):
+        criterion.value([np.eye(2)])
