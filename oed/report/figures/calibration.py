@@ -3,62 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from oed.records.stored.estimate import ReckonedPath
+from oed.report.figures import spec
 from oed.report.figures.residuals import Readings, Residuals
-from oed.report.figures.spec import (
-    FAINT,
-    FIRST,
-    INK,
-    WIDTH,
-    Array,
-    Axis,
-    Bars,
-    Dots,
-    Key,
-    Legend,
-    Limit,
-    Line,
-    Look,
-    Note,
-    Panel,
-    Part,
-    Plot,
-)
+from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Array, Look, mark, stroke
 
 SHADES = (FIRST, "#8fa9c2")
 """Of logs one after the other."""
-SIZE: Look = {"color": INK, "linewidth": 1.2, "marker": "o", "markersize": 3, "zorder": 5}
-EXPECTED: Look = {"color": "#b35c00", "linestyle": (0, (4, 2)), "linewidth": 1.2, "zorder": 4}
-BEYOND: dict[str, Any] = {"markersize": 3, "color": INK, "linestyle": "none", "zorder": 3}
+SIZE = {**mark("o", 3, INK, 1.0, 5), "color": INK, "linestyle": "-", "linewidth": 1.2}
+EXPECTED = stroke("#b35c00", 1.2, 4, (4, 2))
 NUMBER: Look = {"ha": "center", "va": "bottom", "fontsize": "small", "color": FAINT}
 PATHS: dict[str, Look] = {
-    "reference": {"color": INK, "linestyle": "-", "linewidth": 1.0, "zorder": 2},
-    "dead reckoning, nominal": {
-        "color": "#e07b00",
-        "linestyle": (0, (4, 1.8)),
-        "linewidth": 1.2,
-        "zorder": 3,
-    },
-    "dead reckoning, estimated": {
-        "color": "#2f7fc4",
-        "linestyle": (0, (1.2, 1.1)),
-        "linewidth": 1.7,
-        "zorder": 4,
-    },
+    "reference": stroke(INK, 1.0, 2),
+    "dead reckoning, nominal": stroke(SECOND, 1.2, 3, (4, 1.8)),
+    "dead reckoning, estimated": stroke("#2f7fc4", 1.7, 4, (1.2, 1.1)),
 }
 """Measured, and before and after the estimate."""
-START: Look = {
-    "marker": "o",
-    "markersize": 5,
-    "markerfacecolor": "white",
-    "markeredgecolor": INK,
-    "linestyle": "none",
-    "zorder": 5,
-}
+START = mark("o", 5, "white", 1.0, 5)
 SPREAD = 7.0
 """Typical sizes of residuals beyond which they are drawn as triangles."""
 MOST_DOTS = 1000
@@ -71,7 +35,7 @@ TITLES = (10.0, 9.5, 8.5)
 """Sizes of titles by the number of columns."""
 
 
-def residuals(one: Residuals) -> Plot:
+def residuals(one: Residuals) -> spec.Plot:
     """Residuals over time, quantity by quantity, and below against speed, a normal and later residuals."""
     limit, count = _limit(one.everything.values), len(one.quantities)
     times = [
@@ -80,7 +44,9 @@ def residuals(one: Residuals) -> Plot:
     ]
     below = [_over_speed(one, limit), _against_normal(one), *([_later(one)] if len(one.correlations) else [])]
     heights = [*[1.25] * count, 2.2]
-    return Plot([*times, *below], 3, height=1.25 * count + 2.5, labels="each", wide=count, heights=heights)
+    return spec.Plot(
+        [*times, *below], 3, height=1.25 * count + 2.5, labels="each", wide=count, heights=heights
+    )
 
 
 def _limit(values: Array) -> float:
@@ -89,14 +55,16 @@ def _limit(values: Array) -> float:
     return 1.05 * (min(largest, SPREAD * typical) or 1.0)
 
 
-def _within(x: Array, y: Array, limit: float, colour: str, most: int = MOST_DOTS) -> list[Part]:
+def _within(x: Array, y: Array, limit: float, colour: str, most: int = MOST_DOTS) -> list[spec.Part]:
     # Triangles at the edges stand for what lies beyond.
     x, y = thinned(x, y, most)
     inside = np.abs(y) <= limit
-    parts: list[Part] = [Dots(x[inside], y[inside], colour)]
+    parts: list[spec.Part] = [spec.Dots(x[inside], y[inside], colour)]
     for sign, marker in ((1, "^"), (-1, "v")):
         beyond = x[sign * y > limit]
-        parts.append(Line(beyond, np.full(len(beyond), sign * 0.95 * limit), {**BEYOND, "marker": marker}))
+        parts.append(
+            spec.Line(beyond, np.full(len(beyond), sign * 0.95 * limit), mark(marker, 3, INK, 1.0, 3))
+        )
     return parts
 
 
@@ -117,9 +85,9 @@ def _begins(logs: Sequence[Readings]) -> list[float]:
 
 def _over_time(
     name: str, logs: Sequence[Readings], one: Residuals, limit: float, *, first: bool, last: bool
-) -> Panel:
+) -> spec.Panel:
     placed = list(zip(_begins(logs), logs, strict=True))
-    shades, parts = SHADES[: len(logs)], list[Part]()
+    shades, parts = SHADES[: len(logs)], list[spec.Part]()
     for place, shade in enumerate(shades):
         every = placed[place :: len(SHADES)]
         times = np.concatenate([begin + log.times for begin, log in every])
@@ -127,70 +95,72 @@ def _over_time(
         parts += _within(times, values, limit, shade, MOST_DOTS // len(shades))
     if first and one.numbered and len(logs) > 1:
         middles = enumerate((begin + log.end / 2 for begin, log in placed), 1)
-        parts += [Note(str(number), (middle, limit), (0, 2), NUMBER) for number, middle in middles]
+        parts += [spec.Note(str(number), (middle, limit), (0, 2), NUMBER) for number, middle in middles]
     begin, end = placed[-1]
     title = "time [s], one log after the other" if last else ""
-    x, y = Axis(title, ends=(0.0, (begin + end.end) or 1.0)), Axis(name, one.unit, (-limit, limit), most=4)
-    return Panel(parts, x, y)
+    x, y = (
+        spec.Axis(title, ends=(0.0, (begin + end.end) or 1.0)),
+        spec.Axis(name, one.unit, (-limit, limit), most=4),
+    )
+    return spec.Panel(parts, x, y)
 
 
-def _over_speed(one: Residuals, limit: float) -> Panel:
+def _over_speed(one: Residuals, limit: float) -> spec.Panel:
     speeds, expected = one.noise_by_speed()
     parts = [
         *_within(np.abs(one.everything.speeds), one.everything.values, limit, SHADES[1]),
-        *(Line(speeds, sign * expected, EXPECTED) for sign in (-1, 1)),
-        Line(*one.by_speed(), SIZE),
+        *(spec.Line(speeds, sign * expected, EXPECTED) for sign in (-1, 1)),
+        spec.Line(*one.by_speed(), SIZE),
     ]
-    x = Axis("speed", "m/s", (0.0, float(speeds[-1])), most=4)
-    return Panel(parts, x, Axis("residual", one.unit, (-limit, limit)))
+    x = spec.Axis("speed", "m/s", (0.0, float(speeds[-1])), most=4)
+    return spec.Panel(parts, x, spec.Axis("residual", one.unit, (-limit, limit)))
 
 
-def _against_normal(one: Residuals) -> Panel:
+def _against_normal(one: Residuals) -> spec.Panel:
     normal, found = one.against_normal()
     reach = float(np.abs(normal).max())
     height = 1.05 * max(reach, float(np.abs(found).max()))
-    diagonal = Line([-reach, reach], [-reach, reach], {**EXPECTED, "zorder": 3})
-    x = Axis("normal quantile", ends=(-1.05 * reach, 1.05 * reach))
-    y = Axis("residual / noise", ends=(-height, height))
-    return Panel([diagonal, Dots(normal, found, SHADES[0], 2.4)], x, y)
+    diagonal = spec.Line([-reach, reach], [-reach, reach], {**EXPECTED, "zorder": 3})
+    x = spec.Axis("normal quantile", ends=(-1.05 * reach, 1.05 * reach))
+    y = spec.Axis("residual / noise", ends=(-height, height))
+    return spec.Panel([diagonal, spec.Dots(normal, found, SHADES[0], 2.4)], x, y)
 
 
-def _later(one: Residuals) -> Panel:
-    values, zero = np.nan_to_num(one.correlations), {"color": INK, "linewidth": 0.8, "zorder": 3}
-    bounds = [] if one.bound is None else [-one.bound, one.bound]
-    parts: list[Part] = [
-        Bars(np.arange(1, len(values) + 1), values, 0.65, {"color": SHADES[0], "zorder": 2}),
-        Limit(0.0, zero),
-        *(Limit(bound, EXPECTED) for bound in bounds),
+def _later(one: Residuals) -> spec.Panel:
+    values, bounds = np.nan_to_num(one.correlations), [] if one.bound is None else [-one.bound, one.bound]
+    parts: list[spec.Part] = [
+        spec.Bars(np.arange(1, len(values) + 1), values, 0.65, {"color": SHADES[0], "zorder": 2}),
+        spec.Limit(0.0, stroke(INK, 0.8, 3)),
+        *(spec.Limit(bound, EXPECTED) for bound in bounds),
     ]
     ends = min(1.15 * float(values.min()), -0.1), max(1.15 * float(values.max()), 0.25)
-    x = Axis("readings later", ends=(0.4, len(values) + 0.6), most=5, whole=True)
-    return Panel(parts, x, Axis("correlation", ends=ends))
+    x = spec.Axis("readings later", ends=(0.4, len(values) + 0.6), most=5, whole=True)
+    return spec.Panel(parts, x, spec.Axis("correlation", ends=ends))
 
 
-def paths(drawn: Sequence[ReckonedPath]) -> Plot:
+def paths(drawn: Sequence[ReckonedPath]) -> spec.Plot:
     """One panel per log: its measured path, and dead reckoning before and after."""
     columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
     panel = WIDTH / columns * (0.6 if columns == 1 else 1.0)
     shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
     rows = -(-len(drawn) // columns)
-    keys = [Key(label, look) for label, look in {**PATHS, "start": START}.items()]
-    return Plot(
+    keys = [spec.Key(label, look) for label, look in {**PATHS, "start": START}.items()]
+    return spec.Plot(
         [_panel(one, TITLES[columns - 1]) for one in drawn],
         columns,
         height=rows * (max(panel * shape, 1.3) + 0.45) + 0.5,
         labels="outer ticks",
-        legend=Legend(keys, 4, handle=0.3, options={"handlelength": 3.0}),
+        legend=spec.Legend(keys, 4, handle=0.3, options={"handlelength": 3.0}),
     )
 
 
-def _panel(one: ReckonedPath, size: float) -> Panel:
+def _panel(one: ReckonedPath, size: float) -> spec.Panel:
     measured = one.paths[0]
     begin = measured[np.isfinite(measured).all(axis=1)][:1]
-    lines = [Line.through(path, look) for path, look in zip(one.paths, PATHS.values(), strict=True)]
-    x, y = (Axis(name, "m", most=5) for name in "xy")
+    lines = [spec.Line.through(path, look) for path, look in zip(one.paths, PATHS.values(), strict=True)]
+    x, y = (spec.Axis(name, "m", most=5) for name in "xy")
     title = shortened(one.log)
-    return Panel([*lines, Line.through(begin, START)], x, y, title, "ends", size, margin=0.06)
+    return spec.Panel([*lines, spec.Line.through(begin, START)], x, y, title, "ends", size, margin=0.06)
 
 
 def shortened(name: str, letters: int = LETTERS) -> str:

@@ -49,16 +49,14 @@ BAR, SHORTEST_BAR = 3.6, 0.02
 """Height of a bar of colours at most, and its distance from the panels [inch, share]."""
 
 
-def svg_text(figure: spec.Plot | Callable[[], Any]) -> str:
-    """The SVG of a figure, or of what a function makes: the same text for the same data."""
+def svg_text(figure: spec.Plot) -> str:
+    """The SVG of a figure: the same text for the same data."""
     with style.context(["default", STYLE]), warnings.catch_warnings():
         # Letters that the font here has not: those of the viewer are drawn.
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        made = figure if isinstance(figure, spec.Plot) else figure()
-        picture = drawn(made) if isinstance(made, spec.Plot) else made
-        picture.savefig(buffer, format="svg", metadata=nothing)
+        drawn(figure).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
 
 
