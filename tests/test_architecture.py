@@ -40,7 +40,6 @@ FIGURE_MODULES = {
     for name in (
         "figures.draw",
         "film.stage",
-        "figures.estimate_figures",
     )
 }
 

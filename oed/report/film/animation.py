@@ -15,7 +15,7 @@ from oed.foundation.text import listing, words
 from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
-from oed.report.film.scene import cast_of, scene_of
+from oed.report.film.cast import Cast
 from oed.report.film.writing import (
     FPS,
     Frame,
@@ -95,8 +95,7 @@ def animate(
     target = _target(source, file)
     require_format(target, FPS if fps is None else fps)
     chosen = _chosen(record, source, results)
-    casts = [cast_of(one) for one in chosen]
-    length = max(cast.length(speed) for cast in casts)
+    length = max(Cast.of(one).length(speed) for one in chosen)
     rate = usual_rate(length, target) if fps is None else fps
     require_length(length, rate, target)
     names = tuple(one.name for one in chosen)
@@ -105,7 +104,7 @@ def animate(
     # Imported late: the drawing library takes longer to load than the rest.
     from oed.report.film.stage import Stage
 
-    stage = Stage(scene_of(record, chosen), casts, speed)
+    stage = Stage(record, chosen, speed)
     if progress is not None:
         progress.begin(f"frames of {target.name}", len(times))
     count = write_frames(
