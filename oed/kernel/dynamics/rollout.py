@@ -171,23 +171,21 @@ class Drive(Named):
     @property
     def speeds(self) -> Expression:
         """How fast the system moves through space in each period [m/s], (N, 1); 0 of one that does not."""
-        return ca.hypot(*ca.horzsplit(self.signals["velocity"])) if self.moves else 0 * self.inputs[:, 0]
+        if not self.system.velocity_signal:
+            return 0 * self.inputs[:, 0]
+        velocity = self.signals[self.system.velocity_signal]
+        return ca.hypot(velocity[:, 0], velocity[:, 1])
 
     def path_length(self, softening: float = 1e-9) -> Expression:
         """Distance travelled through space [m]; 0 of a system that has no velocity.
 
         `softening` [m/s] rounds the speed's corner at rest, for optimisers that need finite curvature.
         """
-        if not self.moves:
+        if not self.system.velocity_signal:
             return 0 * self.period
-        first, second = ca.horzsplit(self.signals["velocity"])
-        speed = ca.sqrt(first**2 + second**2 + softening**2)
+        velocity = self.signals[self.system.velocity_signal]
+        speed = ca.sqrt(velocity[:, 0] ** 2 + velocity[:, 1] ** 2 + softening**2)
         return ca.sum1(speed - softening) * self.period
-
-    @property
-    def moves(self) -> bool:
-        """Whether the system moves through space."""
-        return "velocity" in self.signals
 
 
 @dataclass(frozen=True)

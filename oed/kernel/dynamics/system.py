@@ -74,6 +74,8 @@ class System(ABC):
         noun: what it is, in messages.
         start_name: what its start states are called, as nuisances.
         motion_signal: name of the signal that limits on the motion look at; "" for none.
+        velocity_signal: name of the signal that begins with how fast it moves through the plane, two entries
+            [m/s]; "" of one that does not move through space.
         renamed: what a domain calls parts of a drive or a moment, by which they can be asked for too: names
             of their attributes by these.
     """
@@ -84,6 +86,7 @@ class System(ABC):
     noun: ClassVar[str] = "system"
     start_name: ClassVar[str] = "start"
     motion_signal: ClassVar[str] = ""
+    velocity_signal: ClassVar[str] = ""
     renamed: ClassVar[Mapping[str, str]] = {}
 
     @property
@@ -110,7 +113,6 @@ class System(ABC):
         """Further columns of expressions, by name, that measurements and limits may ask for: means over a
         period that begins so, or of an instant where `period` is 0.
 
-        "velocity" [m/s] is how fast the system moves through space, where it does.
 
         Args:
             state: at the begin, (states,), SI.
@@ -139,8 +141,10 @@ class System(ABC):
 
     def speed_of(self, inputs: npt.ArrayLike) -> float:
         """How fast it moves through space [m/s], at rest before, at the nominal parameters."""
+        if not self.velocity_signal:
+            return 0.0
         found = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
-        return float(ca.norm_2(found["velocity"])) if "velocity" in found else 0.0
+        return float(ca.norm_2(found[self.velocity_signal][:2]))
 
     def allows(self, values: Mapping[str, float]) -> bool:
         """Whether it can have these values of parameters, SI."""

@@ -27,7 +27,7 @@ class PathLength(BareLimit):
         """One row per run: the distance that its origin travels, at most a tenth of a millimetre per second
         more.
         """
-        ahead, left = ca.horzsplit(drive.signals["velocity"])
-        steps = ca.sqrt(ahead**2 + left**2 + SOFT**2) * drive.period
+        twist = drive.signals["twist"]
+        steps = ca.sqrt(twist[:, 0] ** 2 + twist[:, 1] ** 2 + SOFT**2) * drive.period
         lengths = ca.vertcat(*(ca.sum1(run) for run in ca.vertsplit(steps, drive.samples)))
         return Rows(lengths, np.full(drive.runs, -np.inf), np.full(drive.runs, self.bounds), self.bounds, "m")

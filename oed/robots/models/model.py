@@ -52,6 +52,7 @@ class Model(Component, System):
     noun: ClassVar[str] = "robot"
     start_name: ClassVar[str] = "initial_pose"
     motion_signal: ClassVar[str] = "twist"
+    velocity_signal: ClassVar[str] = "twist"
     renamed: ClassVar[Mapping[str, str]] = {"pose": "state", "poses": "states", "model": "system"}
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = ()
     """Names of the coefficient matrix's entries, row by row; () for a twist that is not linear in any."""
@@ -158,7 +159,6 @@ class Model(Component, System):
         """What the robot does in a period.
 
         - twist: forward and lateral speed [m/s], yaw rate [rad/s] of its motion (3,);
-        - velocity: the first two of these;
         - effective_inputs: the inputs as they act on the ground (q,);
         - gain: displacement per unit of speed [s];
         - direction: heading of that displacement [rad].
@@ -167,7 +167,6 @@ class Model(Component, System):
         gain, direction = chord(twist[2], state[2], period, self.integration)
         return {
             "twist": twist,
-            "velocity": twist[:2],
             "effective_inputs": self.effective_inputs(inputs, parameters),
             "gain": gain,
             "direction": direction,
