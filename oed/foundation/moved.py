@@ -75,10 +75,15 @@ def watch() -> None:
         sys.meta_path.insert(0, Moved())
 
 
+ESTIMATOR = {"promised": "covariance", "replicate": "simulate"}
 ATTRIBUTES = {
+    "Calibration": {"left_out": "cross_validation", "untold": "weak_directions"},
     "Certificate": {"caps": "bounds"},
     "Evaluation": {"poses": "states"},
     "Solution": {"leaving": "violation"},
+    "Nonlinear": ESTIMATOR,
+    "Regression": ESTIMATOR,
+    "Validation": {"promised": "predicted"},
 }
 """New names of classes' attributes by old ones."""
 

@@ -131,7 +131,13 @@ class Solution(Renamed):
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
-    """Any trajectory as a solution that nobody searched for, scored by a problem."""
+    """Any trajectory as a solution that nobody searched for, scored by a problem.
+
+    Args:
+        problem: that scores it.
+        trajectory: the drive.
+        name: of the solution.
+    """
     return Solution(
         name=name,
         kind="path",
@@ -142,5 +148,11 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
 
 
 def unscored(name: str, kind: str, error: NotFinite) -> Solution:
-    """A drive among others that cannot be scored, and why."""
+    """A drive among others that cannot be scored, and why.
+
+    Args:
+        name: of the drive.
+        kind: of what made it.
+        error: why it has no score.
+    """
     return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")

@@ -351,6 +351,7 @@ class TestEvaluate:
         assert code == 0
         assert "exceeds wheel_speed by 2 (SI)" in out
 
+    @pytest.mark.slow
     def test_a_reserve_for_other_robots_is_told(self, capsys, folder: Path):
         text = (folder / "study.yaml").read_text()
         robust = "uncertainty: {x: 2 cm}\nrobust: {kind: chance, draws: 400}\n"

@@ -163,7 +163,7 @@ class TestFigures:
     def test_bundles_are_drawn_each_in_a_panel(self):
         (picture,) = robustness(made()).figures
         assert "5 robots" in picture.caption
-        figure = drawn(picture.draw)
+        figure = drawn(picture.figure)
         titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
         assert [title.split(":")[0] for title in titles] == ["ipopt", "nominal"]
         labels = [text.get_text() for text in figure.legends[0].get_texts()]

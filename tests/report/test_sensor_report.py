@@ -213,7 +213,7 @@ class TestSearches:
         assert column(part.tables[0], "searched for") == ["E", "D"]
         assert column(part.tables[0], "within 1 %") == [1, 1]
         # log det falls by 0.3 of 25: 1 %, but 10 % in efficiency.
-        ax = drawn(part.figures[0].draw).axes[1]
+        ax = drawn(part.figures[0].figure).axes[1]
         assert ax.get_title() == "arc\nby D"
         shortfalls = ax.lines[0].get_ydata()
         assert shortfalls == pytest.approx([0, 100 * (math.exp(-0.3 / 3) - 1)])
@@ -230,14 +230,14 @@ class TestSearches:
         assert column(table, "searched for") == ["E", "D"]
         assert column(table, "time to 90 %") == [0.5, 1.0]  # exp(-0.1) is just above 90 %
         assert column(table, "time to 99 %") == [0.5, 1.5]
-        figure = drawn(part.figures[0].draw)
+        figure = drawn(part.figures[0].figure)
         assert "its own criterion" in figure.axes[0].get_ylabel()
 
     def test_one_criterion_needs_no_such_words(self):
         flagship = load_record(FLAGSHIP)
         parts = {part.title: part for part in sections_of(flagship)}
         assert "searched for" not in [one.title for one in parts["Convergence"].tables[0].columns]
-        assert drawn(parts["Convergence"].figures[0].draw).axes[0].get_ylabel() == "below the best [%]"
+        assert drawn(parts["Convergence"].figures[0].figure).axes[0].get_ylabel() == "below the best [%]"
 
 
 class TestMeasured:
@@ -372,7 +372,7 @@ class TestSummary:
         entry["drive"]["poses"] = [[0.0, 0.0, 0.1 * index] for index in range(21)]
         parts = {part.title: part for part in sections_of(Record(data))}
         assert "with a drive in place (0.32 turns)" in text_of(parts["Summary"])
-        assert "in place" in drawn(parts["Paths in the workspace"].figures[0].draw).axes[0].get_title()
+        assert "in place" in drawn(parts["Paths in the workspace"].figures[0].figure).axes[0].get_title()
 
 
 class TestPrecision:
@@ -431,7 +431,7 @@ class TestValidation:
 
     def test_errors_are_drawn_where_estimates_are_all_alike(self):
         first, second = section("sensors", "Validation by simulation").figures
-        axes = drawn(first.draw).axes
+        axes = drawn(first.figure).axes
         assert axes[-1].get_xlabel() == "error of wheel radius right [mm]"
         assert second.name == "estimates_wheel_radius_left_track"
 
@@ -446,7 +446,7 @@ class TestValidation:
 
 
 def test_beacons_are_drawn_as_far_as_they_are_near():
-    figure = drawn(section("sensors", "Paths in the workspace").figures[0].draw)
+    figure = drawn(section("sensors", "Paths in the workspace").figures[0].figure)
     assert [entry.get_text() for entry in figure.legends[0].get_texts()][-1] == "beacon"
     low, high = figure.axes[0].get_xlim()
     assert low < -1 < high < 9

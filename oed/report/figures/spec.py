@@ -86,6 +86,16 @@ class Line:
 
 
 @dataclass(frozen=True)
+class Dots:
+    """Points by the hundred, far smaller than marks; their width is in points."""
+
+    x: Array
+    y: Array
+    colour: str
+    width: float = 1.6
+
+
+@dataclass(frozen=True)
 class Shades:
     """A path in classes of speed: darker and wider is faster.
 
@@ -178,11 +188,11 @@ class Note:
 
     text: str
     place: tuple[float, float]
-    offset: float
+    offset: float | tuple[float, float]
     look: Look
 
 
-Part = Line | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
+Part = Line | Dots | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
 
 
 @dataclass(frozen=True)
@@ -277,20 +287,24 @@ class Plot:
         columns: of panels.
         width, height: of the figure [inch].
         labels: on outer panels only, beside all of them ("figure"), or on outer panels whose ticks are all
-            labelled ("outer ticks").
+            labelled ("outer ticks"), or on each, whose ticks are labelled where its x axis has a title.
         share: axes that all panels have in common ("x", "y", "xy").
         legend: of all panels.
         fastest: largest speed [m/s], of a bar of the colours of speeds; None for no bar.
+        wide: how many of the first panels have a row each.
+        heights: of the rows, relative to each other; all alike if none are given.
     """
 
     panels: Sequence[Panel]
     columns: int = 1
     width: float = WIDTH
     height: float = 3.0
-    labels: Literal["outer", "outer ticks", "figure"] = "outer"
+    labels: Literal["outer", "outer ticks", "figure", "each"] = "outer"
     share: Literal["", "x", "y", "xy"] = ""
     legend: Legend = field(default_factory=Legend)
     fastest: float | None = None
+    wide: int = 0
+    heights: Sequence[float] | None = None
 
     @property
     def rows(self) -> int:

@@ -12,9 +12,7 @@ import numpy as np
 from oed.foundation.text import Unit, fixed, readable, significant, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
-from oed.report.figures.spec import Axis
-from oed.report.figures.spread import Cloud
-from oed.report.figures.spread import clouds as cloud_figure
+from oed.report.figures import spread
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import nuisance_names, regression_of, shown_units
 from oed.report.parts.section import Picture, Section
@@ -165,36 +163,13 @@ def clouds(
 
 def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], several: bool) -> Picture:
     shown = _units(record, drawn[0])
-    # Errors are drawn instead of estimates where these differ in their last digits only.
-    errors = [_finer(record, shown, name) for name in pair]
-    axes = [
-        Axis(f"error of {words(name)}" if error else words(name), shown[name][0])
-        for name, error in zip(pair, errors, strict=True)
-    ]
-    factors = np.array([shown[name][1] for name in pair])
-    made = [_cloud(one, pair, (axes[0], axes[1]), factors, np.array(errors), several) for one in drawn]
-    alt, caption = SAY("alt", pair), SAY("caption", pair, any(errors))
-    return Picture(f"estimates_{pair[0]}_{pair[1]}", alt, caption, cloud_figure(made))
-
-
-def _cloud(
-    one: Simulated,
-    pair: tuple[str, str],
-    axes: tuple[Axis, Axis],
-    factors: np.ndarray,
-    errors: np.ndarray,
-    several: bool,
-) -> Cloud:
-    at = [one.parameters.index(name) for name in pair]
-    scale = np.outer(factors, factors)
-    true = np.array(one.true)[at]
-    origin = np.where(errors, true, 0.0)
-    return Cloud(
-        title=f"{one.name}\n{words(one.estimator)}" if several else one.name,
-        axes=axes,
-        points=factors * (np.array(one.estimates)[:, at] - origin),
-        true=factors * (true - origin),
-        promised=scale * np.array(one.promised_covariance)[np.ix_(at, at)],
-        sampled=scale * np.array(one.sampled_covariance)[np.ix_(at, at)],
-        alike=axes[0].unit == axes[1].unit,
-    )
+    axes = []
+    for name in pair:
+        # Errors are drawn instead of estimates where these differ in their last digits only.
+        errors = _finer(record, shown, name)
+        title = f"error of {words(name)}" if errors else words(name)
+        axes.append(spread.Estimated(name, title, *shown[name], errors))
+    titles = [f"{one.name}\n{words(one.estimator)}" if several else one.name for one in drawn]
+    caption = SAY("caption", pair, any(one.errors for one in axes))
+    figure = spread.clouds(drawn, titles, axes)
+    return Picture(f"estimates_{pair[0]}_{pair[1]}", SAY("alt", pair), caption, figure)
