@@ -30,9 +30,9 @@ TYPICAL = {
 }
 """Sizes of a typical robot, for those that are not given."""
 ROOM = "3 m x 3 m"
-"""Of a first study, where none is given: a living room."""
+"""The room of a first study, where none is given."""
 DURATION = "20 s"
-"""Of a first drive."""
+"""Duration of a first drive."""
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4

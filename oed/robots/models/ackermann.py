@@ -40,7 +40,7 @@ class Ackermann(Model):
 
     @property
     def body_width(self) -> float:
-        """That of a car of such a wheelbase [m]."""
+        """Width of a car of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
 
     @property

@@ -31,7 +31,7 @@ class Tricycle(Model):
 
     @property
     def body_width(self) -> float:
-        """That of a cart of such a wheelbase [m]."""
+        """Width of a cart of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
 
     @property
