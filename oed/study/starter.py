@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import jinja2
+
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.dynamics.system import Parameter
@@ -28,9 +30,9 @@ TYPICAL = {
 }
 """Sizes of a typical robot, for those that are not given."""
 ROOM = "3 m x 3 m"
-"""Of a first study, where none is given: a living room."""
+"""The room of a first study, where none is given."""
 DURATION = "20 s"
-"""Of a first drive."""
+"""Duration of a first drive."""
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
@@ -39,25 +41,8 @@ UNSURE = "5 %"
 """How far the parameters of a robot may be from their nominal values before its first drive."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
-SENSORS = {
-    "poses": (
-        "motion capture: position and heading at every sample",
-        "{kind: poses, noise: {position: 1 cm, heading: 1 deg}}",
-    ),
-    "positions": (
-        "a laser tracker or satellite navigation: positions only",
-        "{kind: poses, quantities: [x, y], noise: {position: 1 cm}}",
-    ),
-    "ranges": (
-        "distances to beacons in three corners of the room",
-        "{{kind: ranges, beacons: [{corners}], noise: 3 cm}}",
-    ),
-    "displacements": (
-        "the founding paper's regression: where the robot stands after each of ten segments",
-        "{kind: displacements, segments: 10, regressor: both, noise: {position: 1 cm, heading: 1 deg}}",
-    ),
-}
-"""What a first study may measure with: for a reader, and in YAML."""
+SENSORS = ("poses", "positions", "ranges", "displacements")
+"""What a first study may measure with."""
 
 
 @dataclass(frozen=True)
@@ -115,18 +100,15 @@ def starter(choice: Choice) -> str:
     """
     if choice.sensor not in SENSORS:
         raise UserMistake(f"expected a sensor of {', '.join(SENSORS)}; got {choice.sensor!r}")
-    known = sizes_needed(choice.robot)
-    text = _text(choice, known, baselines="[straight, random]")
-    model = robot_of(_read(text, "the new study").problem.model)
-    if _skids(choice) and "track" in type(model).model_fields:
+    model = robot_of(_read(_text(choice), "the new study").problem.model)
+    if _model(choice.robot).skids and "track" in type(model).model_fields:
         own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
         widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
-        model = robot_of(_read(_text(choice, known, baselines="[straight, random]")).problem.model)
-    doubt = _doubt_lines(choice, model)
-    study = _read(_text(choice, known, "[straight, random]", doubt), "the new study")
-    suitable = f"[{', '.join(suited(study.problem))}]"
-    return _text(choice, known, suitable, doubt, _log_lines(choice, model))
+        model = robot_of(_read(_text(choice)).problem.model)
+    amounts = _amounts(choice, model)
+    study = _read(_text(choice, amounts=amounts), "the new study")
+    return _text(choice, suited(study.problem), amounts, model)
 
 
 def _read(text: str, name: str = "study") -> Study:
@@ -139,79 +121,60 @@ def _kinds() -> dict[str, type[Model]]:
 
 def _text(
     choice: Choice,
-    known: Mapping[str, str],
-    baselines: str,
-    doubt: Sequence[str] = (),
-    log: Sequence[str] = (),
+    baselines: Sequence[str] = ("straight", "random"),
+    amounts: Mapping[str, str] | None = None,
+    model: Model | None = None,
 ) -> str:
-    robot = choice.robot.replace("_", " ")
-    where = choice.room.strip()
-    lines = [
-        f"# The best drive to calibrate a robot ({robot}) in a room of {where}, written by `oed init`.",
-        "# `oed check` reads it, `oed run` searches, compares and makes a report. Change what is yours;",
-        "# `oed schema` lists every key.",
-        *(_PILOT_LINES if _skids(choice) else ()),
-        "format: 1",
-        f"name: Calibration, {robot}",
-        "robot:",
-        *_robot_lines(choice, known),
-        "trajectory:",
-        f"  duration: {choice.duration or usual_duration(choice.robot)}",
-        f"  samples: {50 if _skids(choice) else 100}",
-        "  spline: {degree: 3, coefficients: 14}   # more coefficients: a freer drive, a longer search",
-        f"  start: {{x: {_start(choice)[0]:g} m, y: {_start(choice)[1]:g} m, heading: 0 deg}}   # or: free",
-    ]
-    if choice.runs > 1:
-        lines.append(f"  runs: {choice.runs}   # separate drives, each from its own start, designed together")
-    lines += _measurement_lines(choice)
+    # Where `model` is given, with what stands in its logs.
+    known, radius, (x_min, x_max, y_min, y_max) = (
+        sizes_needed(choice.robot),
+        _circle(choice.room),
+        _extent(choice.room),
+    )
+    return _template().render(
+        choice=choice,
+        robot=choice.robot.replace("_", " "),
+        kind=_kind(choice.robot),
+        preset=choice.robot in preset_names(),
+        skids=_model(choice.robot).skids,
+        known=known,
+        typical=[key for key in known if not choice.sizes.get(key)],
+        sizes={**known, **{key: value for key, value in choice.sizes.items() if value or key not in known}},
+        effective=EFFECTIVE,
+        duration=choice.duration or usual_duration(choice.robot),
+        radius=radius,
+        x=(x_min, x_max),
+        y=(y_min, y_max),
+        corners=[f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))],
+        identifiable=IDENTIFIABLE.get(_kind(choice.robot)),
+        amounts=amounts,
+        baselines=baselines,
+        model=model,
+    )
+
+
+def _template() -> jinja2.Template:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("oed.study"),
+        autoescape=jinja2.select_autoescape(("html",)),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    made.filters["g"] = "{:g}".format
+    return made.get_template("first_study.yaml.jinja")
+
+
+def _amounts(choice: Choice, model: Model) -> dict[str, str]:
+    # How far the robot may be from its numbers: the drive is to survive it.
     identifiable = IDENTIFIABLE.get(_kind(choice.robot))
-    if identifiable and choice.sensor != "displacements":
-        lines += [
-            "# Radii and slips are not identifiable together: the slips are taken as known.",
-            f"estimate: [{', '.join(identifiable)}]",
-        ]
-    lines += [
-        *doubt,
-        "limits:",
-        *_limit_lines(choice),
-        "# As much as can be for the worst-known combination of parameters: the smallest eigenvalue.",
-        "criterion: {kind: E, scaling: relative}",
-        "solvers:",
-        "  - {kind: ipopt, starts: 6, perturbations: 4}",
-        "# Baselines: paths that people drive, made as large as the limits allow, to compare with.",
-        f"baselines: {baselines}",
-        *log,
-        "seed: 0",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-_PILOT_LINES = (
-    "# How much wider than its wheels' own the track of a skidding robot acts, nobody knows before: this",
-    "# is a short pilot drive that stays in the room for the whole range. Drive it and log it; then",
-    "# `oed next DIR LOG --duration '20 s'` designs the real one, for the robot as it is known by then.",
-)
-"""What is said of a first drive of a robot that skids."""
-
-
-def _doubt_lines(choice: Choice, model: Model) -> list[str]:
-    # How far the robot may be from its numbers, and that the drive is to survive it.
-    identifiable = IDENTIFIABLE.get(_kind(choice.robot))
-    names = [
-        parameter for parameter in model.parameters if identifiable is None or parameter.name in identifiable
-    ]
-    amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
-    kind = "scenarios" if _skids(choice) else "chance"
-    return [
-        "# How far the robot may be from these numbers: 99 % of such robots satisfy the limits.",
-        "uncertainty:",
-        *(f"  {name}: {amount}" for name, amount in amounts.items()),
-        f"robust: {{kind: {kind}, confidence: 0.99}}",
-    ]
+    names = [one for one in model.parameters if identifiable is None or one.name in identifiable]
+    return {one.name: amount for one in names if (amount := _amount(choice, one))}
 
 
 def _amount(choice: Choice, parameter: Parameter) -> str:
-    if _skids(choice) and parameter.name in ("track", "y_icr_left", "y_icr_right"):
+    if _model(choice.robot).skids and parameter.name in ("track", "y_icr_left", "y_icr_right"):
         ends = sorted(parameter.nominal * share / EFFECTIVE for share in (LEAST, MOST))
         return f"[{ends[0]:.3g} m, {ends[1]:.3g} m]"
     if parameter.nominal:
@@ -221,95 +184,12 @@ def _amount(choice: Choice, parameter: Parameter) -> str:
     return f"{parse_quantity(UNSURE, '') * parameter.scale:.2g} {parameter.unit}"
 
 
-def _skids(choice: Choice) -> bool:
-    return _model(choice.robot).skids
-
-
 def _model(robot: str) -> type[Model]:
     return _kinds()[_kind(robot)]
 
 
-def _log_lines(choice: Choice, model: Model) -> list[str]:
-    # As the exported commands and the package's own paths have their columns.
-    inputs = [
-        f"#     {entry.name}: {{column: {entry.name}, form: {'speed' if entry.drives else 'value'}}}"
-        for entry in model.inputs
-    ]
-    heading = "none" if choice.sensor == "positions" else "{column: heading, unit: rad}"
-    further = "".join(f", {name}: {name}" for name in model.states[3:] if name == "trailer_angle")
-    return [
-        "# Once the drive is driven and logged, `oed estimate` needs to know what stands where in the log:",
-        "# log:",
-        "#   time: t",
-        "#   inputs:",
-        *inputs,
-        f"#   poses: {{x: x, y: y, heading: {heading}{further}}}",
-    ]
-
-
-def _robot_lines(choice: Choice, known: Mapping[str, str]) -> list[str]:
-    if choice.robot in preset_names():
-        own = [f"  {key}: {value}{_note(choice, key)}" for key, value in choice.sizes.items()]
-        return [f"  preset: {choice.robot}   # its published geometry and limits; any key overrides", *own]
-    lines = [f"  kind: {choice.robot}"]
-    for key, value in known.items():
-        given = choice.sizes.get(key)
-        note = _note(choice, key) if given else "   # a typical size: put in yours"
-        lines.append(f"  {key}: {given or value}{note}")
-    lines += [f"  {key}: {value}" for key, value in choice.sizes.items() if key not in known]
-    if "body_radius" not in choice.sizes:
-        lines.append(
-            "  # body_radius: 20 cm   # how far its body reaches: kept away from walls and obstacles"
-        )
-    return lines
-
-
-def _note(choice: Choice, key: str) -> str:
-    if key != "track" or not _skids(choice):
-        return ""
-    return f"   # as it acts: {EFFECTIVE:g} times the wheels' own, usually; skidding widens it"
-
-
-def _measurement_lines(choice: Choice) -> list[str]:
-    meaning, text = SENSORS[choice.sensor]
-    if choice.sensor == "ranges":
-        x_min, x_max, y_min, y_max = _extent(choice.room)
-        corners = [(x_min, y_min), (x_max, y_min), (x_min, y_max)]
-        text = text.format(corners=", ".join(f"[{x:g} m, {y:g} m]" for x, y in corners))
-    lines = [f"# Measured by {meaning}.", "measurement:"]
-    if _kind(choice.robot) != "tractor_trailer" or choice.sensor == "displacements":
-        return [lines[0], f"measurement: {text}"]
-    return [*lines, f"  - {text}", "  - {kind: trailer_angle, noise: 1 deg}"]
-
-
-def _limit_lines(choice: Choice) -> list[str]:
-    lines = []
-    if choice.robot not in preset_names():
-        lines += ["  wheel_speed: 10 rad/s", "  wheel_acceleration: 20 rad/s^2"]
-    lines += {
-        "tricycle": ["  steering_angle: 60 deg", "  steering_rate: 60 deg/s"],
-        "ackermann": ["  steering_angle: 25 deg", "  steering_rate: 60 deg/s"],
-        "tractor_trailer": ["  trailer_angle: 60 deg   # beyond, it would jackknife"],
-    }.get(_kind(choice.robot), [])
-    shape = _circle(choice.room)
-    if shape is not None:
-        lines.append(f"  workspace: {{kind: circle, radius: {shape:g} m}}")
-    else:
-        x_min, x_max, y_min, y_max = _extent(choice.room)
-        lines.append(
-            f"  workspace: {{kind: rectangle, x: [{x_min:g} m, {x_max:g} m], y: [{y_min:g} m, {y_max:g} m]}}"
-        )
-    lines.append("  # obstacles: [{kind: circle, x: 1 m, y: 0.5 m, radius: 20 cm}]")
-    return lines
-
-
 def _kind(robot: str) -> str:
     return str(preset(robot)["robot"]["kind"]) if robot in preset_names() else robot
-
-
-def _start(choice: Choice) -> tuple[float, float]:
-    x_min, x_max, y_min, y_max = _extent(choice.room)
-    return (x_min + x_max) / 2, (y_min + y_max) / 2
 
 
 def _circle(room: str) -> float | None:

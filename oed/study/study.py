@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
+import yaml
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
 
 from oed.bounds import LATTICE
@@ -35,7 +36,7 @@ from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain
-from oed.study.yaml_source import Source
+from oed.study.yaml_source import PlainSource, Source
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
@@ -197,6 +198,20 @@ class Study:
     def error(self, flaws: Sequence[Flaw]) -> StudyError:
         """Flaws of the study with the file and the lines that they stand in."""
         return StudyError([self.origin.flaw(flaw.key, flaw.message) for flaw in flaws])
+
+    def changed(self, **keys: Any) -> Study:
+        """The study with other values of some of its keys, checked anew.
+
+        Args:
+            keys: as a study file has them, or as parts: `measurement=[oed.Poses(...), MySensor()]`.
+
+        Raises:
+            StudyError: every mistake, by its key.
+        """
+        given = {name: getattr(self.file, name) for name in StudyFile.model_fields}
+        study = read_study(PlainSource(self.source, "", {**given, **keys}))
+        data = study.echo()
+        return replace(study, origin=PlainSource(self.source, yaml.safe_dump(data, sort_keys=False), data))
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""

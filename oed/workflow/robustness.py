@@ -19,7 +19,7 @@ from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
 PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
-"""Of the search that is compared with."""
+"""What is said of the search that a robust one is compared with."""
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -77,7 +77,7 @@ def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Prog
 
 
 def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
-    """Those with few enough violations, as far as that was tried; all if the study is not robust.
+    """The solutions with few enough violations, as far as that was tried; all if the study is not robust.
 
     The search without tightened limits is for comparison only, whatever it has found.
     """

@@ -6,11 +6,11 @@ import json
 import pickle
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from own_parts import OWN_PARTS
 
 import oed
@@ -161,31 +161,25 @@ class TestFromPython:
         sys.modules.pop("my_parts", None)
         import my_parts
 
-        plain = load(folder, STUDY.replace("python, object: own:Compass", "yaw_rate"))
-        parts = {
-            "measurement": my_parts.Compass(noise=0.03),
-            "criterion": my_parts.LogSmallest(subset=("track",)),
-            "limits": type(plain.file.limits)(wheel_speed=6, own=(my_parts.Strip(half_width=0.3),)),
-        }
-        file = plain.file.model_copy(update=parts)
-        limits = (plain.problem.limits[0], parts["limits"].own[0])
-        problem = replace(plain.problem, **{**parts, "limits": limits})
-        return replace(plain, file=file, problem=replace(problem, estimate=("track",)))
+        return load(folder, STUDY.replace("kind: python, object: own:Compass", "kind: yaw_rate")).changed(
+            measurement=[oed.Poses(noise={"position": 0.01, "heading": 0.02}), my_parts.Compass(noise=0.03)],
+            criterion=my_parts.LogSmallest(subset=("track",)),
+            limits={"wheel_speed": 6, "own": [my_parts.Strip(half_width=0.3)]},
+        )
 
     def test_they_are_saved_and_reported_again(self, folder: Path) -> None:
-        study = self.study(folder)
-        file = study.file.model_copy(update={"estimate": ("track",)})
-        fresh = run(replace(study, file=file), folder / "out", workers=1)
+        fresh = run(self.study(folder), folder / "out", workers=1)
         echo = fresh.data["study"]
-        assert echo["measurement"]["object"] == "my_parts:Compass"
-        assert echo["measurement"]["folder"] == str(folder)
+        sensor = echo["measurement"]["sensors"][1]
+        assert (sensor["object"], sensor["folder"]) == ("my_parts:Compass", str(folder))
+        assert yaml.safe_load(fresh.data["study_text"]) == echo
         assert echo["criterion"]["described"]["kind"] == "log_smallest"
         read = load_record(folder / "out")
         assert [part.paragraphs for part in sections_of(read)] == [
             part.paragraphs for part in sections_of(fresh)
         ]
         again = recorded_study(read, trust=True).problem
-        assert again.measurement.noise == 0.03
+        assert again.measurement.sensors[1].noise == 0.03
         assert again.criterion.subset == ("track",)
         assert again.limits[1].half_width == 0.3
 
@@ -193,18 +187,25 @@ class TestFromPython:
         class Local(oed.E):
             kind: str = "local"
 
-        plain = load(folder, STUDY.replace("python, object: own:LogSmallest", "E"))
-        study = replace(
-            plain,
-            file=plain.file.model_copy(update={"criterion": Local()}),
-            problem=replace(plain.problem, criterion=Local()),
-        )
+        study = load(folder, STUDY.replace("python, object: own:LogSmallest", "E")).changed(criterion=Local())
         save_record(run(study, workers=1), folder / "out")
         read = load_record(folder / "out")
         assert isinstance(read.study.criterion, PythonCriterion)
         assert sections_of(read)
         with pytest.raises(RecordError, match=r"study\.criterion: .*test_own_parts has no .*Local"):
             recorded_study(read, trust=True)
+
+
+def test_a_study_with_other_keys_is_checked_anew(folder: Path) -> None:
+    study = load(folder)
+    assert study.changed(name="Another").name == "Another"
+    assert study.changed().echo() == study.echo()
+    with pytest.raises(StudyError, match=r"criterion: expected .* got 7"):
+        study.changed(criterion=7)
+    with pytest.raises(StudyError, match="colour: unknown key"):
+        study.changed(colour="red")
+    with pytest.raises(StudyError, match="nothing bounds wheel_speed_right"):
+        study.changed(limits={})
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from oed.foundation.errors import Failure
 from oed.foundation.shown import shown
 
 MODES = {"stdin": "r", "stdout": "w", "stderr": "w"}
-"""Of the standard streams, by name in the order of their numbers."""
+"""Modes of the standard streams, by name in the order of their numbers."""
 
 
 class _Steady:
@@ -24,7 +24,7 @@ class _Steady:
     """
 
     def __init__(self, stream: TextIO, *, needed: bool) -> None:
-        """Of a stream; where it is `needed`, a full one is a failure, if somebody still reads."""
+        """Keep a stream; where it is `needed`, a full one is a failure, if somebody still reads."""
         self._stream, self._needed = stream, needed
 
     def __getattr__(self, name: str) -> Any:

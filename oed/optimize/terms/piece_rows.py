@@ -179,7 +179,7 @@ class PieceRows:
         return ca.vertcat(own, ca.vec(first), ca.vec(rows))[self._source.tolist()]
 
     def slopes(self, first: Expression, rows: Expression) -> Expression:
-        """Their derivatives (sparse), from those (size, rows * number) of first instants and of pieces."""
+        """Derivatives of all rows (sparse), from those (size, rows * number) of instants and of pieces."""
         columns, chosen = np.nonzero(self._pool.moved[self._source].T)
         source = self._source[chosen]
         own = len(self._pool.constant)

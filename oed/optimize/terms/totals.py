@@ -168,7 +168,7 @@ class Sum:
         return ca.sum2(self.square.map(self.totals.groups)(groups))
 
     def sums_slopes(self, groups: Expression, slopes: Expression, size: int) -> Expression:
-        """Their derivatives (size, count) by z, from those of the groups' entries (size * added, groups)."""
+        """Derivatives (size, count) of the sums by z, from the entries' `slopes` (size * added, groups)."""
         if self.square is None:
             return ca.reshape(slopes, size, self.count)
         return self._wide(slopes, size) @ self.square_slope.map(self.totals.groups)(groups).T

@@ -138,7 +138,7 @@ def picked(table: Expression, rows: Sequence[int]) -> Expression:
 
 @dataclass(frozen=True)
 class WholeRows:
-    """Those rows and their derivatives by z, given the states and theirs.
+    """Rows of limits on whole runs and their derivatives by z, from the states and their derivatives.
 
     Attributes:
         formulas: the rows.
@@ -182,7 +182,7 @@ class WholeRows:
         return picked(self.formulas.values(self._given(z, states)), self._kept)
 
     def slopes(self, z: Expression, states: Expression, slopes: Expression) -> Expression:
-        """Their derivatives (rows, size) by z, sparse, from those of the states."""
+        """Derivatives (rows, size) of the rows by z, sparse, from those of the states."""
         along = self.formulas.along.map("along", "serial", z.shape[0], [0], [])
         dense = along(self._given(z, states), self._given_slopes(slopes))
         return picked(ca.project(dense, self._pattern), self._kept)

@@ -64,7 +64,7 @@ WARM_OPTIONS: dict[str, Any] = {
     "ipopt.warm_start_slack_bound_frac": 1e-6,
     "ipopt.warm_start_mult_bound_push": 1e-6,
 }
-"""Of a solve that goes on from the end of one before, under slightly other limits."""
+"""Options of a solve that goes on from the end of one before, under slightly other limits."""
 LED_NOWHERE = (
     "Maximum_Iterations_Exceeded",
     "Infeasible_Problem_Detected",

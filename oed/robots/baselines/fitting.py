@@ -25,7 +25,7 @@ SCANNED_RATIO = 200.0
 TAIL = 5
 """Further sizes below those, for limits that allow small ones only."""
 TAIL_RATIO = 4.0
-"""Of each of these to the next."""
+"""Ratio of each of these to the next."""
 MOST_LAPS = 50
 """Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8

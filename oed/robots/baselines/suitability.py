@@ -34,7 +34,7 @@ def suited(problem: Problem) -> tuple[str, ...]:
 
 
 def baseline_flaws(problem: Problem, names: Sequence[object]) -> list[Flaw]:
-    """Those of a study's baselines that the robot cannot drive; entries that are no names pass."""
+    """The baselines of a study that the robot cannot drive; entries that are no names pass."""
     return [
         Flaw(("baselines", index), reason)
         for index, name in enumerate(names)

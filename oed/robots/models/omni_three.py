@@ -37,7 +37,7 @@ class OmniThree(Model):
 
     @property
     def body_width(self) -> float:
-        """Of the triangle of its wheels [m]."""
+        """Width of the triangle of its wheels [m]."""
         return 1.5 * self.centre_distance
 
     @property

@@ -25,7 +25,7 @@ Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 SOFT_YAW_RATE = 0.05
 """Yaw rate [rad/s] over which the corner of its magnitude at 0 is rounded."""
 SOFT_DRIFT = 0.01
-"""The same where it drives a drift [rad/s]."""
+"""Yaw rate [rad/s] over which that corner is rounded where it drives a drift."""
 SOFT_WHEEL_SPEED = 0.1
 """Wheel speed [rad/s] over which the measure of curvature, which rest leaves open, is rounded."""
 INSTANT = 0.8
@@ -87,7 +87,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
 
     @property
     def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
-        """Those of the matrix c where at most x_icr is there."""
+        """Names of the matrix c where at most x_icr is there."""
         others = (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature, self.y_icr, self.drift)
         if any(one is not None for one in others):
             return ()
