@@ -141,3 +141,14 @@ def spline_values(trajectory, times: np.ndarray, order: int = 0) -> np.ndarray:
     """Values (order 0) or derivatives of a trajectory's splines at `times`, by SciPy's own B-splines."""
     curve = BSpline(trajectory.knots, trajectory.coefficients, trajectory.degree)
     return curve.derivative(order)(times) if order else curve(times)
+
+
+def schur(matrix: np.ndarray, kept: int) -> np.ndarray:
+    """What is left on the first `kept` rows when the others are unknown too; rows without any information
+    are passed over.
+    """
+    cross, rest = matrix[:kept, kept:], matrix[kept:, kept:]
+    sizes = np.sqrt(np.diag(rest))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    inverse = np.linalg.pinv(rest / np.outer(sizes, sizes), rcond=1e-10, hermitian=True)
+    return matrix[:kept, :kept] - cross / sizes @ inverse @ (cross / sizes).T

@@ -320,6 +320,12 @@ def draw_inputs(rng: np.random.Generator, count: int, model: Model | None = None
     return drawn * np.array(largest) / 10
 
 
+def twist_of(model: Model, inputs, parameters=None) -> np.ndarray:
+    """The package's own twist, nominal unless there are parameters."""
+    values = model.nominal if parameters is None else parameters
+    return np.array(ca.evalf(model.twist(ca.DM(inputs), ca.DM(values)))).ravel()
+
+
 Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 

@@ -114,7 +114,6 @@ def test_joint_coefficients_of_a_start_known_may_lie_twice_as_far() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_joint_lengths() -> None:
     certificate = tracker()
     loosest = 201 * 2 / (3 * SIGMA**2)

@@ -28,8 +28,8 @@ ACCELERATIONS = [20, 7.3, 3, (-30, 10)]
 COEFFICIENTS = ("c11", "c12", "c21", "c22")
 LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
 
-SEEDS = [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 12))]
-"""Random problems; most of them only where there is time."""
+SEEDS = range(8)
+"""Random problems."""
 
 
 def draw(rng: np.random.Generator, options: list[Any]) -> Any:

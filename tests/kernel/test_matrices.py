@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracle import schur
 
 from oed.kernel.measurement.matrices import eliminate, harmonic, quotient, solve_lower
 
@@ -19,15 +20,6 @@ def information(seed: int, size: int, rank: int | None = None, spread: float = 0
     design = rng.normal(size=(2 * size if rank is None else rank, size))
     design *= 10.0 ** rng.uniform(-spread / 2, spread / 2, size)
     return design.T @ design
-
-
-def schur(matrix: np.ndarray, kept: int) -> np.ndarray:
-    """By the pseudo-inverse, the eliminated rows scaled alike."""
-    cross, rest = matrix[:kept, kept:], matrix[kept:, kept:]
-    sizes = np.sqrt(np.diag(rest))
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    inverse = np.linalg.pinv(rest / np.outer(sizes, sizes), rcond=1e-9, hermitian=True)
-    return matrix[:kept, :kept] - cross / sizes @ inverse @ (cross / sizes).T
 
 
 def assert_alike(found, expected: np.ndarray, whole: np.ndarray, tolerance: float = 1e-10):

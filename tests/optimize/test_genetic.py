@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from builders import SPEED, problem_of, upper_bound
+from listeners import Listener, interrupt
 from pydantic import ValidationError
 
 from oed.foundation.errors import Failure, ProblemError
@@ -127,25 +128,6 @@ class TestOperators:
     def test_wrong_options_are_refused(self, solver, wrong):
         with pytest.raises(ValidationError, match=next(iter(wrong))):
             solver(**wrong)
-
-
-class Listener:
-    """Counts generations, and does something after one of them."""
-
-    def __init__(self, after: int = -1, action=lambda: None) -> None:
-        self.after, self.action, self.steps, self.total = after, action, 0, 0
-
-    def begin(self, description: str, total: int) -> None:
-        self.total = total
-
-    def advance(self, note: str = "") -> None:
-        self.steps += 1
-        if self.steps == self.after:
-            self.action()
-
-
-def interrupt() -> None:
-    raise KeyboardInterrupt
 
 
 class TestEnd:

@@ -10,6 +10,7 @@ import numpy as np
 import oracle
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, problem_of, upper_bound
+from listeners import Listener, interrupt
 from pydantic import ValidationError
 
 from oed.foundation.work.parallel import run_tasks
@@ -308,25 +309,6 @@ def test_per_sample_form_comes_near_its_proven_bound():
     scores = rescored(problem, solution)
     assert scores["lambda_min"] == pytest.approx(solution.evaluation.objective, rel=1e-9)
     assert max(scores["wheel_speed"], scores["wheel_acceleration"]) <= 1e-3
-
-
-class Listener:
-    """Counts the steps of a search and does something after one of them."""
-
-    def __init__(self, after: int, action) -> None:
-        self.after, self.action, self.steps = after, action, 0
-
-    def begin(self, description: str, total: int) -> None:
-        pass
-
-    def advance(self, note: str = "") -> None:
-        self.steps += 1
-        if self.steps == self.after:
-            self.action()
-
-
-def interrupt() -> None:
-    raise KeyboardInterrupt
 
 
 class TestInterrupted:

@@ -8,18 +8,13 @@ import numpy as np
 import pytest
 import sample_rooms
 from sample_records import full, many
+from shown_in import section
 
 from oed.records.record import Record
 from oed.report.figures import time
 from oed.report.figures.draw import drawn
 from oed.report.figures.spec import line_look
-from oed.report.page import sections_of
 from oed.report.parts.inputs import groups_of, series_of
-from oed.report.parts.section import Section
-
-
-def section(record: Record, title: str) -> Section:
-    return next(part for part in sections_of(record) if part.title == title)
 
 
 def captions(record: Record, title: str) -> dict[str, str]:

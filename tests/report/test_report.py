@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import sample_records
 from sample_records import RECORDS
+from shown_in import column, section
 
 import oed.report
 from oed.foundation.errors import UserMistake
@@ -24,20 +25,9 @@ from oed.report import write_report
 from oed.report.figures.draw import svg_text
 from oed.report.figures.spec import Panel, Plot
 from oed.report.page import html_text, markdown_text, sections_of
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Table
 from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 from oed.robots.models import MODELS
 from oed.robots.sensors import SENSORS
-
-
-def section(record: Record, title: str) -> Section:
-    return next(part for part in sections_of(record) if part.title == title)
-
-
-def column(table: Table, title: str) -> list[object]:
-    index = [entry.title for entry in table.columns].index(title)
-    return [row[index] for row in table.rows]
 
 
 @pytest.fixture(scope="module")
@@ -132,6 +122,7 @@ def test_markdown_tables_keep_their_shape(written: Path) -> None:
             assert len(re.findall(r"(?<!\\)\|", line)) == len(table.columns) + 1
 
 
+@pytest.mark.slow
 def test_names_from_the_study_are_text_not_markup(written: Path) -> None:
     html = (written / "report.html").read_text(encoding="utf-8")
     assert "<h1>Small &lt;robot&gt; | study</h1>" in html

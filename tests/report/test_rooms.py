@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from sample_records import full
 from sample_rooms import ROOMS
+from shown_in import section
 
 from oed.records.record import Record
 from oed.report import write_report
@@ -22,15 +23,10 @@ from oed.report.comparison import write_comparison
 from oed.report.figures import draw, spec
 from oed.report.figures.driven import Room, path_of, paths_of, robot_width, room_of
 from oed.report.figures.paths import paths, surroundings
-from oed.report.page import script_data, sections_of
+from oed.report.page import script_data
 from oed.report.parts.reading import with_drive
-from oed.report.parts.section import Section
 from oed.robots.limits import Circle as CircularRoom
 from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
-
-
-def section(record: Record, title: str) -> Section:
-    return next(part for part in sections_of(record) if part.title == title)
 
 
 def drawn(record: Record) -> Figure:

@@ -5,19 +5,13 @@ from __future__ import annotations
 import numpy as np
 import sample_rooms
 from sample_records import full
+from shown_in import section
 
-from oed.records.record import Record
 from oed.report.figures import time
 from oed.report.figures.draw import drawn
 from oed.report.figures.driven import Run, path_of, paths_of, room_of
 from oed.report.figures.paths import number_places, paths
-from oed.report.page import sections_of
 from oed.report.parts.inputs import groups_of, series_of
-from oed.report.parts.section import Section
-
-
-def section(record: Record, title: str) -> Section:
-    return next(part for part in sections_of(record) if part.title == title)
 
 
 def test_paths_are_split_where_runs_begin() -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import sample_records
 from places import REPORTS
+from shown_in import column, section, text_of
 
 from oed.foundation.errors import RecordError
 from oed.kernel.criteria import E
@@ -28,8 +29,6 @@ from oed.report.figures.draw import drawn
 from oed.report.page import sections_of
 from oed.report.parts.judging import aim_of, by_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.reading import measured_as, nuisance_text, prior_of, readings_text
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Table
 from oed.report.sections.candidates import candidates, criteria, paper
 from oed.robots.sensors import Several
 from oed.workflow.runner import record as record_of
@@ -57,19 +56,6 @@ class Compass(Sensor):
 @cache
 def record(kind: str) -> Record:
     return sample_records.RECORDS[kind]()
-
-
-def section(kind: str, title: str) -> Section:
-    return next(part for part in sections_of(record(kind)) if part.title == title)
-
-
-def column(table: Table, title: str) -> list[object]:
-    index = [entry.title for entry in table.columns].index(title)
-    return [row[index] for row in table.rows]
-
-
-def text_of(part: Section) -> str:
-    return " ".join(part.paragraphs)
 
 
 def changed(kind: str, **study: object) -> Record:
@@ -146,7 +132,7 @@ class TestCandidates:
         assert not repeatable(own)
         assert repetitions_of(own, own.results[1]) is None
         assert not {"efficiency", "repetitions for the same"} & {entry.title for entry in table.columns}
-        assert "of them would be needed" not in text_of(section(kind, "Summary"))
+        assert "of them would be needed" not in text_of(section(record(kind), "Summary"))
 
     def test_a_drive_that_tells_nothing_never_suffices(self):
         own = record("by_A")
@@ -209,7 +195,7 @@ class TestSearches:
         assert aim.size == 1
 
     def test_starts_are_compared_in_efficiency(self):
-        part = section("sensors", "Spread over the starts")
+        part = section(record("sensors"), "Spread over the starts")
         assert column(part.tables[0], "searched for") == ["E", "D"]
         assert column(part.tables[0], "within 1 %") == [1, 1]
         # log det falls by 0.3 of 25: 1 %, but 10 % in efficiency.
@@ -219,13 +205,13 @@ class TestSearches:
         assert shortfalls == pytest.approx([0, 100 * (math.exp(-0.3 / 3) - 1)])
 
     def test_stages_are_told_in_the_numbers_of_their_criterion(self):
-        text = text_of(section("sensors", "Spread over the starts"))
+        text = text_of(section(record("sensors"), "Spread over the starts"))
         assert "Stages of arc, in D (log det F)" in text
         assert f"({100 * (math.exp(0.1 / 3) - 1):+.3g} % in efficiency)" in text
         assert "99.9 % of the determinant" in text
 
     def test_each_is_measured_by_the_best_of_its_own_criterion(self):
-        part = section("sensors", "Convergence")
+        part = section(record("sensors"), "Convergence")
         table = part.tables[0]
         assert column(table, "searched for") == ["E", "D"]
         assert column(table, "time to 90 %") == [0.5, 1.0]  # exp(-0.1) is just above 90 %
@@ -340,7 +326,7 @@ class TestMeasured:
 
 class TestSummary:
     def test_no_regressor_is_spoken_of(self):
-        text = text_of(section("sensors", "Summary"))
+        text = text_of(section(record("sensors"), "Summary"))
         worst = 100 * record("sensors").results[0].lambda_min ** -0.5
         assert f"a standard deviation of {worst:.2f} % of nominal" in text
         assert "singular value" not in text
@@ -358,10 +344,10 @@ class TestSummary:
         ],
     )
     def test_every_criterion_in_words(self, kind: str, told: str):
-        assert told in text_of(section(kind, "Summary"))
+        assert told in text_of(section(record(kind), "Summary"))
 
     def test_parameters_that_are_not_judged_are_named(self):
-        text = text_of(section("by_D", "Summary"))
+        text = text_of(section(record("by_D"), "Summary"))
         assert "is the most informative about track of this" in text
         assert "Wheel radius right and wheel radius left: estimated too, but not judged." in text
 
@@ -377,7 +363,7 @@ class TestSummary:
 
 class TestPrecision:
     def test_deviations_are_readable_and_alike(self):
-        by_parameter, _, all_drives = section("sensors", "Predicted standard deviations").tables
+        by_parameter, _, all_drives = section(record("sensors"), "Predicted standard deviations").tables
         assert column(by_parameter, "deviations in") == ["mm", "mm", "mm"]
         known = record("sensors").results[0].standard_deviations
         assert column(by_parameter, "standard deviation") == pytest.approx(
@@ -386,22 +372,24 @@ class TestPrecision:
         assert [entry.unit for entry in all_drives.columns[1:]] == ["mm", "mm", "mm"]
 
     def test_unlike_units_are_apart(self):
-        table = section("absolute", "Predicted standard deviations").tables[0]
+        table = section(record("absolute"), "Predicted standard deviations").tables[0]
         assert column(table, "unit") == ["1", "1", "cm", "cm"]
         assert column(table, "deviations in") == ["×10⁻³", "×10⁻³", "cm", "cm"]
 
     def test_correlations_are_those_of_the_covariance(self):
-        table = section("sensors", "Predicted standard deviations").tables[1]
+        table = section(record("sensors"), "Predicted standard deviations").tables[1]
         covariance = np.array(record("sensors").results[0].covariances[0].covariance)
         sizes = np.sqrt(np.diag(covariance))
         found = np.array([row[1:] for row in table.rows], dtype=float)
         np.testing.assert_allclose(found, covariance / np.outer(sizes, sizes))
-        assert len(section("absolute", "Predicted standard deviations").tables) == 4  # one per regression
+        assert (
+            len(section(record("absolute"), "Predicted standard deviations").tables) == 4
+        )  # one per regression
 
 
 class TestValidation:
     def test_one_row_per_drive_estimator_and_parameter(self):
-        part = section("absolute", "Validation by simulation")
+        part = section(record("absolute"), "Validation by simulation")
         table = part.tables[-1]
         assert column(table, "estimator") == [name for name in ("ols", "sandwich", "gls") for _ in range(4)]
         assert column(table, "± (paired)") == [1e-16] * 12
@@ -411,7 +399,7 @@ class TestValidation:
         assert "in 3 ways: ols is ordinary least squares" in part.paragraphs[0]
 
     def test_sensors_know_no_headings(self):
-        part = section("sensors", "Validation by simulation")
+        part = section(record("sensors"), "Validation by simulation")
         assert "true headings" not in part.paragraphs[0]
         assert (
             "nonlinear least squares from all readings together, along with the initial pose"
@@ -421,16 +409,16 @@ class TestValidation:
         assert "estimator" not in [entry.title for entry in part.tables[-1].columns]
 
     def test_means_have_as_many_digits_as_tell_a_bias(self):
-        table = section("sensors", "Validation by simulation").tables[-1]
+        table = section(record("sensors"), "Validation by simulation").tables[-1]
         assert column(table, "true")[0] == "4.9000"
         assert column(table, "deviations in")[0] == "mm"
 
     def test_a_range_missed_by_chance_is_explained(self):
-        table = section("sensors", "Validation by simulation").tables[0]
+        table = section(record("sensors"), "Validation by simulation").tables[0]
         assert "a single one may well be outside its range" in table.caption
 
     def test_errors_are_drawn_where_estimates_are_all_alike(self):
-        first, second = section("sensors", "Validation by simulation").figures
+        first, second = section(record("sensors"), "Validation by simulation").figures
         axes = drawn(first.figure).axes
         assert axes[-1].get_xlabel() == "error of wheel radius right [mm]"
         assert second.name == "estimates_wheel_radius_left_track"
@@ -446,7 +434,7 @@ class TestValidation:
 
 
 def test_beacons_are_drawn_as_far_as_they_are_near():
-    figure = drawn(section("sensors", "Paths in the workspace").figures[0].figure)
+    figure = drawn(section(record("sensors"), "Paths in the workspace").figures[0].figure)
     assert [entry.get_text() for entry in figure.legends[0].get_texts()][-1] == "beacon"
     low, high = figure.axes[0].get_xlim()
     assert low < -1 < high < 9

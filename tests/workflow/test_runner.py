@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from listeners import interrupt
 from studies import GENETIC, IPOPT, saved_study, small
 
 from oed.foundation.errors import StudyError
@@ -212,10 +213,6 @@ class Listener:
         self.steps += 1
         if self.stages[-1].startswith(self.stage) and self.steps == self.after:
             self.action()
-
-
-def interrupt() -> None:
-    raise KeyboardInterrupt
 
 
 @pytest.mark.slow

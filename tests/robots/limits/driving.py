@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import oracle
 from builders import input_limits, problem_of
+from pydantic import TypeAdapter
 from sample_robots import ROBOTS, Example
 
 from oed.kernel.criteria import E
@@ -14,7 +15,7 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Margin, evaluate
 from oed.kernel.problem import Problem
-from oed.robots.limits import Limit
+from oed.robots.limits import LIMITS, Limit
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace
 
@@ -113,3 +114,8 @@ def fine_path(example: Example, drive: Trajectory) -> np.ndarray:
     middles = (np.arange(drive.samples) + 0.5) * drive.period
     twists = np.array([example.twist(row) for row in oracle.spline_values(drive, middles)])
     return oracle.fine_path(twists, drive.starts[0], drive.period, "arc", FINER)
+
+
+def limit_of(key: str, value):
+    """The limit of a study's key, read as a study is."""
+    return TypeAdapter(LIMITS[key]).validate_python(value)

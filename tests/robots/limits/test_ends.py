@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import random_drive
-from driving import BY_NAME, as_drive, fine_path, limited, margin_of, row_values, slack
+from driving import BY_NAME, as_drive, fine_path, limit_of, limited, margin_of, row_values, slack
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
@@ -56,20 +56,16 @@ MODELS = {
 }
 
 
-def read(key: str, value):
-    return TypeAdapter(LIMITS[key]).validate_python(value)
-
-
 def test_every_limit_has_an_example():
     assert set(EXAMPLES) == set(LIMITS)
 
 
 @pytest.mark.parametrize(("key", "given_value"), [*EXAMPLES.items(), *FURTHER])
 def test_limits_survive_writing_and_reading(key: str, given_value):
-    limit = read(key, given_value)
+    limit = limit_of(key, given_value)
     assert limit.name == key
     written = limit.model_dump(mode="json", exclude_none=True)
-    again = read(key, written)
+    again = limit_of(key, written)
     assert again == limit
     assert again.model_dump(mode="json", exclude_none=True) == written
     assert TypeAdapter(LIMITS[key]).validate_json(limit.model_dump_json(exclude_none=True)) == limit
@@ -80,7 +76,7 @@ def for_robot(key: str, model):
     value = EXAMPLES[key]
     if key == "wheel_jerk":
         value = {name: 100 + 10 * place for place, name in enumerate(model.input_names)}
-    return read(key, value)
+    return limit_of(key, value)
 
 
 @pytest.mark.parametrize("key", LIMITS)
@@ -110,7 +106,7 @@ def test_rows_of_two_runs_are_those_of_each(key: str):
 def test_jerk_of_trapezoids_in_several_runs(samples: int):
     rows, starts = np.random.default_rng(0).normal(size=(3 * samples, 2)), np.zeros((3, 3))
     whole = Trajectory.from_samples(rows, 23.1, starts, runs=3)
-    model, limit = BY_NAME["differential"].model, read("wheel_jerk", 100)
+    model, limit = BY_NAME["differential"].model, limit_of("wheel_jerk", 100)
     parts = [Trajectory.from_samples(own, 7.7, starts[0]) for own in np.split(rows, 3)]
     expected = min(slack(limit, as_drive(model, part)) for part in parts)
     assert slack(limit, as_drive(model, whole)) == pytest.approx(expected, abs=1e-8)
@@ -143,7 +139,7 @@ def test_path_length_of_every_run(name: str, seed: int):
     ],
 )
 def test_forms_of_an_end_position(given_value, at, tolerance: float):
-    limit = read("end_position", given_value)
+    limit = limit_of("end_position", given_value)
     assert (limit.at if limit.at == "start" else (limit.at.x, limit.at.y)) == at
     assert limit.tolerance == pytest.approx(tolerance)
 
@@ -159,7 +155,7 @@ def test_forms_of_an_end_position(given_value, at, tolerance: float):
     ],
 )
 def test_forms_of_an_end_heading(given_value, at, tolerance: float):
-    limit = read("end_heading", given_value)
+    limit = limit_of("end_heading", given_value)
     assert limit.at == (at if at == "start" else pytest.approx(at))
     assert limit.tolerance == pytest.approx(tolerance)
 
@@ -180,7 +176,7 @@ def test_forms_of_an_end_heading(given_value, at, tolerance: float):
 )
 def test_wrong_ends_are_refused(key: str, wrong, reason: str):
     with pytest.raises(ValidationError, match=reason):
-        read(key, wrong)
+        limit_of(key, wrong)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -276,7 +272,7 @@ def test_slopes_at_rest_are_finite(key: str):
         parameters=ca.DM(model.nominal),
         period=ca.DM(space.period),
     )
-    rows, flat = read(key, EXAMPLES[key]).rows(drive).expression, ca.vec(inputs)
+    rows, flat = limit_of(key, EXAMPLES[key]).rows(drive).expression, ca.vec(inputs)
     slopes = ca.jacobian(rows, flat)
     curvatures = ca.jacobian(ca.sum1(slopes), flat)
     function = ca.Function("slopes", [inputs], [slopes, curvatures])

@@ -6,8 +6,8 @@ import numpy as np
 import oracle
 import pytest
 from builders import random_drive
-from driving import BY_NAME, dense_times, limited, margin_of
-from pydantic import TypeAdapter, ValidationError
+from driving import BY_NAME, dense_times, limit_of, limited, margin_of
+from pydantic import ValidationError
 
 from oed.robots.limits import LIMITS, SteeringAngle, WheelSpeed
 from oed.robots.space import DesignSpace
@@ -15,10 +15,6 @@ from oed.robots.space import DesignSpace
 KEYS = ("wheel_speed", "wheel_acceleration", "wheel_jerk", "steering_angle", "steering_rate")
 UNITS = dict(zip(KEYS, ("rad/s", "rad/s^2", "rad/s^3", "rad", "rad/s"), strict=True))
 SPACE = DesignSpace(duration=9)
-
-
-def read(key: str, value):
-    return TypeAdapter(LIMITS[key]).validate_python(value)
 
 
 def robot_for(key: str):
@@ -29,10 +25,10 @@ def robot_for(key: str):
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_bounds_by_name(key: str, wrapped: bool):
     names = {"a": f"2 {UNITS[key]}", "b": [-1, 3], "c": 4}
-    limit = read(key, {"each": names} if wrapped else names)
+    limit = limit_of(key, {"each": names} if wrapped else names)
     assert limit.bounds is None
     assert {name: limit.bounds_of(name) for name in names} == {"a": (-2, 2), "b": (-1, 3), "c": (-4, 4)}
-    alike = read(key, 4)
+    alike = limit_of(key, 4)
     assert alike.bounds_of("any") == (-4, 4)
 
 
@@ -51,27 +47,27 @@ def test_bounds_by_name(key: str, wrapped: bool):
 )
 def test_wrong_bounds_by_name_are_refused(key: str, wrong, reason: str):
     with pytest.raises(ValidationError, match=reason):
-        read(key, wrong)
+        limit_of(key, wrong)
 
 
 @pytest.mark.parametrize("key", KEYS)
 def test_every_input_needs_bounds_by_its_name(key: str):
     model = robot_for(key)
     own = [entry.name for entry in model.inputs if entry.quantity == LIMITS[key].quantity]
-    assert read(key, dict.fromkeys(own, 0.5)).flaws(model, SPACE) == []
-    (flaw,) = read(key, {**dict.fromkeys(own, 0.5), "wheel_middle": 1}).flaws(model, SPACE)
+    assert limit_of(key, dict.fromkeys(own, 0.5)).flaws(model, SPACE) == []
+    (flaw,) = limit_of(key, {**dict.fromkeys(own, 0.5), "wheel_middle": 1}).flaws(model, SPACE)
     assert flaw.key == ("limits", key)
     assert flaw.message == f"expected bounds of {', '.join(own)}; got {', '.join([*own, 'wheel_middle'])}"
-    (flaw,) = read(key, {"another": 1}).flaws(model, SPACE)
+    (flaw,) = limit_of(key, {"another": 1}).flaws(model, SPACE)
     assert flaw.message.endswith("got another")
     if len(own) > 1:
-        (flaw,) = read(key, {own[0]: 1}).flaws(model, SPACE)
+        (flaw,) = limit_of(key, {own[0]: 1}).flaws(model, SPACE)
         assert flaw.message == f"expected bounds of {', '.join(own)}; got {own[0]}"
 
 
 @pytest.mark.parametrize("key", ["steering_angle", "steering_rate"])
 def test_steering_limits_need_a_steered_wheel(key: str):
-    (flaw,) = read(key, 0.5).flaws(BY_NAME["differential"].model, SPACE)
+    (flaw,) = limit_of(key, 0.5).flaws(BY_NAME["differential"].model, SPACE)
     assert flaw.key == ("limits", key)
     assert "differential_drive has no steering_angle; its inputs are wheel_" in flaw.message
 
@@ -82,18 +78,18 @@ def test_steering_limits_need_a_steered_wheel(key: str):
 def test_ackermann_cannot_steer_across(bounds, refused: bool):
     # Gain 1.1 and offset -0.02 rad: the wheels stand across at (90 deg - 0.02 rad) / 1.1 = 1.4098 rad.
     for value in (bounds, {"steering_angle": bounds}):
-        flaws = read("steering_angle", value).flaws(BY_NAME["ackermann"].model, SPACE)
+        flaws = limit_of("steering_angle", value).flaws(BY_NAME["ackermann"].model, SPACE)
         assert [flaw.key for flaw in flaws] == [("limits", "steering_angle")] * refused
         assert all("steering_angle must stay below 1.41 rad" in flaw.message for flaw in flaws)
 
 
 def test_a_tricycle_may_steer_across():
-    assert read("steering_angle", "120 deg").flaws(BY_NAME["tricycle"].model, SPACE) == []
+    assert limit_of("steering_angle", "120 deg").flaws(BY_NAME["tricycle"].model, SPACE) == []
 
 
 @pytest.mark.parametrize("value", [[0.1, 0.5], {"steering_angle": [-0.5, -0.1]}])
 def test_steering_that_excludes_straight_needs_a_drive_without_rest(value):
-    model, limit = BY_NAME["tricycle"].model, read("steering_angle", value)
+    model, limit = BY_NAME["tricycle"].model, limit_of("steering_angle", value)
     (flaw,) = limit.flaws(model, SPACE)
     assert "excludes 0" in flaw.message
     assert limit.flaws(model, DesignSpace(duration=9, rest_to_rest=False)) == []
@@ -120,7 +116,9 @@ def test_which_limits_bound_inputs_and_rates():
     wheel, steered = model.input_names
     assert SteeringAngle(bounds=(-0.2, 0.4)).input_bounds(model) == {steered: (-0.2, 0.4)}
     assert WheelSpeed(bounds=3).input_bounds(model) == {wheel: (-3, 3)}
-    assert read("steering_rate", 2).rate_bounds(model) == {steered: (-2, 2)}
-    assert read("wheel_acceleration", 2).rate_bounds(model) == {wheel: (-2, 2)}
-    assert read("steering_rate", 2).input_bounds(model) == {}
-    assert read("steering_angle", 1).rate_bounds(model) == read("wheel_jerk", 1).rate_bounds(model) == {}
+    assert limit_of("steering_rate", 2).rate_bounds(model) == {steered: (-2, 2)}
+    assert limit_of("wheel_acceleration", 2).rate_bounds(model) == {wheel: (-2, 2)}
+    assert limit_of("steering_rate", 2).input_bounds(model) == {}
+    assert (
+        limit_of("steering_angle", 1).rate_bounds(model) == limit_of("wheel_jerk", 1).rate_bounds(model) == {}
+    )

@@ -5,21 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import problem_of
+from driving import limit_of
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Margin, evaluate
-from oed.robots.limits import LIMITS, Rectangle, WheelAcceleration, WheelSpeed
+from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.space import DesignSpace, StartPose
 
 BOUNDED = {"wheel_speed": "rad/s", "wheel_acceleration": "rad/s^2"}
 two_sided = pytest.mark.parametrize("key", BOUNDED)
-
-
-def read(key: str, value):
-    return TypeAdapter(LIMITS[key]).validate_python(value)
 
 
 def margin_of(problem, drive: Trajectory, name: str) -> Margin:
@@ -53,13 +50,13 @@ def test_forms_of_a_two_sided_limit(key: str, given_value, expected):
             return {name: with_unit(entry) for name, entry in value.items()}
         return type(value)(map(with_unit, value)) if isinstance(value, list | tuple) else value
 
-    limit = read(key, with_unit(given_value))
+    limit = limit_of(key, with_unit(given_value))
     assert limit.bounds == pytest.approx(expected)
     assert limit.name == key
 
 
 def test_other_units_of_speed():
-    assert read("wheel_speed", "60 rpm").bounds == pytest.approx((-2 * np.pi, 2 * np.pi))
+    assert limit_of("wheel_speed", "60 rpm").bounds == pytest.approx((-2 * np.pi, 2 * np.pi))
 
 
 @two_sided
@@ -82,14 +79,14 @@ def test_other_units_of_speed():
 )
 def test_wrong_values_are_refused(key: str, wrong, reason: str):
     with pytest.raises(ValidationError, match=reason):
-        read(key, wrong)
+        limit_of(key, wrong)
 
 
 def test_forms_of_a_rectangle():
-    box = read("workspace", {"kind": "rectangle", "x": ["-1 m", "1 m"], "y": ["-50 cm", 2]})
+    box = limit_of("workspace", {"kind": "rectangle", "x": ["-1 m", "1 m"], "y": ["-50 cm", 2]})
     assert box.extent == pytest.approx((-1, 1, -0.5, 2))
     ready = Rectangle(x=(0, 1), y=(0, 1))
-    assert read("workspace", ready) is ready
+    assert limit_of("workspace", ready) is ready
 
 
 @pytest.mark.parametrize(
@@ -105,7 +102,7 @@ def test_forms_of_a_rectangle():
 )
 def test_wrong_workspaces_are_refused(wrong, reason: str):
     with pytest.raises(ValidationError, match=reason):
-        read("workspace", wrong)
+        limit_of("workspace", wrong)
 
 
 @given(

@@ -12,7 +12,7 @@ from builders import SPEED, problem_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from sample_robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs
+from sample_robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs, twist_of
 
 import oed
 from oed.foundation.errors import ProblemError
@@ -35,11 +35,6 @@ from oed.robots.sensors import Displacements, Poses
 robots = pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
 coefficient_robots = pytest.mark.parametrize("example", COEFFICIENT_ROBOTS, ids=lambda example: example.name)
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
-
-
-def twist_of(model, inputs, parameters=None) -> np.ndarray:
-    values = model.nominal if parameters is None else parameters
-    return np.array(ca.evalf(model.twist(ca.DM(inputs), ca.DM(values)))).ravel()
 
 
 def next_pose(model, rule, pose, inputs, period, parameters=None) -> np.ndarray:

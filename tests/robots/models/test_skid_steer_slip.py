@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from sample_robots import twist_of
 from scipy.integrate import solve_ivp
 
 from oed.kernel.dynamics.system import stepper
@@ -35,10 +36,6 @@ FULL = SkidSteerSlip(**SIZES, **EFFECTS)
 LAG = SkidSteerSlip(**SIZES, yaw_lag=0.3)
 PLAIN = DifferentialDrive(**SIZES)
 speeds = st.floats(-10, 10)
-
-
-def twist_of(model: Model, inputs) -> np.ndarray:
-    return np.array(ca.evalf(model.twist(ca.DM(inputs), ca.DM(model.nominal)))).ravel()
 
 
 def after(model: Model, state, inputs, period: float, parameters=None) -> np.ndarray:

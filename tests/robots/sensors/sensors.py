@@ -435,15 +435,4 @@ class Experiment:
     @property
     def information(self) -> np.ndarray:
         """Information (p, p) on the parameters, nuisances eliminated, SI."""
-        return schur(self.full, len(self.parameters))
-
-
-def schur(matrix: np.ndarray, kept: int) -> np.ndarray:
-    """What is left on the first `kept` rows when the others are unknown too; rows without any information
-    are passed over.
-    """
-    cross, rest = matrix[:kept, kept:], matrix[kept:, kept:]
-    sizes = np.sqrt(np.diag(rest))
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    inverse = np.linalg.pinv(rest / np.outer(sizes, sizes), rcond=1e-10, hermitian=True)
-    return matrix[:kept, :kept] - cross / sizes @ inverse @ (cross / sizes).T
+        return oracle.schur(self.full, len(self.parameters))
