@@ -218,7 +218,7 @@ class TestOddLogs:
         log = log_of(course(seconds=6.0), noise=NOISE, quantities=("heading",))
         found = found_by([log])
         assert found.fit.unknowns.place == ()
-        assert "apart" in " ".join(found.weak_directions)
+        assert "separately" in " ".join(found.weak_directions)
         assert found.cross_validation == ()
 
     def test_dead_reckoning_apart_needs_positions(self):
