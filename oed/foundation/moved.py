@@ -41,7 +41,7 @@ RENAMED = {
 """Folders of the top level by where they are now, under another name."""
 
 
-NAMES = {"leaving": "violation_probability"}
+NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
 """Public names by those that they had."""
 
 
@@ -80,6 +80,7 @@ ATTRIBUTES = {
     "Calibration": {"left_out": "cross_validation", "untold": "weak_directions"},
     "Certificate": {"caps": "bounds"},
     "Evaluation": {"poses": "states"},
+    "Solution": {"leaving": "violation"},
     "Nonlinear": ESTIMATOR,
     "Regression": ESTIMATOR,
     "Validation": {"promised": "predicted"},

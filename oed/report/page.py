@@ -81,7 +81,7 @@ def _drawings(sections: list[Section]) -> dict[str, str]:
         return {}
     from oed.report.figures.draw import svg_text
 
-    return {picture.name: svg_text(picture.draw) for picture in pictures}
+    return {picture.name: svg_text(picture.figure) for picture in pictures}
 
 
 def html_text(text: str) -> Markup:

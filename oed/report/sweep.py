@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -14,7 +13,7 @@ from oed.foundation.text import count, listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.report.comparison import relative_deviations
-from oed.report.figures import chart as chart_figures
+from oed.report.figures import chart as charts
 from oed.report.figures import paths as path_figures
 from oed.report.figures.chart import Chart
 from oed.report.figures.driven import path_of, room_of
@@ -136,12 +135,8 @@ def _objective_figures(found: StoredSweep) -> tuple[Picture, ...]:
     grid = len(found.varied) == 2 and all(axis.numeric for axis in found.varied)
     if len(chart.series) > SERIES and not grid:
         return ()
-    draw = partial(_draw, "lines" if len(chart.series) <= SERIES else "heat_map", chart)
-    return (Picture("objective", f"Objective over {chart.across}", SAY("objective"), draw),)
-
-
-def _draw(kind: str, *data: Any) -> Any:
-    return getattr(chart_figures, kind)(*data)
+    figure = charts.lines(chart) if len(chart.series) <= SERIES else charts.heat_map(chart)
+    return (Picture("objective", f"Objective over {chart.across}", SAY("objective"), figure),)
 
 
 def _precision(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
@@ -181,7 +176,7 @@ def _precision_figures(
         f"Standard deviations over {drawn[0].across}",
         "Predicted standard deviation of each parameter.",
     )
-    return (Picture("precision", alt, caption, partial(_draw, "panels", drawn)),)
+    return (Picture("precision", alt, caption, charts.panels(drawn)),)
 
 
 def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
@@ -198,16 +193,12 @@ def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
             f"paths_{number}",
             f"Paths of {count(len(paths), 'best drive')} in the same room",
             "Best drives; colour and width tell the speed.",
-            partial(_draw_paths, paths, room),
+            path_figures.paths(paths, room),
         )
         for number, (room, paths) in enumerate(rooms.values(), start=1)
     )
     notes = tuple(filter(None, [SAY("drawn", PATHS, len(best))]))
     return Section("Best paths", paragraphs=notes, figures=pictures) if best else None
-
-
-def _draw_paths(paths: Sequence[Any], room: Any) -> Any:
-    return path_figures.paths(paths, room)
 
 
 def _links(found: StoredSweep, base: Path) -> Section | None:

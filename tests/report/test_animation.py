@@ -17,8 +17,8 @@ import oed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.records.record import Record, save_record
 from oed.report import write_report
-from oed.report.figures.driven import motion, motions_of
-from oed.report.film.scene import PAUSE, cast_of, scene_of
+from oed.report.figures.driven import motion, motions_of, room_of, view_of
+from oed.report.film.cast import PAUSE, Cast
 from oed.report.film.stage import FACE, TRACE, Stage
 from oed.report.film.writing import FORMATS, Frame
 from oed.report.parts.section import Section
@@ -37,7 +37,7 @@ def looks_like(frame: Frame, colour: str) -> np.ndarray:
 
 
 def stage_of(record: Record, speed: float = 1.0) -> Stage:
-    return Stage(scene_of(record, [record.best]), [cast_of(record.best)], speed)
+    return Stage(record, [record.best], speed)
 
 
 class TestMotion:
@@ -72,7 +72,7 @@ class TestMotion:
 
 class TestCast:
     def test_runs_follow_each_other_after_a_rest(self):
-        cast = cast_of(crab().best)
+        cast = Cast.of(crab().best)
         assert cast.length(2.0) == pytest.approx(3 * 4 + 2 * PAUSE)
         moments = [cast.moment(time, 2.0) for time in (0.0, 1.0, 4.0 + PAUSE / 2, 4.0 + PAUSE + 1.0, 99.0)]
         assert moments == [(0, 0.0), (0, 2.0), (0, 8.0), (1, pytest.approx(2.0)), (2, 8.0)]
@@ -83,8 +83,8 @@ class TestStage:
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()
         stage = stage_of(record)
-        width, height = scene_of(record, [record.best]).view.size
-        first = cast_of(record.best).runs[0]
+        width, height = view_of(record, [record.best], room_of(record)).size
+        first = Cast.of(record.best).runs[0]
         places = {}
         for time in (0.0, 8.0):
             rows, columns = looks_like(stage.frame(time), FACE["facecolor"]).mean(axis=0)

@@ -310,7 +310,7 @@ def test_names_are_no_formulas(tmp_path: Path):
     data["results"][0]["name"] = data["best"] = "a $x^$ drive"
     saved(tmp_path, data)
     (picture,) = paths(load_record(tmp_path)).figures
-    assert "<svg" in svg_text(picture.draw)
+    assert "<svg" in svg_text(picture.figure)
 
 
 def test_damages_damage():

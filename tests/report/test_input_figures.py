@@ -114,7 +114,7 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
         "result",
         "exceeded",
         "active or met",
-        "kept with room",
+        "satisfied with room",
     ]
     first, fast = table.rows
     assert first[1] is None

@@ -47,7 +47,7 @@ def told(**changes: Any) -> dict[str, Any]:
 
 
 def made(**changes: Any) -> Record:
-    """The winding drive as the robust search's, the arc as what was found with nothing in reserve."""
+    """The winding drive as the robust search's, the arc as what was found without back-off."""
     data = copy.deepcopy(dict(full().data))
     data["results"] = data["results"][:2]
     data["results"][1]["name"] = "nominal"
@@ -107,7 +107,7 @@ class TestWords:
 
     def test_how_many_leave_is_said(self):
         text = text_of()
-        for words in ("0.31%", "of 10000 robots", "0.21% to 0.44%", "2.58 standard deviations in reserve"):
+        for words in ("0.31%", "of 10000 robots", "0.21% to 0.44%", "a back-off of 2.58 standard deviations"):
             assert words in text
 
     @pytest.mark.parametrize(
@@ -163,11 +163,11 @@ class TestFigures:
     def test_bundles_are_drawn_each_in_a_panel(self):
         (picture,) = robustness(made()).figures
         assert "5 robots" in picture.caption
-        figure = drawn(picture.draw)
+        figure = drawn(picture.figure)
         titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
         assert [title.split(":")[0] for title in titles] == ["ipopt", "nominal"]
         labels = [text.get_text() for text in figure.legends[0].get_texts()]
-        assert {"nominal robot", "keeps the limits", "leaves them"} <= set(labels)
+        assert {"nominal robot", "satisfies the limits", "violates them"} <= set(labels)
 
     def test_without_bundles_there_is_no_figure(self):
         assert robustness(made(bundles=[])).figures == ()
@@ -179,4 +179,4 @@ def test_it_is_in_the_report(tmp_path):
     for name in ("report.html", "report.md"):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert "Robots other than the nominal one" in text
-        assert "robots that leave" in text
+        assert "violation probability" in text

@@ -97,7 +97,7 @@ class TestCriteria:
     def test_what_each_drive_was_searched_for_stands_beside_it(self):
         (table,) = criteria(record("sensors")).tables
         assert column(table, "searched for") == ["E", "D", None, None]
-        assert column(table, "keeps every limit") == [True, True, True, False]
+        assert column(table, "satisfies every limit") == [True, True, True, False]
 
     def test_drives_that_break_limits_are_no_measure(self):
         (table,) = criteria(record("sensors")).tables
@@ -213,7 +213,7 @@ class TestSearches:
         assert column(part.tables[0], "searched for") == ["E", "D"]
         assert column(part.tables[0], "within 1 %") == [1, 1]
         # log det falls by 0.3 of 25: 1 %, but 10 % in efficiency.
-        ax = drawn(part.figures[0].draw).axes[1]
+        ax = drawn(part.figures[0].figure).axes[1]
         assert ax.get_title() == "arc\nby D"
         shortfalls = ax.lines[0].get_ydata()
         assert shortfalls == pytest.approx([0, 100 * (math.exp(-0.3 / 3) - 1)])
@@ -230,14 +230,14 @@ class TestSearches:
         assert column(table, "searched for") == ["E", "D"]
         assert column(table, "time to 90 %") == [0.5, 1.0]  # exp(-0.1) is just above 90 %
         assert column(table, "time to 99 %") == [0.5, 1.5]
-        figure = drawn(part.figures[0].draw)
+        figure = drawn(part.figures[0].figure)
         assert "its own criterion" in figure.axes[0].get_ylabel()
 
     def test_one_criterion_needs_no_such_words(self):
         flagship = load_record(FLAGSHIP)
         parts = {part.title: part for part in sections_of(flagship)}
         assert "searched for" not in [one.title for one in parts["Convergence"].tables[0].columns]
-        assert drawn(parts["Convergence"].figures[0].draw).axes[0].get_ylabel() == "below the best [%]"
+        assert drawn(parts["Convergence"].figures[0].figure).axes[0].get_ylabel() == "below the best [%]"
 
 
 class TestMeasured:
@@ -283,8 +283,8 @@ class TestMeasured:
 
     def test_what_is_estimated_along_and_known_before(self):
         text = nuisance_text(record("sensors"))
-        assert "the initial pose (known beforehand to 5 cm and 2 deg)" in text
-        assert "the lever arm of the poses (known beforehand to 1 cm)" in text
+        assert "the initial pose (prior: ± 5 cm and ± 2 deg)" in text
+        assert "the lever arm of the poses (prior: ± 1 cm)" in text
         assert "and the bias of the yaw rate." in text
         assert prior_of(record("sensors")) == {"wheel_radius_left": "0.2 mm", "track": "10 %"}
 
@@ -344,7 +344,7 @@ class TestSummary:
         worst = 100 * record("sensors").results[0].lambda_min ** -0.5
         assert f"a standard deviation of {worst:.2f} % of nominal" in text
         assert "singular value" not in text
-        assert "Known beforehand, and part of every number here: wheel radius left to 0.2 mm" in text
+        assert "Prior, part of every number here: wheel radius left ± 0.2 mm" in text
         assert paper(record("sensors")) is None
 
     @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ class TestSummary:
 
     def test_parameters_that_are_not_judged_are_named(self):
         text = text_of(section("by_D", "Summary"))
-        assert "tells track of this" in text
+        assert "is the most informative about track of this" in text
         assert "Wheel radius right and wheel radius left: estimated too, but not judged." in text
 
     def test_a_drive_on_the_spot_has_no_length(self):
@@ -371,8 +371,8 @@ class TestSummary:
         entry["path_length"] = 2e-25
         entry["drive"]["poses"] = [[0.0, 0.0, 0.1 * index] for index in range(21)]
         parts = {part.title: part for part in sections_of(Record(data))}
-        assert "with a drive on the spot (0.32 turns)" in text_of(parts["Summary"])
-        assert "on the spot" in drawn(parts["Paths in the workspace"].figures[0].draw).axes[0].get_title()
+        assert "with a drive in place (0.32 turns)" in text_of(parts["Summary"])
+        assert "in place" in drawn(parts["Paths in the workspace"].figures[0].figure).axes[0].get_title()
 
 
 class TestPrecision:
@@ -431,7 +431,7 @@ class TestValidation:
 
     def test_errors_are_drawn_where_estimates_are_all_alike(self):
         first, second = section("sensors", "Validation by simulation").figures
-        axes = drawn(first.draw).axes
+        axes = drawn(first.figure).axes
         assert axes[-1].get_xlabel() == "error of wheel radius right [mm]"
         assert second.name == "estimates_wheel_radius_left_track"
 
@@ -446,7 +446,7 @@ class TestValidation:
 
 
 def test_beacons_are_drawn_as_far_as_they_are_near():
-    figure = drawn(section("sensors", "Paths in the workspace").figures[0].draw)
+    figure = drawn(section("sensors", "Paths in the workspace").figures[0].figure)
     assert [entry.get_text() for entry in figure.legends[0].get_texts()][-1] == "beacon"
     low, high = figure.axes[0].get_xlim()
     assert low < -1 < high < 9

@@ -67,11 +67,11 @@ def test_drives_that_break_the_limits_are_named():
     data["planned"][2]["feasible"] = False
     section = section_of(data)
     assert section is not None
-    assert "Left out, for they break the limits or were not found: circle." in section.notices[0]
+    assert "Left out, as they violate the limits or were not found: circle." in section.notices[0]
 
 
 def test_figures_are_drawn(shown: Section):
-    texts = [svg_text(picture.draw) for picture in shown.figures]
+    texts = [svg_text(picture.figure) for picture in shown.figures]
     assert "held-out error [mm]" in texts[0]
     assert all(name in texts[0] for name in ("lag", "circle", "friction 0.6"))
     assert "planned" in texts[1]
@@ -83,4 +83,4 @@ def test_two_floors_are_shown_side_by_side():
     section = section_of({**data, "floors": [*data["floors"], other]})
     assert section is not None
     assert len(section.tables) == 3
-    assert "friction 0.9" in svg_text(section.figures[0].draw)
+    assert "friction 0.9" in svg_text(section.figures[0].figure)

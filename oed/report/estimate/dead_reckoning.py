@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 from oed.foundation.text import count, significant, unit_text, words
-from oed.records.stored.estimate import EstimateRecord, Reckoned, ReckonedPath, UnseenLogs
+from oed.records.stored.estimate import EstimateRecord, Reckoned, UnseenLogs
 from oed.report.estimate.logs import MOST_ROWS
+from oed.report.figures import calibration as figures
 from oed.report.parts.prose import Prose
 from oed.report.parts.rounding import own_unit, scaled, sized, to_error
 from oed.report.parts.section import Picture, Section
@@ -159,11 +158,5 @@ def paths(record: EstimateRecord) -> Section | None:
         return None
     alt = "Driven paths beside dead reckoning with nominal and with estimated parameters"
     roles = sorted({str(one.role) for one in record.paths[: len(drawn)]})
-    picture = Picture("estimate_paths", alt, SAY("paths"), partial(_draw, drawn))
+    picture = Picture("estimate_paths", alt, SAY("paths"), figures.paths(drawn))
     return Section("Driven paths", paragraphs=(SAY("drawn", roles),), figures=(picture,))
-
-
-def _draw(drawn: Sequence[ReckonedPath]) -> Any:
-    from oed.report.figures import estimate_figures
-
-    return estimate_figures.paths(drawn)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from typing import Any
 
 from oed.foundation.text import fixed, in_signs, significant, slug, words
 from oed.records.stored.estimate import Column as Numbers
 from oed.records.stored.estimate import Estimated, EstimateRecord, TriedLength
+from oed.report.figures import calibration as figures
 from oed.report.figures.residuals import Residuals, residuals_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.rounding import error_text, own_unit, probability, scaled, shown_unit, sized
@@ -188,10 +187,4 @@ def _tests(record: EstimateRecord) -> Table:
 def _picture(one: Residuals) -> Picture:
     alt = f"Residuals of the {words(one.about)} over time, against speed, their distribution and correlations"
     name = f"estimate_residuals_{slug(one.about)}"
-    return Picture(name, alt, SAY("residuals", one), partial(_draw, one))
-
-
-def _draw(one: Residuals) -> Any:
-    from oed.report.figures import estimate_figures
-
-    return estimate_figures.residuals(one)
+    return Picture(name, alt, SAY("residuals", one), figures.residuals(one))

@@ -7,23 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.report.figures.spec import (
-    FIRST,
-    INK,
-    Array,
-    Axis,
-    Bars,
-    Cells,
-    Key,
-    Legend,
-    Line,
-    Look,
-    Panel,
-    Part,
-    Plot,
-    Values,
-    line_look,
-)
+from oed.report.figures import spec
+from oed.report.figures.spec import FIRST, INK, Array, Look, Values, line_look
 
 DECADE = 20.0
 """Ratio of the largest to the smallest value from which an axis is logarithmic."""
@@ -64,44 +49,44 @@ class Chart:
         return np.where(np.isfinite(found), found, np.nan)
 
 
-def lines(chart: Chart) -> Plot:
+def lines(chart: Chart) -> spec.Plot:
     """One panel: a line of each combination of the other keys, or bars where the key's values are words."""
     return panels([chart])
 
 
-def panels(charts: Sequence[Chart]) -> Plot:
+def panels(charts: Sequence[Chart]) -> spec.Plot:
     """One panel for each chart, all over the same key."""
     columns, first = (1 if len(charts) == 1 else 2), charts[0]
     height = (3.0 if columns == 1 else 2.4) * -(-len(charts) // columns)
     look = _fill if first.worded else _line
     named = first.series if len(first.series) > 1 else ()
-    keys = [Key(name, look(index), patch=first.worded) for index, (name, _) in enumerate(named)]
-    legend = Legend(keys, 3, options={"handlelength": 3.2})
+    keys = [spec.Key(name, look(index), patch=first.worded) for index, (name, _) in enumerate(named)]
+    legend = spec.Legend(keys, 3, options={"handlelength": 3.2})
     made = [_panel(one) for one in charts]
-    return Plot(made, columns, height=height, labels="outer ticks", legend=legend)
+    return spec.Plot(made, columns, height=height, labels="outer ticks", legend=legend)
 
 
-def _panel(chart: Chart) -> Panel:
-    values, y = chart.values, Axis(chart.quantity)
+def _panel(chart: Chart) -> spec.Panel:
+    values, y = chart.values, spec.Axis(chart.quantity)
     if _spans_decades(values):
-        y = Axis(chart.quantity, logarithmic=True)
+        y = spec.Axis(chart.quantity, logarithmic=True)
     elif np.nanmin(values, initial=0.0) >= 0:
-        y = Axis(chart.quantity, ends=(0.0, 1.08 * float(np.nanmax(values, initial=0.0)) or 1.0))
+        y = spec.Axis(chart.quantity, ends=(0.0, 1.08 * float(np.nanmax(values, initial=0.0)) or 1.0))
     if chart.worded:
         words = [(index, str(place)) for index, place in enumerate(chart.places)]
-        return Panel(_bars(values), Axis(chart.across, ticks=words, grid=False), y, chart.title)
+        return spec.Panel(_bars(values), spec.Axis(chart.across, ticks=words, grid=False), y, chart.title)
     places = np.array(chart.places, dtype=float)
-    parts = [Line(places, row, {**_line(index), "zorder": 3}) for index, row in enumerate(values)]
+    parts = [spec.Line(places, row, {**_line(index), "zorder": 3}) for index, row in enumerate(values)]
     ticks = tuple((float(place), f"{place:g}") for place in places)
-    x = Axis(chart.across, logarithmic=_spans_decades(places), ticks=ticks)
-    return Panel(parts, x, y, chart.title, margin=0.06)
+    x = spec.Axis(chart.across, logarithmic=_spans_decades(places), ticks=ticks)
+    return spec.Panel(parts, x, y, chart.title, margin=0.06)
 
 
-def _bars(values: Array) -> list[Part]:
+def _bars(values: Array) -> list[spec.Part]:
     width = 0.8 / len(values)
     middle = np.arange(values.shape[1]) - 0.5 * (len(values) - 1) * width
     return [
-        Bars(middle + index * width, row, 0.92 * width, {**_fill(index), "zorder": 3})
+        spec.Bars(middle + index * width, row, 0.92 * width, {**_fill(index), "zorder": 3})
         for index, row in enumerate(values)
     ]
 
@@ -120,10 +105,10 @@ def _fill(index: int) -> Look:
     return {"facecolor": FILLS[index], "hatch": HATCHES[index], "edgecolor": INK, "linewidth": 0.7}
 
 
-def heat_map(chart: Chart) -> Plot:
+def heat_map(chart: Chart) -> spec.Plot:
     """Two numeric keys: a cell for each pair of values, shaded and labelled with what it reaches."""
     places = [(at, f"{place:g}") for at, place in enumerate(chart.places)]
     names = [(at, name) for at, (name, _) in enumerate(chart.series)]
-    x, y = Axis(chart.across, ticks=places, grid=False), Axis(ticks=names, grid=False)
-    panel = Panel([Cells(chart.values, chart.quantity)], x, y)
-    return Plot([panel], height=1.2 + 0.36 * len(chart.series))
+    x, y = spec.Axis(chart.across, ticks=places, grid=False), spec.Axis(ticks=names, grid=False)
+    panel = spec.Panel([spec.Cells(chart.values, chart.quantity)], x, y)
+    return spec.Plot([panel], height=1.2 + 0.36 * len(chart.series))

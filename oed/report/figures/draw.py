@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
@@ -21,7 +19,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Patch, PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
@@ -51,16 +49,14 @@ BAR, SHORTEST_BAR = 3.6, 0.02
 """Height of a bar of colours at most, and its distance from the panels [inch, share]."""
 
 
-def svg_text(figure: spec.Plot | Callable[[], Any]) -> str:
-    """The SVG of a figure, or of what a function makes: the same text for the same data."""
+def svg_text(figure: spec.Plot) -> str:
+    """The SVG of a figure: the same text for the same data."""
     with style.context(["default", STYLE]), warnings.catch_warnings():
         # Letters that the font here has not: those of the viewer are drawn.
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        made = figure if isinstance(figure, spec.Plot) else figure()
-        picture = drawn(made) if isinstance(made, spec.Plot) else made
-        picture.savefig(buffer, format="svg", metadata=nothing)
+        drawn(figure).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
 
 
@@ -82,12 +78,7 @@ def as_drawn(text: str) -> str:
 def drawn(plot: spec.Plot, **options: Any) -> Figure:
     """The picture of a figure; `options` are those of matplotlib's Figure."""
     figure = Figure(figsize=(plot.width, plot.height), layout="constrained", **options)
-    sharex, sharey = "x" in plot.share, "y" in plot.share
-    shape = figure.subplots(plot.rows, plot.columns, squeeze=False, sharex=sharex, sharey=sharey)
-    axes = list(shape.ravel())
-    for spare in axes[len(plot.panels) :]:
-        figure.delaxes(spare)
-    axes = axes[: len(plot.panels)]
+    axes = _placed(figure, plot)
     shades = None if plot.fastest is None else Colours(plot.fastest)
     for ax, panel in zip(axes, plot.panels, strict=True):
         _fill(ax, panel, shades)
@@ -99,6 +90,23 @@ def drawn(plot: spec.Plot, **options: Any) -> Figure:
     if plot.legend.keys:
         _explain(figure, plot.legend, plot.width)
     return figure
+
+
+def _placed(figure: Figure, plot: spec.Plot) -> list[Axes]:
+    # One of each panel; places of the last row may stay empty.
+    count = len(plot.panels)
+    if plot.wide:
+        rows = [[place] * plot.columns for place in range(plot.wide)]
+        rows += [list(range(first, first + plot.columns)) for first in range(plot.wide, count, plot.columns)]
+        found: dict[int, Axes] = figure.subplot_mosaic(rows, height_ratios=plot.heights)
+        axes = [found[place] for place in sorted(found)]
+    else:
+        sharex, sharey = "x" in plot.share, "y" in plot.share
+        shape = figure.subplots(plot.rows, plot.columns, squeeze=False, sharex=sharex, sharey=sharey)
+        axes = list(shape.ravel())
+    for spare in axes[count:]:
+        figure.delaxes(spare)
+    return axes[:count]
 
 
 class Colours:
@@ -158,9 +166,11 @@ def _label(figure: Figure, axes: Sequence[Axes], plot: spec.Plot) -> None:
         figure.supxlabel(as_drawn(first.x.label), fontsize="medium")
         figure.supylabel(as_drawn(first.y.label), fontsize="medium")
         return
-    ticks = plot.labels == "outer ticks"
+    ticks, each = plot.labels == "outer ticks", plot.labels == "each"
     for index, (ax, panel) in enumerate(zip(axes, plot.panels, strict=True)):
         below, beside = index + plot.columns >= len(axes), index % plot.columns == 0
+        if each:
+            below, beside = bool(panel.x.title), True
         ax.tick_params(labelbottom=below or ticks, labelleft=beside or ticks)
         ax.set_xlabel(as_drawn(panel.x.label) if below else "")
         ax.set_ylabel(as_drawn(panel.y.label) if beside else "")
@@ -197,6 +207,16 @@ def put(part: object, ax: Axes) -> None:
 @put.register
 def _(part: spec.Line, ax: Axes) -> None:
     ax.plot(part.x, part.y, **_look(part.look))
+
+
+@put.register
+def _(part: spec.Dots, ax: Axes) -> None:
+    # One path of lines without length and with round ends: far smaller than a marker each.
+    points = np.repeat(np.column_stack([part.x, part.y]), 2, axis=0)
+    path = Path(points, np.tile([Path.MOVETO, Path.LINETO], len(part.x)))
+    path.should_simplify = False
+    look = {"facecolor": "none", "edgecolor": part.colour, "linewidth": part.width, "zorder": 2}
+    ax.add_patch(PathPatch(path, capstyle="round", **look))
 
 
 def _put_shades(part: spec.Shades, ax: Axes, shades: Colours) -> None:
@@ -270,35 +290,7 @@ def _(part: spec.Note, ax: Axes) -> None:
     ax.annotate(
         as_drawn(part.text),
         part.place,
-        xytext=(part.offset, part.offset),
+        xytext=part.offset if isinstance(part.offset, tuple) else (part.offset, part.offset),
         textcoords="offset points",
         **part.look,
     )
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A figure and its panels, row by row."""
-
-    figure: Figure
-    axes: list[Axes]
-
-    def label(self, x: str, y: str) -> None:
-        """Axis labels on the outer panels, tick labels on all that have nothing below or beside them."""
-        columns = self.axes[0].get_gridspec().ncols
-        for index, ax in enumerate(self.axes):
-            below, beside = index + columns >= len(self.axes), index % columns == 0
-            ax.tick_params(labelbottom=below, labelleft=beside)
-            ax.set_xlabel(as_drawn(x) if below else "")
-            ax.set_ylabel(as_drawn(y) if beside else "")
-
-
-def new_grid(count: int, columns: int, width: float, panel_height: float, share_y: bool = True) -> Grid:
-    """A figure of that width [inch] with `count` panels in so many columns."""
-    rows = math.ceil(count / columns)
-    figure = Figure(figsize=(width, rows * panel_height), layout="constrained")
-    shape = figure.subplots(rows, columns, squeeze=False, sharey=share_y)
-    axes = list(shape.ravel())
-    for spare in axes[count:]:
-        figure.delaxes(spare)
-    return Grid(figure, axes[:count])

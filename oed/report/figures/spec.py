@@ -23,11 +23,30 @@ Ends = tuple[float, float]
 WIDTH = 7.2
 """Width of a report's column [inch]."""
 INK, FAINT, FIRST = "#222222", "#767676", "#123f6d"
+SECOND, THIRD = "#e07b00", "#5a9a3c"
+
+
+def stroke(
+    color: str, width: float, order: float | None = None, dashes: Sequence[float] = ()
+) -> dict[str, Any]:
+    """The look of a line of a width [points]; what is of a higher order covers it."""
+    drawn = {"color": color, "linewidth": width, "linestyle": (0, tuple(dashes)) if dashes else "-"}
+    return drawn if order is None else {**drawn, "zorder": order}
+
+
+def mark(
+    shape: str | Glyph, size: float, face: str, edge: float, order: float = 2, rim: str = INK
+) -> dict[str, Any]:
+    """The look of a mark of a size with a rim of a width [points]; what is of a higher order covers it."""
+    drawn = {"marker": shape, "markersize": size, "markerfacecolor": face, "linestyle": "none"}
+    return {**drawn, "markeredgecolor": rim, "markeredgewidth": edge, "zorder": order}
+
+
 LINES: tuple[Look, ...] = (
-    {"color": FIRST, "linestyle": "-", "linewidth": 1.7},
-    {"color": "#e07b00", "linestyle": (0, (4, 1.6)), "linewidth": 1.7},
-    {"color": "#5a9a3c", "linestyle": (0, (6, 1.5, 1, 1.5)), "linewidth": 1.5},
-    {"color": "#b0588f", "linestyle": (0, (1, 1.3)), "linewidth": 1.7},
+    stroke(FIRST, 1.7),
+    stroke(SECOND, 1.7, dashes=(4, 1.6)),
+    stroke(THIRD, 1.5, dashes=(6, 1.5, 1, 1.5)),
+    stroke("#b0588f", 1.7, dashes=(1, 1.3)),
 )
 """Of a panel's lines: told apart by dashes and by brightness, not by hue alone."""
 
@@ -64,6 +83,16 @@ class Line:
     def through(cls, points: Array, look: Look) -> Line:
         """That of points (n, 2)."""
         return cls(points[:, 0], points[:, 1], look)
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Points by the hundred, far smaller than marks; their width is in points."""
+
+    x: Array
+    y: Array
+    colour: str
+    width: float = 1.6
 
 
 @dataclass(frozen=True)
@@ -159,11 +188,11 @@ class Note:
 
     text: str
     place: tuple[float, float]
-    offset: float
+    offset: float | tuple[float, float]
     look: Look
 
 
-Part = Line | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
+Part = Line | Dots | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
 
 
 @dataclass(frozen=True)
@@ -258,20 +287,24 @@ class Plot:
         columns: of panels.
         width, height: of the figure [inch].
         labels: on outer panels only, beside all of them ("figure"), or on outer panels whose ticks are all
-            labelled ("outer ticks").
+            labelled ("outer ticks"), or on each, whose ticks are labelled where its x axis has a title.
         share: axes that all panels have in common ("x", "y", "xy").
         legend: of all panels.
         fastest: largest speed [m/s], of a bar of the colours of speeds; None for no bar.
+        wide: how many of the first panels have a row each.
+        heights: of the rows, relative to each other; all alike if none are given.
     """
 
     panels: Sequence[Panel]
     columns: int = 1
     width: float = WIDTH
     height: float = 3.0
-    labels: Literal["outer", "outer ticks", "figure"] = "outer"
+    labels: Literal["outer", "outer ticks", "figure", "each"] = "outer"
     share: Literal["", "x", "y", "xy"] = ""
     legend: Legend = field(default_factory=Legend)
     fastest: float | None = None
+    wide: int = 0
+    heights: Sequence[float] | None = None
 
     @property
     def rows(self) -> int:

@@ -4,127 +4,124 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from oed.report.figures.spec import (
-    FIRST,
-    INK,
-    WIDTH,
-    Array,
-    Axis,
-    Band,
-    Intervals,
-    Key,
-    Legend,
-    Limit,
-    Line,
-    Look,
-    Panel,
-    Part,
-    Plot,
-)
+from oed.records.stored.simulation import Simulated
+from oed.records.stored.trial import StoredFloor, StoredPlan
+from oed.report.figures import spec
+from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Array, Look, mark, stroke
 
-DOTS: Look = {"marker": "o", "markersize": 6, "color": FIRST, "linestyle": "none", "zorder": 3}
-CROSSES: Look = {"marker": "x", "color": INK, "linestyle": "none", "zorder": 3}
+DOTS = mark("o", 6, FIRST, 1.0, 3, FIRST)
+CROSSES = mark("x", 6, INK, 1.0, 3)
 ALIKE: Look = {"color": "#e6eef5", "zorder": 0}
-ESTIMATES: Look = {"marker": ".", "markersize": 3, "color": "#7a95ad", "linestyle": "none", "zorder": 2}
-ELLIPSES: tuple[Look, Look] = (
-    {"color": FIRST, "linestyle": "-", "linewidth": 1.6},
-    {"color": "#e07b00", "linestyle": (0, (4, 1.6)), "linewidth": 1.6},
-)
-TRUTH: Look = {
-    "marker": "+",
-    "markersize": 11,
-    "markeredgewidth": 1.8,
-    "color": INK,
-    "linestyle": "none",
-    "zorder": 5,
-}
+CLOUD = "#7a95ad"
+ESTIMATES = mark(".", 3, CLOUD, 1.0, 2, CLOUD)
+ELLIPSES = (stroke(FIRST, 1.6, 3), stroke(SECOND, 1.6, 3, (4, 1.6)))
+TRUTH = mark("+", 11, INK, 1.8, 5)
 RADIUS_95 = 2.447747
 """Mahalanobis radius that holds 95 % of a normal distribution in the plane: sqrt(-2 ln 0.05)."""
 APART = 3.0
 """Ratio of the widths of two estimates beyond which they are drawn on scales of their own."""
 
 
-def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> Plot:
+def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> spec.Plot:
     """One panel per search: its starts' shortfalls [%], best first, and starts without a design."""
     columns = 1 if len(spreads) == 1 else 2
     panels = [_starts(title, shortfalls, failed) for title, shortfalls, failed in spreads]
-    dot = {key: value for key, value in DOTS.items() if key != "markersize"}
-    keys = [Key("start", dot), Key("within 1 % of the best", ALIKE, patch=True)]
+    keys = [spec.Key("start", DOTS), spec.Key("within 1 % of the best", ALIKE, patch=True)]
     if any(failed for _, _, failed in spreads):
-        keys.append(Key("no feasible design", CROSSES))
+        keys.append(spec.Key("no feasible design", CROSSES))
     height = 2.7 * -(-len(spreads) // columns)
-    return Plot(panels, columns, height=height, labels="outer ticks", legend=Legend(keys, 3))
+    return spec.Plot(panels, columns, height=height, labels="outer ticks", legend=spec.Legend(keys, 3))
 
 
-def _starts(title: str, shortfalls: Sequence[float], failed: int) -> Panel:
+def _starts(title: str, shortfalls: Sequence[float], failed: int) -> spec.Panel:
     found, lowest = len(shortfalls), min(*shortfalls, -1.0)
-    parts: list[Part] = [Band(-1.0, 0.0, ALIKE), Line(np.arange(1, found + 1), shortfalls, DOTS)]
+    parts: list[spec.Part] = [
+        spec.Band(-1.0, 0.0, ALIKE),
+        spec.Line(np.arange(1, found + 1), shortfalls, DOTS),
+    ]
     if failed:
-        parts.append(Line(found + 1 + np.arange(failed), np.full(failed, lowest), CROSSES))
-    x = Axis("starts, best first", ends=(0.3, found + failed + 0.7), most=12, whole=True)
-    return Panel(parts, x, Axis("below the best start", "%", (1.12 * lowest, -0.08 * lowest)), title)
+        parts.append(spec.Line(found + 1 + np.arange(failed), np.full(failed, lowest), CROSSES))
+    x = spec.Axis("starts, best first", ends=(0.3, found + failed + 0.7), most=12, whole=True)
+    return spec.Panel(
+        parts, x, spec.Axis("below the best start", "%", (1.12 * lowest, -0.08 * lowest)), title
+    )
 
 
 @dataclass(frozen=True)
-class Cloud:
-    """Simulated estimates of two parameters.
+class Estimated:
+    """A parameter that is estimated: what its axis says, and whether its errors are drawn instead of itself.
 
     Attributes:
-        title: the result's name.
-        axes: the two parameters, with units.
-        points: estimates, (k, 2).
-        true: (2,).
-        promised, sampled: covariances, (2, 2).
-        alike: whether both axes are of one unit.
+        name: of the parameter.
+        title, unit: of the axis.
+        factor: from SI to that unit.
+        errors: whether the true value is taken off.
     """
 
+    name: str
     title: str
-    axes: tuple[Axis, Axis]
+    unit: str
+    factor: float
+    errors: bool
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Simulated estimates of two parameters, (k, 2), the true values, (2,), and two covariances, (2, 2)."""
+
     points: Array
     true: Array
-    promised: Array
-    sampled: Array
-    alike: bool = True
+    covariances: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, one: Simulated, pair: Sequence[Estimated]) -> _Cloud:
+        at = [one.parameters.index(axis.name) for axis in pair]
+        factors, true = np.array([axis.factor for axis in pair]), np.array(one.true)[at]
+        origin = np.where([axis.errors for axis in pair], true, 0.0)
+        promised, sampled = (
+            np.outer(factors, factors) * np.array(covariance)[np.ix_(at, at)]
+            for covariance in (one.promised_covariance, one.sampled_covariance)
+        )
+        points = factors * (np.array(one.estimates)[:, at] - origin)
+        return cls(points, factors * (true - origin), (promised, sampled))
 
 
-def clouds(drawn: Sequence[Cloud]) -> Plot:
+def clouds(drives: Sequence[Simulated], titles: Sequence[str], pair: Sequence[Estimated]) -> spec.Plot:
     """One panel per drive, all on one scale: simulated estimates, the truth and their 95 % ellipses."""
-    columns, (x, y) = min(len(drawn), 2), _reach(drawn)
-    panels = [_cloud(one, 1.25 * np.array([x, y]), "box" if x == y else "") for one in drawn]
-    estimate = {key: value for key, value in ESTIMATES.items() if key != "markersize"}
+    drawn = [_Cloud.of(one, pair) for one in drives]
+    columns, (x, y) = min(len(drawn), 2), _reach(drawn, pair[0].unit == pair[1].unit)
+    reach, equal = 1.25 * np.array([x, y]), x == y
+    panels = [_cloud(one, title, pair, reach, equal) for one, title in zip(drawn, titles, strict=True)]
     keys = [
-        Key("estimate", estimate),
-        Key("true", TRUTH),
-        Key("95 %, promised", ELLIPSES[0]),
-        Key("95 %, simulated", ELLIPSES[1]),
+        spec.Key("estimate", {**ESTIMATES, "markersize": 6}),
+        spec.Key("true", TRUTH),
+        spec.Key("95 %, predicted", ELLIPSES[0]),
+        spec.Key("95 %, simulated", ELLIPSES[1]),
     ]
     height = 3.1 * -(-len(drawn) // columns)
-    return Plot(panels, columns, height=height, share="y", legend=Legend(keys, 4))
+    return spec.Plot(panels, columns, height=height, share="y", legend=spec.Legend(keys, 4))
 
 
-def _cloud(cloud: Cloud, reach: Array, equal: Any) -> Panel:
-    outlines = [
-        Line.through(ellipse(cloud.true, covariance).T, {**look, "zorder": 3})
-        for covariance, look in zip((cloud.promised, cloud.sampled), ELLIPSES, strict=True)
-    ]
-    parts = [Line.through(cloud.points, ESTIMATES), *outlines, Line.through(cloud.true[None], TRUTH)]
+def _cloud(one: _Cloud, title: str, pair: Sequence[Estimated], reach: Array, equal: bool) -> spec.Panel:
+    outlines = zip(one.covariances, ELLIPSES, strict=True)
+    ellipses = [spec.Line.through(ellipse(one.true, covariance).T, look) for covariance, look in outlines]
+    parts = [spec.Line.through(one.points, ESTIMATES), *ellipses, spec.Line.through(one.true[None], TRUTH)]
+    ends = np.column_stack([one.true - reach, one.true + reach])
     x, y = (
-        Axis(axis.title, axis.unit, (float(at - by), float(at + by)))
-        for axis, at, by in zip(cloud.axes, cloud.true, reach, strict=True)
+        spec.Axis(axis.title, axis.unit, (float(low), float(high)))
+        for axis, (low, high) in zip(pair, ends, strict=True)
     )
-    return Panel(parts, x, y, cloud.title, equal)
+    return spec.Panel(parts, x, y, title, "box" if equal else "")
 
 
-def _reach(drawn: Sequence[Cloud]) -> tuple[float, float]:
+def _reach(drawn: Sequence[_Cloud], alike: bool) -> tuple[float, float]:
     # How far the widest ellipse goes along either axis; one scale for both where they are alike.
-    outlines = [np.abs(ellipse(0 * one.true, one.promised)).max(axis=1) for one in drawn]
+    outlines = [np.abs(ellipse(0 * one.true, one.covariances[0])).max(axis=1) for one in drawn]
     x, y = (float(size) for size in np.max(outlines, axis=0))
-    alike = drawn[0].alike and max(x, y) <= APART * min(x, y)
-    return (max(x, y), max(x, y)) if alike else (x, y)
+    return (max(x, y), max(x, y)) if alike and max(x, y) <= APART * min(x, y) else (x, y)
 
 
 def ellipse(centre: Array, covariance: Array) -> Array:
@@ -136,109 +133,84 @@ def ellipse(centre: Array, covariance: Array) -> Array:
 
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-FILLS = (FIRST, "#e07b00", "#ffffff", "#5a9a3c", "#f2c6e0", "#999999", INK, "#b0588f")
+FILLS = (FIRST, SECOND, "#ffffff", THIRD, "#f2c6e0", "#999999", INK, "#b0588f")
 """Of fits, told apart by shape and brightness."""
 LANE = 0.72
 """Share of a drive's lane that its fits are spread over."""
 ROW = 0.34
 """Height of a drive's lane [inch]."""
+MILLIMETRES = 1e3
 MOST = 1e3
 """Times the smallest error that are shown; what is larger stands at the edge."""
-PLANNED: Look = {"color": INK, "linestyle": (0, (3, 2)), "linewidth": 0.9}
+PLANNED = stroke(INK, 0.9, 4, (3, 2))
 
 
-@dataclass(frozen=True)
-class Floor:
-    """Held-out errors on one floor.
-
-    Attributes:
-        title: of the panel.
-        drives: from top to bottom.
-        fits: by which models.
-        errors: value, low, high of each, (drives, fits, 3) [mm]; not finite where there is none.
-    """
-
-    title: str
-    drives: tuple[str, ...]
-    fits: tuple[str, ...]
-    errors: Array
-
-
-@dataclass(frozen=True)
-class Went:
-    """Where a drive was to go, and where it went on floors of different friction; (n, 2) [m]."""
-
-    title: str
-    planned: Array
-    true: tuple[tuple[str, Array], ...]
-
-
-def errors(floors: Sequence[Floor]) -> Plot:
+def errors(floors: Sequence[StoredFloor], fits: Sequence[str]) -> spec.Plot:
     """One panel per floor, all on one scale: a lane per drive, in it a mark with its interval per fit."""
-    lanes, fits = len(floors[0].drives), floors[0].fits
-    height = 1.0 + len(fits) // 3 * 0.2 + max(ROW, 0.13 * len(fits)) * lanes
-    known = [one.errors[np.isfinite(one.errors)] for one in floors]
-    most = MOST * min((float(part.min()) for part in known if part.size), default=1.0)
-    x = Axis("held-out error", "mm", logarithmic=True, most=1)
+    drives = list(dict.fromkeys(one.drive for one in floors[0].errors))
+    tables = [_errors(floor, drives, fits) for floor in floors]
+    most = MOST * min((float(np.nanmin(one)) for one in tables if np.isfinite(one).any()), default=1.0)
+    lanes = spec.Axis(ends=(len(drives) - 0.5, -0.5), ticks=tuple(enumerate(drives)), grid=False)
+    x = spec.Axis("held-out error", "mm", logarithmic=True, most=1)
     panels = [
-        Panel(
-            _errors(one, most),
-            x,
-            Axis(ends=(lanes - 0.5, -0.5), ticks=tuple(enumerate(one.drives)), grid=False),
-            one.title,
-        )
-        for one in floors
+        spec.Panel(_lanes(table, most), x, lanes, f"friction {floor.friction:g}")
+        for floor, table in zip(floors, tables, strict=True)
     ]
-    keys = [Key(name, _mark(index)) for index, name in enumerate(fits)]
-    legend = Legend(keys, 3, handle=0.4)
-    return Plot(panels, len(floors), height=height, labels="figure", share="xy", legend=legend)
+    legend = spec.Legend([spec.Key(name, _mark(index)) for index, name in enumerate(fits)], 3, handle=0.4)
+    height = 1.0 + len(fits) // 3 * 0.2 + max(ROW, 0.13 * len(fits)) * len(drives)
+    return spec.Plot(panels, len(floors), height=height, labels="figure", share="xy", legend=legend)
 
 
-def _errors(floor: Floor, most: float) -> list[Part]:
-    lanes, count = np.arange(len(floor.drives)), len(floor.fits)
-    between: Look = {"color": "#dddddd", "linewidth": 0.8, "zorder": 1}
-    parts: list[Part] = [Limit(lane - 0.5, between) for lane in lanes[1:]]
+def _errors(floor: StoredFloor, drives: Sequence[str], fits: Sequence[str]) -> Array:
+    # Value, low and high of each, (drives, fits, 3) [mm]; not a number where there is none.
+    table = {(one.drive, one.fit): (one.value, one.low, one.high) for one in floor.errors}
+    return MILLIMETRES * np.array([[table[drive, fit] for fit in fits] for drive in drives], dtype=float)
+
+
+def _lanes(table: Array, most: float) -> list[spec.Part]:
+    lanes, count = np.arange(len(table)), table.shape[1]
+    parts: list[spec.Part] = [spec.Limit(lane - 0.5, stroke("#dddddd", 0.8, 1)) for lane in lanes[1:]]
     for index in range(count):
-        value, low, high = np.minimum(np.nan_to_num(floor.errors[:, index].T, nan=most, posinf=most), most)
+        value, low, high = np.minimum(np.nan_to_num(table[:, index].T, nan=most, posinf=most), most)
         heights = lanes + LANE * ((index + 0.5) / count - 0.5)
-        parts.append(Intervals(heights, low, high, {"color": INK, "linewidth": 1.0, "zorder": 2}))
-        parts.append(Line(value, heights, {**_mark(index), "zorder": 3}))
+        parts.append(spec.Intervals(heights, low, high, stroke(INK, 1.0, 2)))
+        parts.append(spec.Line(value, heights, _mark(index)))
     return parts
 
 
 def _mark(index: int) -> Look:
-    return {
-        "marker": MARKERS[index % len(MARKERS)],
-        "markerfacecolor": FILLS[index % len(FILLS)],
-        "markeredgecolor": INK,
-        "markeredgewidth": 0.8,
-        "markersize": 5.5,
-        "linestyle": "none",
-    }
+    return mark(MARKERS[index % len(MARKERS)], 5.5, FILLS[index % len(FILLS)], 0.8, 3)
 
 
-def went(drives: Sequence[Went]) -> Plot:
+def went(planned: Sequence[StoredPlan], floors: Sequence[StoredFloor]) -> spec.Plot:
     """One panel per drive, each on a scale of its own: as planned dashed, as driven from a dot to crosses."""
-    columns = min(4, len(drives))
-    x, y = Axis("x", "m"), Axis("y", "m")
-    panels = [Panel(_went(one), x, y, one.title, "ends", 7.9, small=True) for one in drives]
-    keys = [Key("planned", PLANNED)]
-    keys += [Key(name, _went_look(index)) for index, (name, _) in enumerate(drives[0].true)]
-    height = 0.5 + 2.0 * -(-len(drives) // columns)
-    legend = Legend(keys, len(keys))
-    return Plot(panels, columns, WIDTH, height, labels="figure", legend=legend)
+    paths = {one.name: np.array(one.path) for one in planned if one.path}
+    names, x, y = list(floors[0].paths), spec.Axis("x", "m"), spec.Axis("y", "m")
+    panels = [
+        spec.Panel(
+            _went(paths[name], [np.array(one.paths[name]) for one in floors]), x, y, name, "ends", 7.9, True
+        )
+        for name in names
+    ]
+    keys = [spec.Key("planned", PLANNED)]
+    keys += [
+        spec.Key(f"driven, friction {one.friction:g}", _went_look(index)) for index, one in enumerate(floors)
+    ]
+    columns = min(4, len(names))
+    height = 0.5 + 2.0 * -(-len(names) // columns)
+    return spec.Plot(panels, columns, WIDTH, height, labels="figure", legend=spec.Legend(keys, len(keys)))
 
 
-def _went(one: Went) -> list[Part]:
-    parts: list[Part] = []
-    for index, (_, path) in enumerate(one.true):
+def _went(planned: Array, driven: Sequence[Array]) -> list[spec.Part]:
+    parts: list[spec.Part] = []
+    for index, path in enumerate(driven):
         look = _went_look(index)
-        cross = {"marker": "x", "color": look["color"], "markersize": 5, "linestyle": "none", "zorder": 5}
-        parts += [Line.through(path, {**look, "zorder": 2 + index}), Line.through(path[-1:], cross)]
-    dot = {"marker": "o", "color": INK, "markersize": 3.5, "linestyle": "none", "zorder": 6}
-    return [*parts, Line.through(one.planned, {**PLANNED, "zorder": 4}), Line.through(one.planned[:1], dot)]
+        cross = mark("x", 5, look["color"], 1.0, 5, look["color"])
+        parts += [spec.Line.through(path, look), spec.Line.through(path[-1:], cross)]
+    dot = mark("o", 3.5, INK, 1.0, 6)
+    return [*parts, spec.Line.through(planned, PLANNED), spec.Line.through(planned[:1], dot)]
 
 
 def _went_look(index: int) -> Look:
-    colours = ("#9fb4c7", FIRST, "#e07b00")
-    return {"color": colours[index % len(colours)], "linewidth": 2.6 - 0.7 * (index % 3)}
+    colours = ("#9fb4c7", FIRST, SECOND)
+    return stroke(colours[index % len(colours)], 2.6 - 0.7 * (index % 3), 2 + index)

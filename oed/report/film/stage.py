@@ -14,12 +14,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
+from oed.records.record import Record
+from oed.records.stored.result import Result
+from oed.report.figures import spec
 from oed.report.figures.draw import as_drawn, drawn
-from oed.report.figures.driven import Array
+from oed.report.figures.driven import Array, Box, Room, robot_width, room_of, view_of
 from oed.report.figures.paths import END, START, scaled, surroundings
-from oed.report.figures.spec import FAINT, FIRST, INK, Axis, Line, Panel, Part, Plot
-from oed.report.film.scene import Cast, Scene
+from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, mark, stroke
+from oed.report.film.cast import Cast
 from oed.report.film.writing import Frame
+from oed.robots.models import Model
 
 DPI = 100
 WIDTHS = {1: 5.6, 2: 8.0}
@@ -37,75 +41,74 @@ LETTERS = 12
 PAD = 0.1
 """Around and between panels [inch]."""
 
-WAY: dict[str, Any] = {"color": "#b9b9b6", "linewidth": 1.3, "zorder": 1.8}
-DONE: dict[str, Any] = {"color": "#7a95ad", "linewidth": 1.5, "zorder": 2}
-TRACE: dict[str, Any] = {"color": FIRST, "linewidth": 2.2, "zorder": 2.2}
+WAY, DONE, TRACE = stroke("#b9b9b6", 1.3, 1.8), stroke("#7a95ad", 1.5, 2), stroke(FIRST, 2.2, 2.2)
 BODY: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.0, "zorder": 8}
-TOW: dict[str, Any] = {"color": "#5f5f5f", "linewidth": 3.0, "solid_capstyle": "butt", "zorder": 8.5}
-HITCH: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 5, "linestyle": "none", "zorder": 8.7}
-FACE: dict[str, Any] = {"facecolor": "#e07b00", "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
+TOW = {**stroke("#5f5f5f", 3.0, 8.5), "solid_capstyle": "butt"}
+HITCH = mark("o", 5, INK, 1.0, 8.7)
+FACE: dict[str, Any] = {"facecolor": SECOND, "edgecolor": INK, "linewidth": 1.3, "zorder": 9}
 
 
 @dataclass(frozen=True)
-class _Size:
-    """How panels are arranged: columns, the figure's size [inch], and whether clocks stand below names."""
+class _Scene:
+    """What surrounds the drives of a film: the room, what is in sight of it, the robot and its width [m]."""
 
-    columns: int
+    room: Room
+    view: Box
+    robot: Model
     width: float
-    height: float
-    apart: bool
 
 
-def _size(scene: Scene, casts: Sequence[Cast]) -> _Size:
-    ratio = min(scene.view.size[1] / scene.view.size[0], TALLEST)
-    columns = 1 if len(casts) == 1 or ratio < SLIM else 2
-    rows, width = math.ceil(len(casts) / columns), WIDTHS[columns]
-    apart = any(_clock_apart(cast, (width - 1.0) / columns) for cast in casts)
-    head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)
-    height = rows * ((width - 0.6 - 0.3 * columns) / columns * ratio + head + 0.15) + 0.9
-    # Even numbers of pixels, as an MP4 has them.
-    width, height = (2 * round(DPI * length / 2) / DPI for length in (width, height))
-    return _Size(columns, width, height, apart)
+def _columns(view: Box, count: int) -> int:
+    return 1 if count == 1 or min(view.size[1] / view.size[0], TALLEST) < SLIM else 2
 
 
-def _still(scene: Scene, casts: Sequence[Cast], size: _Size) -> Plot:
-    # What does not move.
+def _still(scene: _Scene, casts: Sequence[Cast], apart: bool) -> spec.Plot:
+    # What does not move; clocks stand below names where they are apart.
     x, y = (
-        Axis(name, "m", (float(low), float(high)), most=6)
+        spec.Axis(name, "m", (float(low), float(high)), most=6)
         for name, low, high in zip("xy", scene.view.low, scene.view.high, strict=True)
     )
-    panels = [Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
-    return Plot(panels, size.columns, size.width, size.height, labels="figure")
+    panels = [spec.Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
+    columns = _columns(scene.view, len(casts))
+    head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)
+    each = (WIDTHS[columns] - 0.6 - 0.3 * columns) / columns
+    ratio = min(scene.view.size[1] / scene.view.size[0], TALLEST)
+    height = math.ceil(len(casts) / columns) * (each * ratio + head + 0.15) + 0.9
+    # Even numbers of pixels, as an MP4 has them.
+    width, height = (2 * round(DPI * length / 2) / DPI for length in (WIDTHS[columns], height))
+    return spec.Plot(panels, columns, width, height, labels="figure")
 
 
-def _ways(cast: Cast) -> list[Part]:
-    parts: list[Part] = []
+def _ways(cast: Cast) -> list[spec.Part]:
+    parts: list[spec.Part] = []
     for run in cast.runs:
         x, y = run.poses[:, :2].T
-        parts.append(Line(x, y, WAY))
-        for mark, at in ((START, slice(0, 1)), (END, slice(-1, None))):
-            parts.append(Line(x[at], y[at], {**scaled(mark, 0.7), "zorder": 1.9}))
+        parts.append(spec.Line(x, y, WAY))
+        for look, at in ((START, slice(0, 1)), (END, slice(-1, None))):
+            parts.append(spec.Line(x[at], y[at], {**scaled(look, 0.7), "zorder": 1.9}))
     return parts
 
 
 class Stage:
     """The figure of a film, one panel per drive."""
 
-    def __init__(self, scene: Scene, casts: Sequence[Cast], speed: float) -> None:
+    def __init__(self, record: Record, results: Sequence[Result], speed: float) -> None:
         """Draw all that stands still."""
-        self._speed = speed
-        size = _size(scene, casts)
-        self._figure = drawn(_still(scene, casts, size), dpi=DPI)
+        self._speed, casts, room = speed, [Cast.of(one) for one in results], room_of(record)
+        view = view_of(record, results, room)
+        scene = _Scene(room, view, record.study.robot, robot_width(record))
+        columns = _columns(view, len(casts))
+        apart = any(_clock_apart(cast, (WIDTHS[columns] - 1.0) / columns) for cast in casts)
+        self._figure = drawn(_still(scene, casts, apart), dpi=DPI)
         engine = self._figure.get_layout_engine()
         assert engine is not None
         engine.set(w_pad=PAD, h_pad=PAD)
         self._canvas = FigureCanvasAgg(self._figure)
         self._panels = [
-            _Panel(ax, scene, cast, size.apart)
-            for ax, cast in zip(list(self._figure.axes), casts, strict=True)
+            _Panel(ax, scene, cast, apart) for ax, cast in zip(list(self._figure.axes), casts, strict=True)
         ]
         rate = "" if speed == 1 else f", {speed:g} × real time"
-        self._figure.suptitle(as_drawn(f"{scene.title}{rate}"), fontsize=11)
+        self._figure.suptitle(as_drawn(f"{record.study.name}{rate}"), fontsize=11)
         self._canvas.draw()
         self._figure.set_layout_engine("none")
         for panel in self._panels:
@@ -128,7 +131,7 @@ class Stage:
 class _Panel:
     """What moves along a drive."""
 
-    def __init__(self, ax: Axes, scene: Scene, cast: Cast, apart: bool) -> None:
+    def __init__(self, ax: Axes, scene: _Scene, cast: Cast, apart: bool) -> None:
         self.cast, self._ax, self._scene = cast, ax, scene
         ax.tick_params(labelsize=9, color=FAINT)
         # The clock stands beside the name, or below it where there is no room.

@@ -98,7 +98,7 @@ def judged(record: Record) -> list[StoredParameter]:
 
 
 def repeatable(record: Record) -> bool:
-    """Whether k drives tell k times as much as one: not by every criterion, and never with a prior."""
+    """Whether k drives have k times the information of one: not by every criterion, never with a prior."""
     aim = study_aim(record)
     shares = (aim.efficiency(value, value) for value in (1.0, -1.0))
     return record.study.prior is None and any(share is not None for share in shares)
@@ -112,7 +112,7 @@ def repetitions_of(record: Record, result: Result) -> float | None:
     best, objective = record.best, result.worth
     if best is None or best.objective is None or objective is None or not repeatable(record):
         return None
-    # An objective within rounding of 0 is one: no number of repetitions tells what a drive leaves out.
+    # An objective within rounding of 0 is one: no number of repetitions makes identifiable what is not.
     if result.useless:
         return math.inf
     share = study_aim(record).efficiency(objective, best.objective)
@@ -130,7 +130,7 @@ def meaning(record: Record) -> str:
 def precision(record: Record, result: Result) -> list[str]:
     """What a result's numbers say of its precision, in words: its worst direction, and its criterion's."""
     if result.leaves_open or not result.lambda_min:
-        open_ = "some combination of the parameters cannot be told"
+        open_ = "some combination of the parameters is not identifiable"
         return [open_] if result.useless else [open_, *_by_criterion(record, result)]
     scaling = record.study.criterion.scaling
     worst = result.lambda_min**-0.5

@@ -42,8 +42,8 @@ def heading(result: Result) -> str:
     broken = [words(limit) for limit in result.violations]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
     notes = ["same length"] if variant else []
-    notes += ["on the spot"] if in_place(result) else []
-    return "\n".join(filter(None, [words(name), ", ".join(notes), f"breaks {what}" if broken else ""]))
+    notes += ["in place"] if in_place(result) else []
+    return "\n".join(filter(None, [words(name), ", ".join(notes), f"violates {what}" if broken else ""]))
 
 
 def in_place(result: Result) -> bool:
@@ -107,12 +107,12 @@ def shown_units(record: Record, sizes: Mapping[str, float | None]) -> dict[str, 
 
 
 def nuisance_text(record: Record) -> str:
-    """What is estimated along with the parameters; "" for nothing."""
+    """The nuisance parameters and their priors; "" for none."""
     return SAY("nuisances", [f"{_called(name)}{_known(ones)}" for name, ones in _grouped(record).items()])
 
 
 def nuisance_names(record: Record) -> list[str]:
-    """What is estimated along, each with its article."""
+    """The nuisance parameters, each with its article."""
     return [_called(name) for name in _grouped(record)]
 
 
@@ -132,18 +132,18 @@ def _called(name: str) -> str:
 
 
 def _known(nuisances: list[StoredNuisance]) -> str:
-    sizes = [given_text(one.deviation, one.unit) for one in nuisances if one.deviation is not None]
-    return f" (known beforehand to {listing(list(dict.fromkeys(sizes)))})" if sizes else ""
+    sizes = [f"± {given_text(one.deviation, one.unit)}" for one in nuisances if one.deviation is not None]
+    return f" (prior: {listing(list(dict.fromkeys(sizes)))})" if sizes else ""
 
 
 def prior_text(record: Record) -> str:
-    """What is known of the parameters beforehand; "" where nothing is."""
+    """The prior on the parameters; "" without one."""
     prior = record.study.prior
     return SAY("prior", prior_of(record), bool(prior.covariance)) if isinstance(prior, Prior) else ""
 
 
 def prior_of(record: Record) -> dict[str, str]:
-    """Standard deviations known beforehand, by parameter, as they are shown; {} without a prior."""
+    """Prior standard deviations by parameter, as they are shown; {} without a prior."""
     prior, table = record.study.prior, {one.name: one for one in record.parameters}
     if not isinstance(prior, Prior):
         return {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,13 @@ class Picture:
         name: of the file, without suffix; unique in the report.
         alt: what the figure shows, for those who cannot see it.
         caption: how to read it.
-        draw: the figure's description, or what makes it or the matplotlib Figure.
+        figure: what is drawn.
     """
 
     name: str
     alt: str
     caption: str
-    draw: Plot | Callable[[], Any]
+    figure: Plot
 
 
 @dataclass(frozen=True)

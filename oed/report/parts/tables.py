@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from oed.foundation.text import Form, significant
 
@@ -13,11 +15,19 @@ MISSING = "–"
 
 @dataclass(frozen=True)
 class Column:
-    """A table's column: title, unit of its numbers, and how they are written (None for words)."""
+    """A table's column.
+
+    Attributes:
+        title: above it.
+        unit: of its numbers.
+        form: how they are written; None for words.
+        cell: of an item that a row is about.
+    """
 
     title: str
     unit: str = ""
     form: Form | None = None
+    cell: Callable[[Any], Cell] = lambda item: item
 
     @property
     def heading(self) -> str:
@@ -47,6 +57,12 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
+
+    @classmethod
+    def of(cls, items: Iterable[object], columns: Iterable[Column | None], caption: str = "") -> Table:
+        """A row for each item; a column that is None is left out."""
+        shown = tuple(one for one in columns if one is not None)
+        return cls(shown, tuple(tuple(one.cell(item) for one in shown) for item in items), caption)
 
     @property
     def cells(self) -> list[list[str]]:

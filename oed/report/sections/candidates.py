@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +16,7 @@ from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetit
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of, with_drive
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Column, Table
 from oed.robots.sensors import Displacements
 
 SAY = Prose("candidates")
@@ -26,44 +26,39 @@ LEVEL = 99.95
 PRACTICALLY = 1e-3
 """How much better [%] a drive has to be for its being second to need a word."""
 
-IDENTITY = (Column("result"), Column("objective", "", FOUR))
-WORTH = (Column("efficiency", "%", fixed(1)), Column("repetitions for the same", "", fixed(1)))
-EFFORT = (
-    Column("path length", "m", fixed(2)),
-    Column("search time", "s", fixed(1)),
-    Column("evaluations", "", whole),
-    Column("keeps every limit"),
-)
-
 
 def candidates(record: Record) -> Section | None:
     """One row per result: objective, efficiency, effort."""
     if not with_drive(record):
         return None
     shares, several = repeatable(record), len(record.results) > 1
-    table = Table(
-        (*IDENTITY, *(WORTH if shares else ()), *EFFORT),
-        tuple(_row(record, one, shares) for one in record.results),
-    )
     baselines = any(one.origin == "baseline" for one in record.results)
     best = None if record.best is None else record.best.name
     said = SAY("worth", study_aim(record), shares, best, record.nuisances, record.study.prior, baselines)
+    table = Table.of(record.results, _columns(record, shares))
     return Section("Candidates", paragraphs=(said,) if several else (), tables=(table,))
 
 
-def _row(record: Record, result: Result, shares: bool) -> tuple[Cell, ...]:
-    repetitions = repetitions_of(record, result)
-    efficiency = None if repetitions is None else 100.0 / repetitions
+def _columns(record: Record, shares: bool) -> Iterator[Column]:
     # What is 0 or infinite but for rounding is shown so.
     nothing = 0.0 if study_aim(record).criterion.proportional else -math.inf
-    return (
-        result.name,
-        nothing if result.useless else result.worth,
-        *((efficiency, repetitions) if shares else ()),
-        result.path_length,
-        *((result.wall_seconds, result.history[-1].evaluations) if result.history else (None, None)),
-        result.feasible,
-    )
+
+    def repetitions(one: Result) -> float | None:
+        return repetitions_of(record, one)
+
+    def efficiency(one: Result) -> float | None:
+        number = repetitions(one)
+        return None if number is None else 100.0 / number
+
+    yield Column("result", cell=lambda one: one.name)
+    yield Column("objective", "", FOUR, lambda one: nothing if one.useless else one.worth)
+    if shares:
+        yield Column("efficiency", "%", fixed(1), efficiency)
+        yield Column("repetitions for the same", "", fixed(1), repetitions)
+    yield Column("path length", "m", fixed(2), lambda one: one.path_length)
+    yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
+    yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
+    yield Column("satisfies every limit", cell=lambda one: one.feasible)
 
 
 @dataclass(frozen=True)
@@ -106,8 +101,8 @@ class _Judge:
     def column(self) -> Column:
         """Of the table."""
         if self.shares:
-            return Column(f"{self.aim.label}-efficiency", "%", fixed(1))
-        return Column(self.aim.label, "", FOUR)
+            return Column(f"{self.aim.label}-efficiency", "%", fixed(1), self.share)
+        return Column(self.aim.label, "", FOUR, self.value)
 
 
 def criteria(record: Record) -> Section | None:
@@ -120,24 +115,22 @@ def criteria(record: Record) -> Section | None:
     if not kinds or len(results) < 2:
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
-    columns = (Column("result"), Column("searched for"), *(one.column for one in judges))
-    rows = tuple(
-        (
-            one.name,
-            aim_of(record, one).label if one.origin == "search" else None,
-            *(judge.share(one) if judge.shares else judge.value(one) for judge in judges),
-            one.feasible,
-        )
-        for one in results
-    )
     scaling = scaling_text(record.study.criterion.scaling)
     said = (
         SAY("criteria", judges, scaling, record.study.prior),
         _verdict(record, judges),
         _practically_equal(record),
     )
-    table = Table((*columns, Column("keeps every limit")), rows)
-    return Section("Criteria", paragraphs=tuple(filter(None, said)), tables=(table,))
+    columns = (
+        Column("result", cell=lambda one: one.name),
+        Column(
+            "searched for", cell=lambda one: aim_of(record, one).label if one.origin == "search" else None
+        ),
+        *(one.column for one in judges),
+        Column("satisfies every limit", cell=lambda one: one.feasible),
+    )
+    said_all = tuple(filter(None, said))
+    return Section("Criteria", paragraphs=said_all, tables=(Table.of(results, columns),))
 
 
 def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
@@ -174,38 +167,36 @@ def paper(record: Record) -> Section | None:
     # Without scaling F is W'W, and W is in radians of wheel angle.
     square = "rad²" if record.study.criterion.scaling == "none" else ""
     columns = (
-        Column("result"),
-        Column("λ_min", square, FOUR),
-        Column("λ_max", square, FOUR),
-        Column("cond(W)", "", FOUR),
-        Column("s_min(W)", "rad", FOUR),
-        *((Column("|y|", unit, FOUR), Column("cond(W)/|y|", f"1/{unit}", FOUR)) if unit else ()),
+        Column("result", cell=lambda one: one.name),
+        Column("λ_min", square, FOUR, lambda one: one.lambda_min),
+        Column("λ_max", square, FOUR, lambda one: or_infinite(one, one.lambda_max)),
+        Column("cond(W)", "", FOUR, lambda one: or_infinite(one, one.condition_number)),
+        Column("s_min(W)", "rad", FOUR, lambda one: one.smallest_singular_value),
+        *(_response(unit) if unit else ()),
     )
-    rows = tuple(_figures(one, unit) for one in record.results)
     reading = _reading(record, regression, unit)
-    return Section("The paper's figures", paragraphs=reading, tables=(Table(columns, rows),))
+    return Section("The paper's figures", paragraphs=reading, tables=(Table.of(record.results, columns),))
+
+
+def _response(unit: str) -> tuple[Column, Column]:
+    # |y|, and the error factor of eq. 17.
+    def size(one: Result) -> float | None:
+        condition = or_infinite(one, one.condition_number)
+        if one.norm_y is None or condition is None:
+            return None
+        return one.norm_y if unit == "rad" else readable(one.norm_y, "m")[0]
+
+    def factor(one: Result) -> float | None:
+        response, condition = size(one), or_infinite(one, one.condition_number)
+        return condition / response if response and condition is not None else None
+
+    return Column("|y|", unit, FOUR, size), Column("cond(W)/|y|", f"1/{unit}", FOUR, factor)
 
 
 def _response_unit(record: Record) -> str:
     # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
     block, *others = dict.fromkeys(one.block for one in record.parameters)
     return "" if others else {"position": readable(1.0, "m")[1], "heading": "rad"}.get(block, "")
-
-
-def _figures(result: Result, unit: str) -> tuple[Cell, ...]:
-    condition = or_infinite(result, result.condition_number)
-    numbers = (
-        result.lambda_min,
-        or_infinite(result, result.lambda_max),
-        condition,
-        result.smallest_singular_value,
-    )
-    if not unit:
-        return (result.name, *numbers)
-    if result.norm_y is None or condition is None:
-        return (result.name, *numbers, None, None)
-    size = result.norm_y if unit == "rad" else readable(result.norm_y, "m")[0]
-    return (result.name, *numbers, size, condition / size if size else None)
 
 
 def _reading(record: Record, regression: Displacements, unit: str) -> tuple[str, ...]:

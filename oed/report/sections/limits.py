@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from oed.foundation.text import Unit, fixed, in_degrees, quantity, unit_text, words
 from oed.records.record import Record
@@ -72,40 +72,60 @@ class _Room:
         """The same of the table of one drive."""
         if not self.margin.kept or self.met:
             return "met" if self.margin.kept else "exceeded"
-        state = "active" if self.margin.active else "kept with room"
+        state = "active" if self.margin.active else "satisfied with room"
         return f"{state} (checked at points only)" if self.margin.certain is False else state
 
     @property
-    def row(self) -> tuple[Cell, ...]:
-        """Of the table of one drive; as fine as the tolerance that a limit is judged by, and a digit more."""
-        shown, factor = self.unit
-        size = factor * self.margin.size
-        amount = fixed(4 if size <= 1 else 3)(factor * self.margin.margin)
-        sized = self.margin.limit not in ("start", "rest_to_rest")
-        return self.name, amount, f"{size:g}" if sized else None, unit_text(shown), self.state
+    def amount(self) -> str:
+        """As fine as the tolerance that the limit is judged by, and one digit more."""
+        factor = self.unit[1]
+        return fixed(4 if factor * self.margin.size <= 1 else 3)(factor * self.margin.margin)
+
+    @property
+    def size(self) -> str | None:
+        """Of the limit, where it has one."""
+        return (
+            None if self.margin.limit in ("start", "rest_to_rest") else f"{self.unit[1] * self.margin.size:g}"
+        )
 
 
 def _by_limit(result: Result) -> Table:
-    columns = tuple(map(Column, ("limit", "margin", "size of the limit", "unit", "state")))
-    return Table(columns, tuple(_Room(one).row for one in result.margins), f"Limits of {result.name}")
+    columns = (
+        Column("limit", cell=lambda one: one.name),
+        Column("margin", cell=lambda one: one.amount),
+        Column("size of the limit", cell=lambda one: one.size),
+        Column("unit", cell=lambda one: unit_text(one.unit[0])),
+        Column("state", cell=lambda one: one.state),
+    )
+    return Table.of(map(_Room, result.margins), columns, f"Limits of {result.name}")
 
 
 def _side_by_side(results: list[Result]) -> Table:
-    names = list(dict.fromkeys(margin.limit for one in results for margin in one.margins))
-    if len(names) > MOST_COLUMNS:
-        columns = tuple(map(Column, ("result", "exceeded", "active or met", "kept with room")))
-        return Table(columns, tuple(map(_touched, results)), "All drives")
-    rows: list[Any] = []
-    for one in results:
-        rooms = {margin.limit: _Room(margin).brief for margin in one.margins}
-        rows.append((one.name, *(rooms.get(name) for name in names)))
-    return Table((Column("result"), *(Column(words(name)) for name in names)), tuple(rows), "All drives")
+    names = dict.fromkeys(margin.limit for one in results for margin in one.margins)
+    columns = _touched() if len(names) > MOST_COLUMNS else map(_column, names)
+    return Table.of(results, [Column("result", cell=lambda one: one.name), *columns], "All drives")
 
 
-def _touched(result: Result) -> tuple[Cell, ...]:
-    rooms = [_Room(margin) for margin in result.margins]
-    broken = [one for one in rooms if not one.margin.kept]
-    touched = [one for one in rooms if one.margin.kept and one.margin.active]
-    exceeded = ", ".join(f"{one.name} by {one.text}" for one in broken)
-    met = ", ".join(one.name for one in touched)
-    return result.name, exceeded or None, met or None, str(len(rooms) - len(broken) - len(touched))
+def _column(name: str) -> Column:
+    def brief(one: Result) -> Cell:
+        return next((_Room(margin).brief for margin in one.margins if margin.limit == name), None)
+
+    return Column(words(name), cell=brief)
+
+
+def _touched() -> Iterator[Column]:
+    def exceeded(one: Result) -> Cell:
+        broken = (_Room(margin) for margin in one.margins if not margin.kept)
+        return ", ".join(f"{room.name} by {room.text}" for room in broken) or None
+
+    def met(one: Result) -> Cell:
+        return (
+            ", ".join(words(margin.limit) for margin in one.margins if margin.kept and margin.active) or None
+        )
+
+    def spare(one: Result) -> Cell:
+        return str(sum(margin.kept and not margin.active for margin in one.margins))
+
+    yield Column("exceeded", cell=exceeded)
+    yield Column("active or met", cell=met)
+    yield Column("satisfied with room", cell=spare)

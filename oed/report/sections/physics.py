@@ -11,12 +11,12 @@ from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
 from oed.records.stored.trial import Error, Scatter, StoredFloor, StoredTrial, TriedModel
 from oed.report.figures import spread
+from oed.report.figures.spread import MILLIMETRES
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Picture, Section
 from oed.report.parts.tables import Cell, Column, Table
 
 SAY = Prose("physics")
-MILLIMETRES = 1e3
 BEST = " ← best"
 
 
@@ -57,14 +57,13 @@ def _by_fit(floor: StoredFloor) -> tuple[list[str], Mapping[tuple[str, str], Err
 
 def _errors(trial: StoredTrial, floor: StoredFloor) -> Table:
     drives, table = _by_fit(floor)
-    fits = [one.name for one in trial.fits]
     best = min(table.values(), key=lambda one: math.inf if one.value is None else one.value)
-    rows = tuple(
-        (drive, *(_error_text(table[drive, fit], table[drive, fit] is best) for fit in fits))
-        for drive in drives
-    )
-    columns = (Column("calibrated from"), *(Column(fit, "mm") for fit in fits))
-    return Table(columns, rows, SAY("errors", floor))
+    columns = [Column("calibrated from"), *(_errors_by(one.name, table, best) for one in trial.fits)]
+    return Table.of(drives, columns, SAY("errors", floor))
+
+
+def _errors_by(fit: str, table: Mapping[tuple[str, str], Error], best: Error) -> Column:
+    return Column(fit, "mm", cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
 
 
 def _error_text(error: Error, best: bool) -> str:
@@ -86,7 +85,7 @@ def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
         *(Column(words(one.name), "%", fixed(3)) for one in own.parameters),
         Column("all", "%", fixed(3)),
         Column("interval", "%"),
-        Column("promised by noise alone", "%", fixed(3)),
+        Column("predicted from noise alone", "%", fixed(3)),
     )
     rows = tuple(
         (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, promised[one.drive]))
@@ -111,25 +110,9 @@ def _scatter_cells(one: Scatter, own: TriedModel, promised: Mapping[str, float |
 
 
 def _figures(trial: StoredTrial, floors: Sequence[StoredFloor]) -> tuple[Picture, ...]:
-    planned = {one.name: np.array(one.path) for one in trial.planned if one.path}
-    drives = [
-        spread.Went(
-            name,
-            planned[name],
-            tuple((f"driven, friction {one.friction:g}", np.array(one.paths[name])) for one in floors),
-        )
-        for name in floors[0].paths
-    ]
-    held_out = spread.errors([_floor(trial, one) for one in floors])
+    held_out = spread.errors(floors, [one.name for one in trial.fits])
+    true = spread.went(trial.planned, floors)
     return (
         Picture("held_out_errors", SAY("held_out"), SAY("held_out_caption"), held_out),
-        Picture("true_paths", SAY("true_paths"), SAY("true_paths_caption"), spread.went(drives)),
+        Picture("true_paths", SAY("true_paths"), SAY("true_paths_caption"), true),
     )
-
-
-def _floor(trial: StoredTrial, floor: StoredFloor) -> spread.Floor:
-    (drives, table), fits = _by_fit(floor), tuple(one.name for one in trial.fits)
-    found = [[table[drive, fit] for fit in fits] for drive in drives]
-    errors = [[(one.value, one.low, one.high) for one in row] for row in found]
-    sizes = MILLIMETRES * np.array(errors, dtype=float)
-    return spread.Floor(f"friction {floor.friction:g}", tuple(drives), fits, sizes)

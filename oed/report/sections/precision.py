@@ -1,4 +1,4 @@
-"""How well one drive tells the parameters, as predicted from what is measured and its noise."""
+"""How precise estimates from one drive are, as predicted from what is measured and its noise."""
 
 from __future__ import annotations
 
@@ -63,37 +63,28 @@ def _noise(parameter: StoredParameter) -> tuple[float, str]:
 def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Result) -> Table:
     known, units = prior_of(record), shown_units(record, result.standard_deviations)
     finer = any(units[one.name][0] != readable(1.0, one.unit)[1] for one in noisy)
+
+    def size(one: StoredParameter) -> float:
+        return _deviation(one, result) * units[one.name][1]
+
+    def share(one: StoredParameter) -> float | None:
+        return 100.0 * _deviation(one, result) / abs(one.nominal) if one.nominal else None
+
     columns = (
-        Column("parameter"),
-        Column("unit"),
-        Column("nominal", "", FOUR),
-        *((Column("known beforehand to"),) if known else ()),
-        *((Column("deviations in"),) if finer else ()),
-        Column("standard deviation", "", THREE),
-        Column("share of nominal", "%", THREE),
-        Column("95 % interval: ±", "", THREE),
+        Column("parameter", cell=lambda one: words(one.name)),
+        Column("unit", cell=lambda one: unit_text(readable(1.0, one.unit)[1]) or "1"),
+        Column("nominal", "", FOUR, lambda one: readable(one.nominal, one.unit)[0]),
+        Column("prior: ±", cell=lambda one: known.get(one.name)) if known else None,
+        Column("deviations in", cell=lambda one: units[one.name][0] or "1") if finer else None,
+        Column("standard deviation", "", THREE, size),
+        Column("share of nominal", "%", THREE, share),
+        Column("95 % interval: ±", "", THREE, lambda one: NORMAL_95 * size(one)),
     )
-    rows: list[tuple[Cell, ...]] = []
-    for one in noisy:
-        (nominal, unit), (shown, factor) = readable(one.nominal, one.unit), units[one.name]
-        size = _deviation(one, result)
-        rows.append(
-            (
-                words(one.name),
-                unit_text(unit) or "1",
-                nominal,
-                *((known.get(one.name),) if known else ()),
-                *((shown or "1",) if finer else ()),
-                size * factor,
-                100.0 * size / abs(one.nominal) if one.nominal else None,
-                NORMAL_95 * size * factor,
-            )
-        )
-    return Table(columns, tuple(rows), f"Drive of {result.name}")
+    return Table.of(noisy, columns, f"Drive of {result.name}")
 
 
 def _deviation(parameter: StoredParameter, result: Result) -> float:
-    # A parameter that the drive cannot tell has an infinite deviation, which JSON holds as null.
+    # A parameter that is not identifiable has an infinite deviation, which JSON holds as null.
     deviation = result.standard_deviations.get(parameter.name)
     return math.inf if deviation is None else deviation
 
@@ -106,7 +97,7 @@ def _matrix(result: Result, one: Covariance) -> Table:
 
 
 def _correlations(covariance: Sequence[Sequence[float | None]], index: int) -> list[Cell]:
-    # – where a parameter is not told at all.
+    # – where a parameter is not identifiable.
     cells: list[Cell] = []
     for other, shared in enumerate(covariance[index]):
         own, its = covariance[index][index], covariance[other][other]

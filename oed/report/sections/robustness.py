@@ -1,4 +1,4 @@
-"""What becomes of drives when the robot is another than the nominal one, and what keeping limits costs."""
+"""Drives of robots other than the nominal one: how likely they violate the limits, and what that costs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SAY = Prose("robustness")
 
 
 def robustness(record: Record) -> Section | None:
-    """How likely a robot is to leave the limits on each drive, by simulation, and the price of that."""
+    """How likely a robot is to violate the limits on each drive, by simulation, and the price of that."""
     found = record.robustness
     if found is None or not found.results:
         return None
@@ -61,26 +61,22 @@ def _range(one: Uncertain) -> str:
 
 
 def _table(record: Record, found: StoredRobustness) -> Table:
+    objective = f"objective, {study_aim(record).number}"
     columns = (
-        Column("result"),
-        Column(f"objective, {study_aim(record).number}", form=significant(4)),
-        Column("robots that leave", "%", fixed(2)),
-        Column("95 % interval", "%"),
-        Column("farthest beyond", "% of the limit", fixed(1)),
-        Column("draws", form=whole),
+        Column("result", cell=lambda one: one.name),
+        Column(objective, "", significant(4), lambda one: one.objective),
+        Column("violation probability", "%", fixed(2), lambda one: 100 * one.probability),
+        Column(
+            "95 % interval", "%", cell=lambda one: " to ".join(f"{100 * end:.2f}" for end in one.interval)
+        ),
+        Column("farthest beyond", "% of the limit", fixed(1), _farthest),
+        Column("draws", "", whole, lambda one: one.draws),
     )
-    rows = tuple(
-        (
-            one.name,
-            one.objective,
-            100 * one.probability,
-            " to ".join(f"{100 * end:.2f}" for end in one.interval),
-            None if one.farthest is None else 100 * one.farthest,
-            one.draws,
-        )
-        for one in found.results
-    )
-    return Table(columns, rows, "Robots that leave the limits")
+    return Table.of(found.results, columns, "How likely robots are to violate the limits")
+
+
+def _farthest(one: Tried) -> float | None:
+    return None if one.farthest is None else 100 * one.farthest
 
 
 def _bundles(record: Record, found: StoredRobustness) -> tuple[Picture, ...]:
@@ -107,4 +103,4 @@ def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
     if not tried.probability:
         share = f"less than {quantity(100 * tried.interval[1], '%', 1)}"
     nominal = tuple(poses[:, :2] for poses in result.drive.by_run)
-    return paths.Bundle(f"{bundle.name}: {share} leave", inside, outside, nominal)
+    return paths.Bundle(f"{bundle.name}: {share} violate", inside, outside, nominal)

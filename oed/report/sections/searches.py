@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -15,7 +15,7 @@ from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import solver_of
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Column, Table
 
 SAY = Prose("searches")
 SIX = significant(6)
@@ -41,9 +41,12 @@ def certificate(record: Record) -> Section | None:
 
 
 def _bounds(found: StoredCertificate) -> Table:
-    columns = (Column("upper bound", "", SIX), Column("proved by"), Column("assumes"))
-    rows = tuple((one.upper_bound, one.method, "; ".join(one.assumptions)) for one in found.caps)
-    return Table(columns, rows, "All bounds found; the smallest counts")
+    columns = (
+        Column("upper bound", "", SIX, lambda one: one.upper_bound),
+        Column("proved by", cell=lambda one: one.method),
+        Column("assumes", cell=lambda one: "; ".join(one.assumptions)),
+    )
+    return Table.of(found.caps, columns, "All bounds found; the smallest counts")
 
 
 @dataclass(frozen=True)
@@ -86,20 +89,10 @@ class _Search:
             yield name, objective, 0.0 if change is not None and abs(change) < NO_CHANGE else change
             before = objective
 
-    def row(self, apart: bool) -> tuple[Cell, ...]:
-        """Of the table of searches."""
-        found, starts = self.found, self.result.starts
-        iterations = [one.iterations for one in starts]
-        return (
-            self.result.name,
-            *((self.aim.label,) if apart else ()),
-            len(starts),
-            self.close,
-            *((found[-1], median(found), found[0]) if found else (None, None, None)),
-            median(iterations),
-            max(iterations),
-            self.result.wall_seconds,
-        )
+    @property
+    def iterations(self) -> list[int]:
+        """Of every start."""
+        return [one.iterations for one in self.result.starts]
 
 
 def starts(record: Record) -> Section | None:
@@ -136,18 +129,18 @@ def _spread(searches: Sequence[_Search], apart: bool) -> tuple[Picture, ...]:
 
 def _starts(searches: Sequence[_Search], apart: bool) -> Table:
     columns = (
-        Column("result"),
-        *((Column("searched for"),) if apart else ()),
-        Column("starts", "", whole),
-        Column("within 1 %", "", whole),
-        Column("worst objective", "", SIX),
-        Column("median objective", "", SIX),
-        Column("best objective", "", SIX),
-        Column("median iterations", "", whole),
-        Column("most iterations", "", whole),
-        Column("whole search", "s", fixed(1)),
+        Column("result", cell=lambda one: one.result.name),
+        Column("searched for", cell=lambda one: one.aim.label) if apart else None,
+        Column("starts", "", whole, lambda one: len(one.result.starts)),
+        Column("within 1 %", "", whole, lambda one: one.close),
+        Column("worst objective", "", SIX, lambda one: min(one.found, default=None)),
+        Column("median objective", "", SIX, lambda one: median(one.found) if one.found else None),
+        Column("best objective", "", SIX, lambda one: max(one.found, default=None)),
+        Column("median iterations", "", whole, lambda one: median(one.iterations)),
+        Column("most iterations", "", whole, lambda one: max(one.iterations)),
+        Column("whole search", "s", fixed(1), lambda one: one.result.wall_seconds),
     )
-    return Table(columns, tuple(one.row(apart) for one in searches), SAY("starts", apart))
+    return Table.of(searches, columns, SAY("starts", apart))
 
 
 def convergence(record: Record) -> Section | None:
@@ -205,25 +198,25 @@ def _races(searches: Sequence[Result]) -> Iterator[str]:
 
 def _times(groups: Sequence[tuple[Aim, Sequence[Result]]]) -> Table:
     several = len(groups) > 1
+    best = {aim.label: max(map(_reached, searches)) for aim, searches in groups}
+    items = [(aim, one) for aim, searches in groups for one in searches]
     columns = (
-        Column("result"),
-        *((Column("searched for"),) if several else ()),
-        Column("best objective", "", SIX),
-        *(Column(f"time to {100 * share:g} %", "s", significant(3)) for share in TARGETS),
-        Column("whole search", "s", significant(3)),
-        Column("evaluations", "", whole),
+        Column("result", cell=lambda item: item[1].name),
+        Column("searched for", cell=lambda item: item[0].label) if several else None,
+        Column("best objective", "", SIX, lambda item: _reached(item[1])),
+        *(_time_to_share(best, share) for share in TARGETS),
+        Column("whole search", "s", significant(3), lambda item: item[1].wall_seconds),
+        Column("evaluations", "", whole, lambda item: item[1].history[-1].evaluations),
     )
-    rows: list[tuple[Cell, ...]] = []
-    for aim, searches in groups:
-        best = max(map(_reached, searches))
-        for one in searches:
-            named = (one.name, *((aim.label,) if several else ()))
-            times = (_time_to_share(aim, one, best, share) for share in TARGETS)
-            rows.append((*named, _reached(one), *times, one.wall_seconds, one.history[-1].evaluations))
-    return Table(columns, tuple(rows), SAY("times", several))
+    return Table.of(items, columns, SAY("times", several))
 
 
-def _time_to_share(aim: Aim, result: Result, best: float, share: float) -> float | None:
+def _time_to_share(best: Mapping[str, float], share: float) -> Column:
     near = 100.0 * (share - 1.0)
-    hits = (at.seconds for at, value in _points(result) if aim.change(value, best) >= near)
-    return next(hits, None)
+
+    def seconds(item: tuple[Aim, Result]) -> float | None:
+        aim, one = item
+        hits = (at.seconds for at, value in _points(one) if aim.change(value, best[aim.label]) >= near)
+        return next(hits, None)
+
+    return Column(f"time to {100 * share:g} %", "s", significant(3), seconds)

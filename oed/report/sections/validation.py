@@ -1,9 +1,10 @@
-"""The promised precision against simulated experiments: tests, and estimates with their ellipses."""
+"""The predicted precision against simulated experiments: tests, and estimates with their ellipses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,13 +12,11 @@ import numpy as np
 from oed.foundation.text import Unit, fixed, readable, significant, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
-from oed.report.figures.spec import Axis
-from oed.report.figures.spread import Cloud
-from oed.report.figures.spread import clouds as cloud_figure
+from oed.report.figures import spread
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import nuisance_names, regression_of, shown_units
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Column, Table
 
 SAY = Prose("validation")
 FOUR, THREE = significant(4), significant(3)
@@ -58,22 +57,17 @@ def _titled(one: Simulated, several: bool) -> str:
 
 def _checks(simulated: Simulated, alpha: float, several: bool) -> Table:
     columns = (
-        Column("test"),
-        Column("question"),
-        Column("found", "", FOUR),
-        Column("expected from", "", FOUR),
-        Column("to", "", FOUR),
-        Column("p-value", "", significant(2)),
-        Column("passed"),
+        Column("test", cell=lambda one: one.name),
+        Column("question", cell=lambda one: one.question),
+        Column("found", "", FOUR, lambda one: one.statistic),
+        Column("expected from", "", FOUR, lambda one: one.expected[0]),
+        Column("to", "", FOUR, lambda one: one.expected[1]),
+        Column("p-value", "", significant(2), lambda one: one.p_value),
+        Column("passed", cell=lambda one: one.passed),
     )
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (one.name, one.question, one.statistic, *one.expected, one.p_value, one.passed)
-        for one in simulated.checks
-    )
-    lucky = any(
-        one.passed and not one.expected[0] <= one.statistic <= one.expected[1] for one in simulated.checks
-    )
-    return Table(columns, rows, SAY("checks", _titled(simulated, several), alpha, lucky))
+    outside = [one for one in simulated.checks if not one.expected[0] <= one.statistic <= one.expected[1]]
+    lucky = any(one.passed for one in outside)
+    return Table.of(simulated.checks, columns, SAY("checks", _titled(simulated, several), alpha, lucky))
 
 
 def _units(record: Record, simulated: Simulated) -> dict[str, Unit]:
@@ -88,54 +82,63 @@ def _finer(record: Record, shown: dict[str, Unit], name: str) -> bool:
     return shown[name][0] != readable(1.0, units[name])[1]
 
 
+@dataclass(frozen=True)
+class _Estimated:
+    """A parameter in simulated experiments with a drive: its SI unit, and that of its deviations as shown."""
+
+    drive: Simulated
+    at: int
+    unit: str
+    shown: Unit
+
+    @property
+    def promised(self) -> float:
+        """Standard deviation [SI]."""
+        return math.sqrt(self.drive.promised_covariance[self.at][self.at])
+
+    @property
+    def sampled(self) -> float:
+        """Standard deviation [SI]."""
+        return math.sqrt(self.drive.sampled_covariance[self.at][self.at])
+
+    def value(self, values: Sequence[float]) -> str:
+        """One of all parameters' values, to as many digits as show a hundredth of a deviation."""
+        scale, _ = readable(1.0, self.unit)
+        hundredth = scale * self.promised / 100.0
+        write = fixed(max(0, math.ceil(-math.log10(hundredth))) if hundredth > 0 else 4)
+        return write(scale * values[self.at])
+
+
 def _side_by_side(record: Record, every: Sequence[Simulated], chosen: Simulated, several: bool) -> Table:
-    shown = _units(record, chosen)
+    shown, units = _units(record, chosen), {one.name: one.unit for one in record.parameters}
     finer = any(_finer(record, shown, name) for name in chosen.parameters)
+    items = [
+        _Estimated(one, at, units[name], shown[name])
+        for one in every
+        for at, name in enumerate(one.parameters)
+    ]
     columns = (
-        Column("result"),
-        *((Column("estimator"),) if several else ()),
-        Column("parameter"),
-        Column("unit"),
-        Column("true", "", FOUR),
-        Column("mean estimate", "", FOUR),
-        *((Column("deviations in"),) if finer else ()),
-        Column("promised deviation", "", THREE),
-        Column("simulated deviation", "", THREE),
-        Column("variance, simulated/promised", "", fixed(3)),
-        # What rounding alone leaves is nothing.
-        Column("± (paired)", "", lambda size: significant(1)(size if size > ROUNDING else 0.0)),
-        Column("all tests passed"),
+        Column("result", cell=lambda one: one.drive.name),
+        Column("estimator", cell=lambda one: words(one.drive.estimator)) if several else None,
+        Column("parameter", cell=lambda one: words(one.drive.parameters[one.at])),
+        Column("unit", cell=lambda one: unit_text(readable(1.0, one.unit)[1]) or "1"),
+        Column("true", "", FOUR, lambda one: one.value(one.drive.true)),
+        Column("mean estimate", "", FOUR, lambda one: one.value(one.drive.mean)),
+        Column("deviations in", cell=lambda one: one.shown[0] or "1") if finer else None,
+        Column("predicted deviation", "", THREE, lambda one: one.shown[1] * one.promised),
+        Column("simulated deviation", "", THREE, lambda one: one.shown[1] * one.sampled),
+        Column(
+            "variance, simulated/predicted", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
+        ),
+        Column("± (paired)", "", _error, lambda one: one.drive.paired_standard_error[one.at]),
+        Column("all tests passed", cell=lambda one: one.drive.passed),
     )
-    rows = tuple(row for one in every for row in _rows(record, one, shown, finer, several))
-    return Table(columns, rows, "All drives that tell the parameters apart")
+    return Table.of(items, columns, "All drives from which the parameters are identifiable")
 
 
-def _rows(
-    record: Record, one: Simulated, shown: dict[str, Unit], finer: bool, several: bool
-) -> Iterator[tuple[Cell, ...]]:
-    units = {parameter.name: parameter.unit for parameter in record.parameters}
-    for at, name in enumerate(one.parameters):
-        unit, factor = shown[name]
-        yield (
-            one.name,
-            *((words(one.estimator),) if several else ()),
-            *_means(one, at, units[name]),
-            *((unit or "1",) if finer else ()),
-            factor * math.sqrt(one.promised_covariance[at][at]),
-            factor * math.sqrt(one.sampled_covariance[at][at]),
-            one.paired_variance_ratio[at],
-            one.paired_standard_error[at],
-            one.passed,
-        )
-
-
-def _means(one: Simulated, at: int, unit: str) -> tuple[Cell, ...]:
-    # As many digits as show an estimate that is off by a hundredth of its deviation.
-    scale, shown = readable(1.0, unit)
-    hundredth = scale * math.sqrt(one.promised_covariance[at][at]) / 100.0
-    write = fixed(max(0, math.ceil(-math.log10(hundredth))) if hundredth > 0 else 4)
-    true, mean = write(scale * one.true[at]), write(scale * one.mean[at])
-    return words(one.parameters[at]), unit_text(shown) or "1", true, mean
+def _error(size: float) -> str:
+    # What rounding alone leaves is nothing.
+    return significant(1)(size if size > ROUNDING else 0.0)
 
 
 def clouds(
@@ -160,36 +163,13 @@ def clouds(
 
 def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], several: bool) -> Picture:
     shown = _units(record, drawn[0])
-    # Errors are drawn instead of estimates where these differ in their last digits only.
-    errors = [_finer(record, shown, name) for name in pair]
-    axes = [
-        Axis(f"error of {words(name)}" if error else words(name), shown[name][0])
-        for name, error in zip(pair, errors, strict=True)
-    ]
-    factors = np.array([shown[name][1] for name in pair])
-    made = [_cloud(one, pair, (axes[0], axes[1]), factors, np.array(errors), several) for one in drawn]
-    alt, caption = SAY("alt", pair), SAY("caption", pair, any(errors))
-    return Picture(f"estimates_{pair[0]}_{pair[1]}", alt, caption, cloud_figure(made))
-
-
-def _cloud(
-    one: Simulated,
-    pair: tuple[str, str],
-    axes: tuple[Axis, Axis],
-    factors: np.ndarray,
-    errors: np.ndarray,
-    several: bool,
-) -> Cloud:
-    at = [one.parameters.index(name) for name in pair]
-    scale = np.outer(factors, factors)
-    true = np.array(one.true)[at]
-    origin = np.where(errors, true, 0.0)
-    return Cloud(
-        title=f"{one.name}\n{words(one.estimator)}" if several else one.name,
-        axes=axes,
-        points=factors * (np.array(one.estimates)[:, at] - origin),
-        true=factors * (true - origin),
-        promised=scale * np.array(one.promised_covariance)[np.ix_(at, at)],
-        sampled=scale * np.array(one.sampled_covariance)[np.ix_(at, at)],
-        alike=axes[0].unit == axes[1].unit,
-    )
+    axes = []
+    for name in pair:
+        # Errors are drawn instead of estimates where these differ in their last digits only.
+        errors = _finer(record, shown, name)
+        title = f"error of {words(name)}" if errors else words(name)
+        axes.append(spread.Estimated(name, title, *shown[name], errors))
+    titles = [f"{one.name}\n{words(one.estimator)}" if several else one.name for one in drawn]
+    caption = SAY("caption", pair, any(one.errors for one in axes))
+    figure = spread.clouds(drawn, titles, axes)
+    return Picture(f"estimates_{pair[0]}_{pair[1]}", SAY("alt", pair), caption, figure)
