@@ -79,7 +79,7 @@ class Regression(Estimator):
         for name in self.measurement.regressions:
             weighted = self._weighted(name)
             inverse = np.linalg.inv(weighted.T @ weighted)
-            # Unweighed, every row counts with its own variance, as if it were independent of the others.
+            # Unweighted, every row counts with its own variance, as if it were independent of the others.
             variance = self._noise(name) ** 2 if self._weights else self._covariance(name)[0, 0]
             blocks.append(variance * inverse)
         if self.name == "errors_in_variables":
