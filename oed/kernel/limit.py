@@ -51,7 +51,7 @@ class Rows:
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
     def backed_off(self, amounts: Expression) -> Rows:
-        """These rows kept `amounts` (rows,) away from its bounds: rows of the upper ones, then of the lower."""
+        """These rows `amounts` (rows,) away from their bounds: rows of the upper ones, then of the lower."""
         below, above = np.isfinite(self.lower), np.isfinite(self.upper)
         sides = [
             ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]

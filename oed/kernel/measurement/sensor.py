@@ -108,7 +108,7 @@ class Sensor(Measurement):
 
     @property
     def joint_whitening(self) -> Array | None:
-        """A with A R A' = 1 for the covariance R of all readings together, where they are correlated over time."""
+        """A with A R A' = 1 for the covariance R of all readings together; None where none are correlated."""
         return None
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
