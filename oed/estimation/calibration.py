@@ -30,7 +30,7 @@ from oed.estimation.preprocessing.thinning import thinned, thinning_notes
 from oed.estimation.setup.alternatives import alternative_flaws
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
@@ -177,7 +177,7 @@ class _Work:
         found, other = self._preprocess(self.logs), self._preprocess(test_logs) if test_logs else None
         if other is not None and not _has_positions(other.logs):
             text = "dead reckoning needs positions to compare with"
-            raise LogError([FileFlaw(other.logs[0].file, 0, 0, "", text)])
+            raise LogError.about(other.logs[0].file, text)
         self.announce("fitting")
         fitted = self._fitting.fitted(found)
         segmenting, fit = fitted.segmenting, fitted.fit
@@ -253,7 +253,7 @@ class _Work:
             text = (
                 f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information"
             )
-            raise ProblemError([Flaw(("calibration", "covariance"), text)])
+            raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
     def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:

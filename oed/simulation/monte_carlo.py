@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
@@ -131,7 +131,7 @@ def validate(
     least = len(chosen.parameters) + 1
     if replicates < least:
         text = f"expected at least {least}, one more than there are parameters, got {replicates}"
-        raise ProblemError([Flaw(("validation", "replicates"), text)])
+        raise ProblemError.about(("validation", "replicates"), text)
     listener = progress or Silent()
     size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
     batches = [

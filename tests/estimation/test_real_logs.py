@@ -97,7 +97,7 @@ class TestDifferentialDrive:
             each = [estimate(study, [run]) for run in runs]
             values = np.array([list(found.values.values()) for found in each])
             for kind, found in ratios.items():
-                errors = np.array([[one["standard_errors"][kind] for one in run.parameters] for run in each])
+                errors = np.array([[one.standard_errors[kind] for one in run.parameters] for run in each])
                 found.append(values.var(axis=0, ddof=1) / (errors**2).mean(axis=0))
         honest, naive = (np.sqrt(np.mean(found, axis=0)) for found in ratios.values())
         assert np.all((honest > 1 / 1.5) & (honest < 1.5))

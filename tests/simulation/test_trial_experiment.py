@@ -18,7 +18,7 @@ from oed.records.recorded_study import recorded_study
 from oed.simulation.physics import FourWheels, drive
 from oed.simulation.trial.candidates import candidates
 from oed.simulation.trial.experiment import exact_log, prediction_errors
-from oed.simulation.trial.paths import everyday
+from oed.simulation.trial.paths import paced_baseline
 from oed.study.study import Study
 from oed.workflow.runner import run
 from oed.workflow.studies import parse_study
@@ -29,7 +29,7 @@ DRIVES = ["optimal for differential drive", "optimal for lag", "circle", "random
 
 def test_predictions_are_dead_reckoning_with_the_encoders():
     study = study_of()
-    planned = everyday(study.problem, "random", 5)
+    planned = paced_baseline(study.problem, "random", 5)
     motion = drive(FourWheels(step=0.001), planned.inputs, planned.period, start=(0.1, -0.2, 2.5))
     model = candidates(study.problem, study.file.physics)[0]
     fitting = model.fitting(study.file.physics.calibration, "joint")

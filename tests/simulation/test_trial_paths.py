@@ -1,4 +1,4 @@
-"""Everyday paths at the pace that people drive them, and the drives that are held out."""
+"""Baselines at the pace that people drive them, and the drives that are held out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from trials import STUDY, study_of
 from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.robots.baselines import baselines
-from oed.simulation.trial.paths import everyday, held_out_drives
+from oed.simulation.trial.paths import held_out_drives, paced_baseline
 from oed.workflow.studies import parse_study
 
 ROBOT = "{kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}"
@@ -22,7 +22,7 @@ LONG = STUDY.replace("duration: 6 s, samples: 60", "duration: 20 s, samples: 100
 @pytest.mark.slow
 def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():
     problem = study_of(LONG).problem
-    whole, slow = (everyday(problem, name) for name in ("square", "slow_square"))
+    whole, slow = (paced_baseline(problem, name) for name in ("square", "slow_square"))
     before, after = evaluate(problem, whole), evaluate(problem, slow)
     assert before.feasible
     assert after.feasible
@@ -37,12 +37,12 @@ def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():
 def test_other_paths_are_the_baselines():
     problem = study_of().problem
     (plain,) = baselines(problem, "circle")
-    np.testing.assert_array_equal(everyday(problem, "circle").inputs, plain.trajectory.inputs)
+    np.testing.assert_array_equal(paced_baseline(problem, "circle").inputs, plain.trajectory.inputs)
 
 
 def test_held_out_drives_are_none_that_is_calibrated_from():
     problem = study_of().problem
-    drives = [everyday(problem, "random", seed=3), *held_out_drives(problem, 4, seed=3)]
+    drives = [paced_baseline(problem, "random", seed=3), *held_out_drives(problem, 4, seed=3)]
     drives += held_out_drives(problem, 4, seed=4)
     assert all(evaluate(problem, drive).feasible for drive in drives)
     table = np.array([drive.inputs / np.abs(drive.inputs).max() for drive in drives])

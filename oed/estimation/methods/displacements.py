@@ -20,7 +20,7 @@ from oed.estimation.methods.estimator import Estimator, EstimatorName
 from oed.estimation.methods.measured_headings import MeasuredHeadings
 from oed.estimation.methods.replicated import least_squares
 from oed.estimation.prediction.regressors import Regressors
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
@@ -79,7 +79,7 @@ class Regression(Estimator):
         for name in self.measurement.regressions:
             weighted = self._weighted(name)
             inverse = np.linalg.inv(weighted.T @ weighted)
-            # Unweighed, every row counts with its own variance, as if it were independent of the others.
+            # Unweighted, every row counts with its own variance, as if it were independent of the others.
             variance = self._noise(name) ** 2 if self._weights else self._covariance(name)[0, 0]
             blocks.append(variance * inverse)
         if self.name == "errors_in_variables":
@@ -291,7 +291,7 @@ class Regression(Estimator):
             if not SquareRoot.of_rows(design).complete:
                 names = ", ".join(self.regressors.names[name])
                 text = f"the drive does not identify {names}; nothing to simulate"
-                raise ProblemError([Flaw(("validation",), text)])
+                raise ProblemError.about(("validation",), text)
 
 
 def _readings(what: str, values: npt.ArrayLike | None, *, expected: int) -> Array:

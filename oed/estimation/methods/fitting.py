@@ -22,7 +22,7 @@ from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import group_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
-from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
@@ -137,7 +137,7 @@ class Fitting:
         options, known = self.options, self._known(windows.unknowns)
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
-            raise ProblemError([Flaw(("calibration", "loss"), f"{text}; use method: joint")])
+            raise ProblemError.about(("calibration", "loss"), f"{text}; use method: joint")
         specified = self._specified(windows.layout.logs[0])
         if options.method == "gls":
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
@@ -162,7 +162,7 @@ class Fitting:
         missing = [name for name in log.quantities if group_of(name) not in specified]
         if missing:
             text = f"the measurement specifies no noise of {', '.join(missing)}; use noise: estimated"
-            raise ProblemError([Flaw(("calibration", "noise"), text)])
+            raise ProblemError.about(("calibration", "noise"), text)
         return specified
 
     def _known(self, unknowns: Unknowns) -> Knowledge:
@@ -203,4 +203,4 @@ def _require_enough(fit: Fit) -> None:
         readings, states = starts * len(fit.layout.quantities), 0
     if readings <= states + fit.unknowns.size:
         text = f"{readings} readings cannot identify {states + fit.unknowns.size} unknowns; log more poses"
-        raise LogError([FileFlaw(fit.layout.logs[0].file, 0, 0, "", text)])
+        raise LogError.about(fit.layout.logs[0].file, text)

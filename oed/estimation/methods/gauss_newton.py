@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -84,17 +84,6 @@ class HasRows(Protocol):
 
     def __call__(self, values: Array, starts: Array, /) -> Rows:
         """The rows."""
-
-
-class HasMisfit(Protocol):
-    """Where a search is."""
-
-    @property
-    def misfit(self) -> float:
-        """What is to be made small."""
-
-
-Place = TypeVar("Place", bound=HasMisfit)
 
 
 class Found(NamedTuple):
@@ -199,7 +188,7 @@ class LeastSquares:
         return np.asarray(np.sqrt(values[identified])[:, None] * vectors[:, identified].T / self.scale)
 
 
-def downhill(here: Place, after: Callable[[float], Place], tries: Sequence[float]) -> tuple[Place, int]:
+def downhill(here: _Point, after: Callable[[float], _Point], tries: Sequence[float]) -> tuple[_Point, int]:
     """Where the first step that makes the misfit no worse leads to, `here` itself if none does; and how many
     were tried in vain.
 

@@ -81,7 +81,7 @@ class JointSearch:
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
         unknowns, exact = self.unknowns, self.drive is not None
         close, flat = (EXACT, FLAT) if exact else (CLOSE, 1.0)
-        search = LeastSquares(unknowns.scale, self._known, self.loss, unknowns.clocks, close, flat)
+        search = LeastSquares(unknowns.scale, self.known_before, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
         renewed = None if exact or self.specified is not None else _Weighted.renewed
         return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
@@ -94,7 +94,8 @@ class JointSearch:
         return _Weighted(self, dict(rough if self.specified is None else self.specified))
 
     @cached_property
-    def _known(self) -> Knowledge:
+    def known_before(self) -> Knowledge:
+        """Of the unknowns; nothing by default."""
         return self.known or Knowledge.nothing(self.unknowns.size)
 
     @cached_property
@@ -160,24 +161,16 @@ class _Weighted:
 
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""
-        search, found, rows = self.search, self.search.linearised(values, starts), self(values, starts)
-        shape, present = found.residuals.shape, search.layout.valid[..., None]
-        _, slope, second = robust_loss(search.loss, rows.residuals.ravel() ** 2)
-        weights = np.where(present, slope.reshape(shape), 0.0)
-        bends = np.where(present, (slope + 2 * rows.residuals.ravel() ** 2 * second).reshape(shape), 0.0)
-        # Of noise that is specified it is known how much a loss makes of it, else it shows in the residuals.
-        total, exact = max(float(weights.sum()), 1e-300), search.drive is not None
-        white = rows.residuals.reshape(shape)
-        bend, swing = float(bends.sum()) / total, float(((weights * white) ** 2).sum()) / total
-        if exact or search.loss == "linear":
-            bend, swing = loss_moments(search.loss)
-        root = np.sqrt(np.ones_like(weights) if exact else weights).reshape(len(weights), -1)
-        pulls = (weights * white).reshape(root.shape) / np.where(root > 0, root, 1.0)
-        left, taken = projected(rows.slopes * root[..., None], rows.own * root[..., None])
+        search, found = self.search, self.search.linearised(values, starts)
+        present, known = search.layout.valid[..., None], search.known_before.information
+        white, weights, bend, swing = self._weights(self._white(found.residuals, found.rates))
+        root = np.ones_like(weights) if search.drive else np.sqrt(weights)
+        slopes, own = (self._white(columns, found.rates) * root[..., None] for columns in found[1:3])
+        left, taken = projected(_flat(slopes), _flat(own))
         across = left.transpose(0, 2, 1)
-        information, known = across @ left, search.known or Knowledge.nothing(search.unknowns.size)
-        inverse = inverse_of_sum(information.sum(axis=0), known.information)
-        leverage = taken + np.einsum("sia,sia->si", left @ inverse, left)
+        information = across @ left
+        leverage = np.einsum("sia,sia->si", left @ inverse_of_sum(information.sum(axis=0), known), left)
+        pulls = weights * white / np.where(root > 0, root, 1.0)
         return Fit(
             unknowns=search.unknowns,
             values=values,
@@ -187,17 +180,29 @@ class _Weighted:
             residuals=found.residuals,
             white=white,
             weights=weights,
-            redundancy=np.where(present, 1 - leverage.reshape(shape), 0.0),
+            redundancy=np.where(present, 1 - (taken + leverage).reshape(white.shape), 0.0),
             noises=self.noises,
             speeds=found.rates[0],
             yaw_rates=found.rates[1],
             information=information,
-            scores=(across @ pulls[..., None])[..., 0],
-            knowledge=known.information,
+            scores=(across @ pulls.reshape(*taken.shape, 1))[..., 0],
+            knowledge=known,
             converged=False,
             bend=bend,
             swing=swing,
         )
+
+    def _weights(self, white: Array) -> tuple[Array, Array, float, float]:
+        # Residuals (S, K, k) in units of the noise, their weights, bend and swing of the loss. Of specified
+        # noise it is known how much a loss makes of it; other noise shows in the residuals.
+        search, squares = self.search, white**2
+        losses = robust_loss(search.loss, squares.ravel()).reshape(3, *white.shape)
+        _, slope, second = np.where(search.layout.valid[..., None], losses, 0.0)
+        if search.drive or search.loss == "linear":
+            return white, slope, *loss_moments(search.loss)
+        total = max(float(slope.sum()), 1e-300)
+        bend, swing = slope + 2 * squares * second, (slope * white) ** 2
+        return white, slope, float(bend.sum()) / total, float(swing.sum()) / total
 
 
 def _flat(rows: Array) -> Array:

@@ -18,7 +18,7 @@ from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
@@ -52,34 +52,22 @@ class Nonlinear(Estimator):
         sensors = problem.measurement.joint_sensors
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
-            raise ProblemError([Flaw(("validation", "estimators"), text)])
+            raise ProblemError.about(("validation", "estimators"), text)
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
-        robot = robot_of(problem.system)
-        starts = start_nuisances(sensors, robot, trajectory.runs)
-        begins = [
-            replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
-        ]
+        starts = start_nuisances(sensors, robot_of(problem.system), trajectory.runs)
         own = labelled_nuisances(sensors)
-        self._unknowns = Unknowns(
-            robot,
-            self.parameters,
-            tuple(one.name for one in own),
-            clocks=0,
-            sits=tuple(one.nominal for one in own),
-            constants={one.name: one.unit for one in own},
-            starts=tuple(begins),
-        )
+        self._unknowns = _unknowns(problem, trajectory, starts, own)
         self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
         self._known = self._before([*starts, *own], estimation.prior)
-        layout = Layout.of_drive(trajectory, self._readings.by_run(self.predicted()))
+        layout, none = Layout.of_drive(trajectory, self._readings.by_run(self.predicted())), np.zeros(0)
         self._search = JointSearch(
-            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
+            layout, self._unknowns, none, loss, known=self._known, drive=self._readings
         )
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
-            raise ProblemError([Flaw(("validation",), text)])
+            raise ProblemError.about(("validation",), text)
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -184,3 +172,21 @@ class Nonlinear(Estimator):
         # From standard normal numbers to what is known from before, (known, known).
         own = self._known.on(self._known_places).information
         return np.asarray(np.linalg.cholesky(np.linalg.inv(own)))
+
+
+def _unknowns(
+    problem: Problem, trajectory: Trajectory, starts: Sequence[Nuisance], own: Sequence[Nuisance]
+) -> Unknowns:
+    # The parameters to estimate, the starts that are not known, the sensors' own constants.
+    (estimation,) = problem.any_estimations
+    return Unknowns(
+        robot_of(problem.system),
+        estimation.parameters,
+        tuple(one.name for one in own),
+        clocks=0,
+        sits=tuple(one.nominal for one in own),
+        constants={one.name: one.unit for one in own},
+        starts=tuple(
+            replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
+        ),
+    )

@@ -21,7 +21,7 @@ from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
@@ -70,7 +70,7 @@ class TwoStage:
         require_windows(self.windows.layout, self.windows.unknowns, "two_stage")
         if not self.windows.unknowns.robot.coefficient_names:
             text = f"{self.windows.unknowns.robot.kind} has no coefficients; use method: joint or gls"
-            raise ProblemError([Flaw(("calibration", "method"), text)])
+            raise ProblemError.about(("calibration", "method"), text)
         estimates, stages = self._coefficients()
         values, converged = self._values(estimates, stages)
         return self._fit(values, stages, converged)

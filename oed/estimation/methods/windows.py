@@ -20,7 +20,7 @@ from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import PLACE, Unknowns
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
 
@@ -52,18 +52,18 @@ def require_windows(layout: Layout, unknowns: Unknowns, method: Method) -> None:
             f"{method} compares motion between poses, and the {', '.join(robot.states[3:])} that a window of "
             f"{robot.kind} begins with is not among them; use method: joint"
         )
-        raise ProblemError([Flaw(("calibration", "method"), text)])
+        raise ProblemError.about(("calibration", "method"), text)
     if set(layout.quantities) != set(READ):
         text = (
             f"{method} compares motion between poses, of {', '.join(READ)} and nothing else; the logs hold "
             f"{', '.join(layout.quantities)}; use method: joint"
         )
-        raise ProblemError([Flaw(("calibration", "method"), text)])
+        raise ProblemError.about(("calibration", "method"), text)
     if layout.count <= unknowns.size:
         text = (
             f"{layout.count} windows are too few for {unknowns.size} unknowns; shorten them, or method: joint"
         )
-        raise ProblemError([Flaw(("calibration", "segment"), text)])
+        raise ProblemError.about(("calibration", "segment"), text)
 
 
 @dataclass(frozen=True)

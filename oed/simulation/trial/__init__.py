@@ -1,6 +1,6 @@
 """The founding paper's real experiment in simulation: which drive calibrates a robot that slips best.
 
-A simulated robot drives along the optimal drive of every model and along everyday paths; every model is
+A simulated robot drives along the optimal drive of every model and along baselines; every model is
 calibrated from each drive alone and predicts, by its encoders, where other drives end.
 """
 

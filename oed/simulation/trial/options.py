@@ -12,21 +12,21 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.quantities import Ratio
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.simulation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
-from oed.simulation.trial.paths import EVERYDAY
+from oed.simulation.trial.paths import BASELINES
 
 
 def _known_path(name: str) -> str:
-    if name not in EVERYDAY:
-        raise ValueError(f"expected one of {', '.join(EVERYDAY)}, got {name!r}")
+    if name not in BASELINES:
+        raise ValueError(f"expected one of {', '.join(BASELINES)}, got {name!r}")
     return name
 
 
 Friction = Annotated[Ratio, Field(gt=0)]
-PathName = Annotated[str, AfterValidator(_known_path), Field(json_schema_extra={"enum": list(EVERYDAY)})]
+PathName = Annotated[str, AfterValidator(_known_path), Field(json_schema_extra={"enum": list(BASELINES)})]
 
 AS_DESIGNED = CalibrationOptions(segment="log", sensor_place=(), clock_offset=False, noise="stated")
 """Whole drives of which nothing is unknown but the parameters and the initial pose, as designs take it."""
-EVERYDAY_DRIVES = ("circle", "square", "slow_square", "straight_and_spin", "random")
+USUAL_DRIVES = ("circle", "square", "slow_square", "straight_and_spin", "random")
 
 
 class Trial(Component):
@@ -39,7 +39,7 @@ class Trial(Component):
         variation: how much they differ.
         models: robots to calibrate besides the study's own, each with an optimal drive of its own.
         criterion: of these drives; the study's if None.
-        drives: everyday paths to calibrate from, as large as the limits allow in the study's duration;
+        drives: baselines to calibrate from, as large as the limits allow in the study's duration;
             slow_... is the first half of one at half the speed.
         held_out: random drives that predictions are tried on.
         calibration: how models are calibrated.
@@ -53,7 +53,7 @@ class Trial(Component):
     variation: Variation = Variation()
     models: tuple[Alternative, ...] = ()
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
-    drives: Annotated[tuple[PathName, ...], Field(min_length=1)] = EVERYDAY_DRIVES
+    drives: Annotated[tuple[PathName, ...], Field(min_length=1)] = USUAL_DRIVES
     held_out: Annotated[int, Field(ge=1)] = 8
     calibration: CalibrationOptions = AS_DESIGNED
     methods: tuple[Method, ...] = ()

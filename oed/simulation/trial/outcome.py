@@ -27,15 +27,15 @@ class Planned:
 
     Attributes:
         name: of the drive.
-        model: that it is designed for; None of an everyday path.
+        model: that it is designed for; None of a baseline.
         solution: with the drive, scored for that model or else for the study's own.
-        told: standard deviations of the study's own parameters that it promises; None without a drive.
+        predicted: standard errors of the study's own parameters by it; None without a drive.
     """
 
     name: str
     model: Candidate | None
     solution: Solution
-    told: Mapping[str, float] | None
+    predicted: Mapping[str, float] | None
 
     @property
     def drivable(self) -> Trajectory | None:

@@ -1,4 +1,4 @@
-"""The drives of a trial: everyday paths at the pace that people drive them, and random ones to predict."""
+"""The drives of a trial: baselines at the pace that people drive them, and random ones to predict."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from oed.robots.baselines import NAMES, RANDOM, baseline_flaws, baselines
 SLOW = "slow_"
 HALVED = ("square", "rounded_square", "figure_eight", "straight_and_spin")
 """Paths of two halves with a rest between them."""
-EVERYDAY = (*NAMES, *(f"{SLOW}{name}" for name in HALVED))
-"""Names of everyday paths, with their pace."""
+BASELINES = (*NAMES, *(f"{SLOW}{name}" for name in HALVED))
+"""Names of baselines, with their pace."""
 HELD_OUT = 1_000_003
 """Between the seeds of random drives that are held out: none is that of a random path to calibrate from."""
 
 
-def everyday(problem: Problem, name: str, seed: int = 0) -> Trajectory:
-    """An everyday path as large as the limits allow in the study's duration.
+def paced_baseline(problem: Problem, name: str, seed: int = 0) -> Trajectory:
+    """A baseline as large as the limits allow in the study's duration.
 
     slow_... is the first half of it in the whole time, at half the speed: of a square, which people drive to
     the left and then to the right, the lap to the left.
@@ -40,7 +40,7 @@ def everyday(problem: Problem, name: str, seed: int = 0) -> Trajectory:
 
 
 def drive_flaw(problem: Problem, name: str) -> str:
-    """Why the robot cannot drive an everyday path; "" where it can."""
+    """Why the robot cannot drive a baseline; "" where it can."""
     if name.startswith(SLOW) and problem.design.samples % 2:
         return f"{name} needs an even number of samples, got {problem.design.samples}"
     return "".join(flaw.message for flaw in baseline_flaws(problem, [name.removeprefix(SLOW)]))

@@ -20,7 +20,7 @@ from oed.simulation.trial.candidates import Candidate, candidates, readable
 from oed.simulation.trial.experiment import Bench, Found, Repeat, repeated
 from oed.simulation.trial.options import Trial
 from oed.simulation.trial.outcome import Outcome, Planned
-from oed.simulation.trial.paths import everyday, held_out_drives
+from oed.simulation.trial.paths import held_out_drives, paced_baseline
 
 
 def require_ready(problem: Problem, trial: Trial) -> None:
@@ -73,7 +73,7 @@ def run_trial(
             planned.append(_designed(problem, model, solution))
             if solution.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
-        planned += [_everyday(problem, name, seed) for name in trial.drives]
+        planned += [_baseline(problem, name, seed) for name in trial.drives]
         bench = _bench(problem, trial, planned, fits, seed)
         _drive(bench, trial, found, workers or default_workers(), progress)
     except KeyboardInterrupt:
@@ -93,20 +93,20 @@ def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:
 
 def _designed(problem: Problem, model: Candidate, solution: Solution) -> Planned:
     evaluation = solution.evaluation if solution.trajectory is not None else None
-    told = None if evaluation is None else _told(problem, solution)
-    return Planned(f"optimal for {model.name}", model, solution, told)
+    predicted = None if evaluation is None else _predicted(problem, solution)
+    return Planned(f"optimal for {model.name}", model, solution, predicted)
 
 
-def _told(problem: Problem, solution: Solution) -> Mapping[str, float]:
-    # What the drive would tell of the study's own robot.
+def _predicted(problem: Problem, solution: Solution) -> Mapping[str, float]:
+    # What the drive says of the study's own robot.
     assert solution.trajectory is not None
     start = problem.start_states([solution.trajectory.start[:3]])
     drive = replace(solution.trajectory, start=start[0])
     return evaluate(problem, drive).standard_deviations
 
 
-def _everyday(problem: Problem, name: str, seed: int) -> Planned:
-    trajectory = everyday(problem, name, seed)
+def _baseline(problem: Problem, name: str, seed: int) -> Planned:
+    trajectory = paced_baseline(problem, name, seed)
     evaluation = evaluate(problem, trajectory)
     solution = Solution(name, "baseline", trajectory, evaluation, Status.SCORED, seed=seed)
     return Planned(readable(name), None, solution, evaluation.standard_deviations)
