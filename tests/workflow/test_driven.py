@@ -92,6 +92,7 @@ def test_a_robot_that_never_moves(study, tmp_path):
         score_logs(study, [tmp_path / "log.csv"])
 
 
+@pytest.mark.slow
 def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     robust = parse_study(f"{STUDY}uncertainty: {{x: 90 cm}}\nrobust: {{kind: chance, draws: 400}}\n")
     data = score_path(robust, saved / "square.csv", saved).data

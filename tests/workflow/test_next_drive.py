@@ -59,6 +59,7 @@ class TestInterrupted:
         save_record(designed, out)
         return out
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "error", [KeyboardInterrupt(), Failure("no memory")], ids=["interrupt", "failure"]
     )

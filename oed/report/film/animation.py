@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.text import listing, words
@@ -18,17 +18,14 @@ from oed.records.stored.result import Result
 from oed.report.film.cast import Cast
 from oed.report.film.writing import (
     FPS,
-    Frame,
+    film_rate,
+    heard,
     require_format,
-    require_length,
-    usual_rate,
+    require_speed,
     write_frames,
 )
 from oed.report.parts.reading import with_drive
 from oed.report.parts.section import Film, Section
-
-if TYPE_CHECKING:
-    from oed.report.film.stage import Stage
 
 NAME = "drive.gif"
 """Of the film that a report shows."""
@@ -89,15 +86,13 @@ def animate(
             that cannot be shown, too many frames, a place that cannot be written to.
         Failure: ffmpeg could not write it.
     """
-    if not 0 < speed < math.inf:
-        raise UserMistake(f"speed: expected more than 0, got {speed:g}")
+    require_speed(speed)
     record = source if isinstance(source, Record) else load_record(source)
     target = _target(source, file)
     require_format(target, FPS if fps is None else fps)
     chosen = _chosen(record, source, results)
     length = max(Cast.of(one).length(speed) for one in chosen)
-    rate = usual_rate(length, target) if fps is None else fps
-    require_length(length, rate, target)
+    rate = film_rate(length, target, fps)
     names = tuple(one.name for one in chosen)
     times = [min(number / rate, length) for number in range(math.ceil(length * rate - 1e-6) + 1)]
     times += [length] * round(REST * rate)
@@ -105,23 +100,10 @@ def animate(
     from oed.report.film.stage import Stage
 
     stage = Stage(record, chosen, speed)
-    if progress is not None:
-        progress.begin(f"frames of {target.name}", len(times))
-    count = write_frames(
-        _frames(stage, times, progress),
-        target,
-        rate,
-        colours=stage.colours(length),
-        comment=_mark(record, names),
-    )
+    frames = heard(map(stage.frame, times), len(times), target, progress)
+    colours, comment = stage.colours(length), _mark(record, names)
+    count = write_frames(frames, target, rate, colours=colours, comment=comment)
     return MadeFilm(target, names, count, round(count / rate, 3), rate, speed)
-
-
-def _frames(stage: Stage, times: Sequence[float], progress: Progress | None) -> Iterator[Frame]:
-    for time in times:
-        yield stage.frame(time)
-        if progress is not None:
-            progress.advance()
 
 
 def _target(source: Record | str | Path, file: str | Path | None) -> Path:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterator
 from ctypes.util import find_library
 from pathlib import Path
 
@@ -13,9 +11,9 @@ from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, load_record
 from oed.records.recorded_study import recorded_study
 from oed.report.film.animation import MadeFilm, driven_result
-from oed.report.film.writing import Frame, require_format, require_length, usual_rate, write_frames
+from oed.report.film.writing import film_rate, heard, require_format, require_speed, write_frames
 from oed.robots.models.model import robot_of
-from oed.simulation.physics import Motion, PhysicsRobot, drive, frames, physics_robot
+from oed.simulation.physics import drive, frames, physics_robot
 
 SIZE = (300, 400)
 """Height and width [pixels]."""
@@ -51,43 +49,29 @@ def film_physics(
             not installed.
         Failure: nothing to draw with.
     """
-    if not 0 < speed < math.inf:
-        raise UserMistake(f"speed: expected more than 0, got {speed:g}")
+    require_speed(speed)
     _draw_without_a_screen()
-    require_format(Path(file), FPS if fps is None else fps)
+    target = Path(file)
+    require_format(target, FPS if fps is None else fps)
     saved = load_record(folder)
     found = driven_result(saved, result, Path(folder) / FILE)
     assert found.drive is not None
-    trajectory = found.drive.trajectory
-    if trajectory.runs > 1:
-        raise UserMistake(f"{found.name}: expected a drive of one run, got one of {trajectory.runs}")
-    rate = usual_rate(trajectory.duration / speed, Path(file), FPS) if fps is None else fps
-    require_length(trajectory.duration / speed, rate, Path(file))
+    driven = found.drive.trajectory
+    if driven.runs > 1:
+        raise UserMistake(f"{found.name}: expected a drive of one run, got one of {driven.runs}")
+    rate = film_rate(driven.duration / speed, target, fps, FPS)
+    each = rate / speed
     study = recorded_study(saved, trust=trust)
-    robot = (
-        physics_robot(robot_of(study.problem.model))
-        if study.file.physics is None
-        else study.file.physics.robot
-    )
-    motion = drive(
-        robot, trajectory.inputs, trajectory.period, start=trajectory.start[:3], rate=max(50.0, rate / speed)
-    )
-    count = write_frames(_told(robot, motion, rate / speed, progress, Path(file).name), file, rate)
-    return MadeFilm(Path(file), (found.name,), count, round(count / rate, 3), rate, speed)
+    own = study.file.physics
+    robot = physics_robot(robot_of(study.problem.model)) if own is None else own.robot
+    motion = drive(robot, driven.inputs, driven.period, start=driven.start[:3], rate=max(50.0, each))
+    pictures = frames(robot, motion, rate=each, size=SIZE)
+    total = int(motion.times[-1] * each) + 1
+    count = write_frames(heard(pictures, total, target, progress), target, rate)
+    return MadeFilm(target, (found.name,), count, round(count / rate, 3), rate, speed)
 
 
 def _draw_without_a_screen() -> None:
     # The engine chooses its graphics library once, when it is loaded, and by itself one that needs a screen.
     if not {"MUJOCO_GL", "DISPLAY"} & os.environ.keys() and find_library("EGL"):
         os.environ["MUJOCO_GL"] = "egl"
-
-
-def _told(
-    robot: PhysicsRobot, motion: Motion, rate: float, progress: Progress | None, name: str
-) -> Iterator[Frame]:
-    if progress is not None:
-        progress.begin(f"frames of {name}", int(motion.times[-1] * rate) + 1)
-    for picture in frames(robot, motion, rate=rate, size=SIZE):
-        yield picture
-        if progress is not None:
-            progress.advance()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import subprocess
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.files import require_replaceable, unwritten
+from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -52,7 +54,7 @@ class Format:
 
     write: Callable[[Iterable[Frame], Path, float, Frame | None, str], int]
     most: int
-    fastest: float = float("inf")
+    fastest: float = math.inf
     needs: Callable[[], object] = lambda: None
 
 
@@ -99,25 +101,41 @@ def write_frames(
     return count
 
 
-def usual_rate(seconds: float, file: Path, fastest: float = FPS) -> float:
-    """Frames a second of a film that lasts so long [s], where not said otherwise."""
-    most = FORMATS[file.suffix.lower()].most
-    return min(fastest, max(FRAMES / seconds, LEAST_FPS), max(most / seconds, 1.0))
-
-
-def require_length(seconds: float, fps: float, file: Path) -> None:
-    """Refuse a film [s] of too many frames, before any is made.
+def film_rate(seconds: float, file: Path, fps: float | None, usual: float = FPS) -> float:
+    """Frames a second of a film that lasts so long [s]: those asked for, or as suits its length.
 
     Raises:
-        UserMistake: more than its format takes.
+        UserMistake: more frames than its format takes, before any is made.
     """
-    most, frames = FORMATS[file.suffix.lower()].most, seconds * fps
+    most = FORMATS[file.suffix.lower()].most
+    rate = min(usual, max(FRAMES / seconds, LEAST_FPS), max(most / seconds, 1.0)) if fps is None else fps
+    frames = seconds * rate
     if frames > most + 0.5:
         longer = ", or make an MP4" if frames <= FORMATS[".mp4"].most else ""
         raise UserMistake(
             f"speed: a film of {seconds:.3g} s has {frames:.3g} frames, expected at most {most}; take a "
             f"higher speed, or fewer frames a second (fps){longer}"
         )
+    return rate
+
+
+def heard(frames: Iterable[Frame], total: int, file: Path, progress: Progress | None) -> Iterator[Frame]:
+    """Frames of a film, of which a listener hears one by one."""
+    listener = Silent() if progress is None else progress
+    listener.begin(f"frames of {file.name}", total)
+    for frame in frames:
+        yield frame
+        listener.advance()
+
+
+def require_speed(speed: float) -> None:
+    """Refuse a film that does not move.
+
+    Raises:
+        UserMistake: a speed that is not above 0, or not finite.
+    """
+    if not 0 < speed < math.inf:
+        raise UserMistake(f"speed: expected more than 0, got {speed:g}")
 
 
 def require_format(file: Path, fps: float) -> Format:
@@ -130,7 +148,7 @@ def require_format(file: Path, fps: float) -> Format:
     form = FORMATS.get(file.suffix.lower())
     if form is None:
         raise UserMistake(f"{file}: expected a name that ends in {' or '.join(FORMATS)}")
-    if not 0 < fps < float("inf"):
+    if not 0 < fps < math.inf:
         raise UserMistake(f"fps: expected more than 0 frames a second, got {fps:g}")
     if fps < SLOWEST:
         raise UserMistake(f"fps: expected at least {SLOWEST} frames a second, got {fps:g}")

@@ -71,7 +71,13 @@ class TwoSidedGeometry(Component):
 def two_sided_coefficients(
     radius_right: Expression, radius_left: Expression, track: Expression
 ) -> Expression:
-    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
+    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6].
+
+    Args:
+        radius_right: [m].
+        radius_left: [m].
+        track: [m].
+    """
     return ca.vertcat(
         ca.horzcat(radius_right / track, -radius_left / track),
         ca.horzcat(radius_right / 2, radius_left / 2),
