@@ -1,4 +1,4 @@
-"""What two-sided wheeled robots have in common: their inputs, their geometry, the paper's matrix c."""
+"""What wheeled robots have in common: inputs and geometry of two sides or a steered axle, the matrix c."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.quantities import Length
+from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
 
@@ -65,6 +65,30 @@ class TwoSidedGeometry(Component):
             Parameter("wheel_radius_right", right, "m"),
             Parameter("wheel_radius_left", left, "m"),
             Parameter("track", self.track, "m"),
+        )
+
+
+class SteeredGeometry(Component):
+    """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
+    the steering is off, `steering_offset` [rad].
+    """
+
+    wheel_radius: PositiveLength
+    wheelbase: PositiveLength
+    steering_offset: Angle = 0.0
+
+    @property
+    def body_width(self) -> float:
+        """That of a cart of such a wheelbase [m]."""
+        return 0.6 * self.wheelbase
+
+    @property
+    def geometry_parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius, wheelbase [m], steering_offset [rad]."""
+        return (
+            Parameter("wheel_radius", self.wheel_radius, "m"),
+            Parameter("wheelbase", self.wheelbase, "m"),
+            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
         )
 
 
