@@ -11,11 +11,6 @@ import numpy as np
 from pydantic import BaseModel
 
 
-def finite(value: float | None) -> float | None:
-    """The value where JSON can hold it, else None."""
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
 def plain(value: Any, digits: int | None = None) -> Any:
     """A value as JSON holds it: arrays as lists, members of enumerations as their values, null where a
     number is not finite; numbers to so many decimals, None for all of them.
@@ -33,8 +28,3 @@ def plain(value: Any, digits: int | None = None) -> Any:
     if not isinstance(value, float):
         return value
     return None if not math.isfinite(value) else value if digits is None else round(value, digits)
-
-
-def rounded(values: Any, digits: int) -> Any:
-    """Nested lists of an array's values, rounded: for series that are drawn, not computed with."""
-    return np.round(np.asarray(values, dtype=float), digits).tolist()

@@ -58,7 +58,9 @@ def _parts_of(evaluation: Evaluation) -> dict[str, Any]:
             Covariance.of(parameters=evaluation.parameters[block], covariance=covariance)
             for block, covariance in evaluation.covariances.items()
         ],
-        "margins": [Margin.of(margin, limit=margin.name) for margin in evaluation.margins],
+        "margins": [
+            Margin.of(margin, limit=margin.name, satisfied=margin.kept) for margin in evaluation.margins
+        ],
     }
 
 
@@ -87,7 +89,7 @@ def certificate_of(
         best=None if best is None else best.objective,
         drive=drive,
         spline_objective=spline,
-        caps=[UpperBound.of(one, upper_bound=one.value) for one in certificate.bounds],
+        bounds=[UpperBound.of(one, upper_bound=one.value) for one in certificate.bounds],
     )
 
 
@@ -102,7 +104,7 @@ def validation_of(name: str, validation: Validation) -> Simulated:
     return Simulated.of(
         validation,
         name=name,
-        promised_covariance=validation.predicted,
+        predicted_covariance=validation.predicted,
         sampled_covariance=validation.sampled,
         paired_variance_ratio=validation.paired_ratio,
         paired_standard_error=validation.paired_error,

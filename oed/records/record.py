@@ -92,7 +92,7 @@ class Record:
 
     @cached_property
     def robustness(self) -> StoredRobustness | None:
-        """How many robots leave the limits on the drives, None for a study that is not robust."""
+        """How many robots violate the limits on the drives, None for a study that is not robust."""
         return self._part_or_none(StoredRobustness, "robustness")
 
     @cached_property

@@ -66,7 +66,7 @@ def _planned(one: Planned) -> StoredPlan:
         violations={} if evaluation is None else evaluation.violations,
         path_length=None if evaluation is None else evaluation.path_length,
         fastest=None if trajectory is None else np.abs(trajectory.inputs).max(),
-        promised=one.predicted,
+        predicted=one.predicted,
         path=None if evaluation is None else _thinned(evaluation.states[:, :2]),
         inputs=None if trajectory is None else trajectory.inputs,
     )

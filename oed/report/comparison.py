@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,28 +83,25 @@ def _differences(records: Sequence[Named]) -> Section:
     return Section("What differs", tables=(Table(columns, rows, "Keys of the studies, in SI units"),))
 
 
-def _flattened(value_: Any, prefix: str = "") -> dict[str, str]:
-    if isinstance(value_, Mapping):
-        return _joined(value_.items(), prefix)
-    if isinstance(value_, list) and any(isinstance(entry, Mapping) for entry in value_):
-        return _joined(((str(index + 1), entry) for index, entry in enumerate(value_)), prefix)
-    return {prefix: _text(value_)}
-
-
-def _joined(pairs: Iterable[tuple[str, Any]], prefix: str) -> dict[str, str]:
+def _flattened(part: Any, prefix: str = "") -> dict[str, str]:
+    # `limits.wheel_speed.bounds`, `measurement.2.kind` -> what stands there.
+    if isinstance(part, list) and any(isinstance(one, Mapping) for one in part):
+        part = dict(enumerate(part, 1))
+    if not isinstance(part, Mapping):
+        return {prefix: _text(part)}
     found: dict[str, str] = {}
-    for key, entry in pairs:
-        found |= _flattened(entry, f"{prefix}.{key}" if prefix else str(key))
+    for key, one in part.items():
+        found |= _flattened(one, f"{prefix}.{key}" if prefix else str(key))
     return found
 
 
-def _text(value_: Any) -> str:
-    if isinstance(value_, list):
+def _text(value: Any) -> str:
+    if isinstance(value, list):
         # Brackets only where lists are in a list.
-        return ", ".join(f"({_text(one)})" if isinstance(one, list) else _text(one) for one in value_)
-    if isinstance(value_, bool):
-        return str(value_).lower()
-    return f"{value_:g}" if isinstance(value_, float) else str(value_)
+        return ", ".join(f"({_text(one)})" if isinstance(one, list) else _text(one) for one in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _paths(records: Sequence[Named]) -> Section | None:

@@ -128,8 +128,8 @@ def _tried(solution: Solution) -> Tried:
         solution.violation,
         solution.evaluation,
         name=solution.name,
-        reserve=None if robust is None else robust.reach,
-        kept=None if robust is None else len(robust.kept),
+        back_off=None if robust is None else robust.reach,
+        added=None if robust is None else len(robust.kept),
     )
 
 
@@ -144,5 +144,5 @@ def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[
         each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
         beyond = violated(problem, solution.trajectory, values)
-        bundles.append(Paths.of(name=solution.name, leaves=beyond, paths=each[:, :, chosen]))
+        bundles.append(Paths.of(name=solution.name, violating=beyond, paths=each[:, :, chosen]))
     return bundles

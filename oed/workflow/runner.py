@@ -26,6 +26,7 @@ from oed.records.problem_tables import input_table, nuisance_table, parameter_ta
 from oed.records.record import FILE, Record
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.door import FORMAT
+from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredValidation
 from oed.records.stored.study_record import Provenance, StudyRecord
 from oed.records.stored.trial import StoredTrial
@@ -226,13 +227,7 @@ def record(
 
     Without `out` it names the trajectories' files where `named`: somebody else writes them.
     """
-    judges, best = criteria_of(study), best_of(safe(study, solutions), study.problem.criterion)
-    files = [_file(one) if named or out is not None else None for one in solutions]
-    results = [
-        result_of(solution, file, _judged(study, judges, solution))
-        for solution, file in zip(solutions, files, strict=True)
-    ]
-    problem = study.problem
+    problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
     made = StudyRecord.of(
         format=FORMAT,
         oed_version=package_version("oed"),
@@ -243,7 +238,7 @@ def record(
         states=state_table(problem),
         parameters=parameter_table(problem),
         nuisances=nuisance_table(problem),
-        results=results,
+        results=_results(study, solutions, named=named or out is not None),
         best=None if best is None else best.name,
         certificate=None if certificate is None else certified(study, certificate, solutions),
         robustness=robustness(study, solutions, seed),
@@ -256,6 +251,11 @@ def record(
     saved = Record(made.plain(), asked=study.file)
     with run_folder(out) as folder:
         return folder.finish(saved, record_files(study, solutions, saved))
+
+
+def _results(study: Study, solutions: Sequence[Solution], *, named: bool) -> list[Result]:
+    judges = criteria_of(study)
+    return [result_of(one, _file(one) if named else None, _judged(study, judges, one)) for one in solutions]
 
 
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:

@@ -17,10 +17,10 @@ from studies import SMALL
 from oed.foundation.errors import RecordError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
-from oed.records.numbers import finite
+from oed.records.numbers import plain
 from oed.records.outcomes import result_of, validation_of
 from oed.records.record import Record, load_record, save_record
-from oed.records.stored.result import Result
+from oed.records.stored.result import Margin, Result
 from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
 from oed.study.study import ValidationOptions
@@ -93,12 +93,19 @@ class TestJson:
         assert entry(made, "genetic")["objective"] is None
 
     @given(st.floats())
-    def test_finite(self, value: float):
-        assert finite(value) == (value if math.isfinite(value) else None)
+    def test_what_json_has_of_a_number(self, value: float):
+        expected = value if math.isfinite(value) else None
+        assert plain(value) == plain(np.float64(value)) == expected
+        assert plain({"a": [(value,), np.array([value, 2.0])]}) == {"a": [[expected], [expected, 2.0]]}
 
-    def test_finite_of_nothing_and_of_numpy(self):
-        assert finite(None) is None
-        assert type(finite(np.float64(2))) is float
+    def test_of_nothing_and_of_numpy(self):
+        assert plain(None) is None
+        assert type(plain(np.float64(2))) is float
+        assert [type(one) for one in plain([np.int64(3), np.bool_(True)])] == [int, bool]
+
+    def test_of_status_and_of_rounded_numbers(self):
+        assert plain((Status.FAILED, 0.123456), 3) == ["failed", 0.123]
+        assert plain(np.array([[0.123456, math.inf]]), 3) == [[0.123, None]]
 
     def test_numbers_that_json_lacks_are_refused(self):
         with pytest.raises(ValueError, match="JSON"):
@@ -272,6 +279,14 @@ class TestParts:
     def test_are_made_and_read_alike(self, made: Record):
         found = result_of(solutions()[0], None)
         assert Result.model_validate(json.loads(json.dumps(found.plain()))) == found
+
+    def test_need_a_value_of_every_field_and_of_no_other(self):
+        room = solutions()[0].evaluation.margins[0]
+        assert Margin.of(room, limit=room.name, satisfied=True).plain()["kept"] is True
+        with pytest.raises(TypeError, match="Margin: expected limit"):
+            Margin.of(room, satisfied=True)
+        with pytest.raises(TypeError, match="Margin has no kind"):
+            Margin.of(room, limit=room.name, satisfied=True, kind="x")
 
     def test_of_other_data_say_which_key_is_wrong(self, made: Record):
         data = {**made.data, "results": [{**made.data["results"][0], "objective": "large"}]}

@@ -172,7 +172,7 @@ def print_certificate(certificate: StoredCertificate) -> None:
             f"best drive known here: {number(certificate.best)}, limits satisfied {satisfied}, "
             f"gap {percent(certificate.gap)} to the bound for such drives{loose}"
         )
-    for upper in certificate.caps[1:]:
+    for upper in certificate.bounds[1:]:
         lines.append(f"  also {number(upper.upper_bound)}: {upper.method}")
     for line in lines:
         _print_line(console, line)

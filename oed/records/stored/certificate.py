@@ -29,13 +29,13 @@ class StoredCertificate(UpperBound):
         gap_to: the bound that this gap is to.
         multiplier: proves the bound.
         widened: what holds for drives that satisfy the limits within the tolerance.
-        loose: whether the gap is too large to tell much.
+        loose: whether the gap is too large to be informative.
         complete: whether the search for the bound came to its end.
         nodes: of that search.
         best: largest objective of a feasible result.
         drive: name of the result that the search for the bound came upon.
         spline_objective: largest objective of a feasible result of a search over splines.
-        caps: every bound that was found, the lowest first.
+        bounds: every bound that was found, the lowest first.
         wall_seconds: of the search for the bound.
     """
 
@@ -49,5 +49,5 @@ class StoredCertificate(UpperBound):
     best: Number | None = None
     drive: Name | None = None
     spline_objective: Number | None = None
-    caps: list[UpperBound] = Field(default_factory=list)
+    bounds: list[UpperBound] = Field(default_factory=list, alias="caps")
     wall_seconds: Seconds = 0.0

@@ -5,7 +5,7 @@ The fields of a part say what its file holds: reading checks them (pydantic), an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Self, get_args
@@ -61,7 +61,7 @@ class Stored(BaseModel):
 
     def plain(self) -> dict[str, Any]:
         """As plain data, with what files of earlier versions leave out."""
-        # What does not fit is told by the reader, by its key.
+        # What does not fit is said by the reader, by its key.
         return self.model_dump(by_alias=True, warnings=False)
 
 
@@ -74,7 +74,7 @@ def _attribute(sources: Iterable[object], name: str) -> Any:
 
 @dataclass(frozen=True)
 class Rounded:
-    """Marks numbers that are written to so many decimals only: drawn, or told, not computed with."""
+    """Marks numbers that are written to so many decimals only: drawn, or shown, not computed with."""
 
     digits: int
 
@@ -130,18 +130,14 @@ def _said(annotation: Any) -> Iterator[Any]:
         yield from _said(inner)
 
 
-def _name(text: str) -> str:
-    flaw = name_flaw(text)
-    if flaw:
-        raise ValueError(flaw)
-    return text
+def _without(flaw_of: Callable[[str], str]) -> AfterValidator:
+    def sound(text: str) -> str:
+        flaw = flaw_of(text)
+        if flaw:
+            raise ValueError(flaw)
+        return text
 
-
-def _identifier(text: str) -> str:
-    flaw = identifier_flaw(text)
-    if flaw:
-        raise ValueError(flaw)
-    return text
+    return AfterValidator(sound)
 
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -153,9 +149,9 @@ Count = Annotated[int, Field(ge=0, le=10**12)]
 Seed = Annotated[int, Field(ge=0)]
 Seconds = Annotated[Positive, Rounded(6)]
 """A time that was measured."""
-Name = Annotated[str, AfterValidator(_name)]
+Name = Annotated[str, _without(name_flaw)]
 """What files are named after."""
-Identifier = Annotated[str, AfterValidator(_identifier)]
+Identifier = Annotated[str, _without(identifier_flaw)]
 """The name of a parameter, an input or of what it is, which files and figures are named after too."""
 Numbers = list[Number]
 Matrix = list[Numbers]

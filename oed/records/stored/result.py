@@ -110,7 +110,7 @@ class Margin(Stored):
     size: Positive
     unit: str
     active: bool
-    kept: bool
+    satisfied: bool = Field(alias="kept")
     certain: bool | None = None
 
 
@@ -132,7 +132,7 @@ class Progress(Stored):
 
 
 class Covariance(Stored):
-    """The predicted covariance of parameters that are told together."""
+    """The predicted covariance of parameters that are identified together."""
 
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Number | None]]
@@ -216,7 +216,7 @@ class Result(Stored):
 
     @property
     def worth(self) -> float | None:
-        """Its objective: minus infinity where a drive tells too little for JSON to hold its number."""
+        """Its objective: minus infinity where JSON cannot hold the number of so poor a drive."""
         if self.drive is None:
             return None
         return -math.inf if self.objective is None else self.objective

@@ -1,4 +1,4 @@
-"""What simulations say of a record's drives: whether estimates scatter as promised, who leaves the limits."""
+"""What simulations say of drives: whether estimates scatter as predicted, how many robots violate limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from oed.simulation.monte_carlo import ALPHA
 
 
 class StoredCheck(Stored):
-    """A test of simulated estimates against what is promised."""
+    """A test of simulated estimates against what is predicted."""
 
     name: str
     question: str
@@ -48,7 +48,7 @@ class Simulated(Stored):
     parameters: Annotated[list[str], Field(min_length=1)]
     true: Numbers
     mean: Numbers
-    promised_covariance: Matrix
+    predicted_covariance: Matrix = Field(alias="promised_covariance")
     sampled_covariance: Matrix
     paired_variance_ratio: Numbers
     paired_standard_error: Numbers
@@ -66,8 +66,11 @@ class Simulated(Stored):
             paired_standard_error=self.paired_standard_error,
         )
         require_table("estimates", self.estimates, None, count)
-        for what in ("promised_covariance", "sampled_covariance"):
-            covariance: Matrix = getattr(self, what)
+        covariances = {
+            "promised_covariance": self.predicted_covariance,
+            "sampled_covariance": self.sampled_covariance,
+        }
+        for what, covariance in covariances.items():
             require_table(what, covariance, count, count)
             require_covariance(what, covariance)
 
@@ -111,7 +114,12 @@ class Uncertain(Stored):
 
 
 class Tried(Stored):
-    """How many robots leave the limits on a drive."""
+    """How many robots violate the limits on a drive.
+
+    Attributes:
+        back_off: of the limits, in standard deviations.
+        added: of the worst robots, to the scenarios that the limits are satisfied for.
+    """
 
     name: Name
     probability: Share
@@ -121,8 +129,8 @@ class Tried(Stored):
     by_limit: dict[str, Number]
     farthest: Number | None
     objective: Number | None
-    reserve: Number | None
-    kept: Count | None
+    back_off: Number | None = Field(alias="reserve")
+    added: Count | None = Field(alias="kept")
     checked_at_points: list[str] | None = None
 
 
@@ -130,11 +138,11 @@ class Paths(Stored):
     """Where robots drawn from the uncertainty go: points by robot and run."""
 
     name: Name
-    leaves: list[bool]
+    violating: list[bool] = Field(alias="leaves")
     paths: Annotated[list[list[Line]], Rounded(4)]
 
     def _require(self) -> None:
-        require_alike(len(self.paths), leaves=self.leaves)
+        require_alike(len(self.paths), leaves=self.violating)
 
 
 class StoredRobustness(Stored):

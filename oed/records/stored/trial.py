@@ -60,7 +60,7 @@ class StoredPlan(Stored):
     path_length: Number | None
     fastest: Number | None
     wall_seconds: Annotated[Positive, Rounded(3)]
-    promised: dict[str, Positive | None] | None
+    predicted: dict[str, Positive | None] | None = Field(alias="promised")
     path: Annotated[Line, Rounded(4)] | None
     inputs: list[Annotated[Numbers, Rounded(6)]] | None
 

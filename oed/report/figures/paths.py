@@ -150,14 +150,17 @@ def _extent(drive: Path, room: Room) -> Box:
 def _scales(box: Box, columns: int, panels: int) -> tuple[spec.Axis, spec.Axis, float, float]:
     # One box for all panels; the figure's height follows from its shape.
     seen = box.padded(0.06 * max(*box.size, 1e-3))
-    x, y = (
-        spec.Axis(name, "m", (float(low), float(high)), most=most)
-        for name, low, high, most in zip("xy", seen.low, seen.high, (4 if columns > 2 else 6, 6), strict=True)
-    )
+    x, y = axes(seen, 4 if columns > 2 else 6)
     ratio = float(seen.size[1] / seen.size[0])
     width = 5.6 if columns == 1 and ratio > 0.5 else WIDTH
     panel = (width - 1.4) / columns * min(ratio, 1.6)
     return x, y, width, -(-panels // columns) * (panel + 0.35) + 0.8
+
+
+def axes(seen: Box, most: int = 6) -> tuple[spec.Axis, spec.Axis]:
+    """The axes of a panel that shows a box, with so many ticks on the first at most."""
+    (left, bottom), (right, top) = seen.low.tolist(), seen.high.tolist()
+    return spec.Axis("x", "m", (left, right), most=most), spec.Axis("y", "m", (bottom, top), most=6)
 
 
 def surroundings(room: Room) -> list[spec.Part]:

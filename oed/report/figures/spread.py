@@ -83,7 +83,7 @@ class _Cloud:
         origin = np.where([axis.errors for axis in pair], true, 0.0)
         promised, sampled = (
             np.outer(factors, factors) * np.array(covariance)[np.ix_(at, at)]
-            for covariance in (one.promised_covariance, one.sampled_covariance)
+            for covariance in (one.predicted_covariance, one.sampled_covariance)
         )
         points = factors * (np.array(one.estimates)[:, at] - origin)
         return cls(points, factors * (true - origin), (promised, sampled))

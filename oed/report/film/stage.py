@@ -19,7 +19,7 @@ from oed.records.stored.result import Result
 from oed.report.figures import spec
 from oed.report.figures.draw import as_drawn, drawn
 from oed.report.figures.driven import Array, Box, Room, robot_width, room_of, view_of
-from oed.report.figures.paths import END, START, scaled, surroundings
+from oed.report.figures.paths import END, START, axes, scaled, surroundings
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, mark, stroke
 from oed.report.film.cast import Cast
 from oed.report.film.writing import Frame
@@ -64,10 +64,7 @@ def _columns(view: Box, count: int) -> int:
 
 def _still(scene: _Scene, casts: Sequence[Cast], apart: bool) -> spec.Plot:
     # What does not move; clocks stand below names where they are apart.
-    x, y = (
-        spec.Axis(name, "m", (float(low), float(high)), most=6)
-        for name, low, high in zip("xy", scene.view.low, scene.view.high, strict=True)
-    )
+    x, y = axes(scene.view)
     panels = [spec.Panel([*surroundings(scene.room), *_ways(cast)], x, y, equal="box") for cast in casts]
     columns = _columns(scene.view, len(casts))
     head = 0.2 * (max(cast.title.count("\n") for cast in casts) + 1 + apart)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from oed.foundation.text import count, listing, words
-from oed.records.numbers import rounded
+from oed.records.numbers import plain
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.figures import paths as path_figures
@@ -138,6 +138,6 @@ def _runs(result: Result) -> list[dict[str, Any]]:
     for number, poses in enumerate(drive.by_run, 1):
         name = f"{result.name}, run {number}" if drive.runs > 1 else result.name
         columns = zip(("x", "y", "heading", "trailer"), poses[:, :4].T, strict=False)
-        places = {key: rounded(column, DECIMALS) for key, column in columns}
+        places = {key: plain(column, DECIMALS) for key, column in columns}
         found.append({"name": name, "duration": drive.knots[-1] / drive.runs, **places})
     return found

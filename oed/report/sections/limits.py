@@ -63,15 +63,15 @@ class _Room:
     @property
     def brief(self) -> str:
         """A cell of the table of all drives."""
-        if not self.margin.kept:
+        if not self.margin.satisfied:
             return f"exceeded by {self.text}"
         return "met" if self.met else "active" if self.margin.active else f"{self.text} spare"
 
     @property
     def state(self) -> str:
         """The same of the table of one drive."""
-        if not self.margin.kept or self.met:
-            return "met" if self.margin.kept else "exceeded"
+        if not self.margin.satisfied or self.met:
+            return "met" if self.margin.satisfied else "exceeded"
         state = "active" if self.margin.active else "satisfied with room"
         return f"{state} (checked at points only)" if self.margin.certain is False else state
 
@@ -115,16 +115,17 @@ def _column(name: str) -> Column:
 
 def _touched() -> Iterator[Column]:
     def exceeded(one: Result) -> Cell:
-        broken = (_Room(margin) for margin in one.margins if not margin.kept)
+        broken = (_Room(margin) for margin in one.margins if not margin.satisfied)
         return ", ".join(f"{room.name} by {room.text}" for room in broken) or None
 
     def met(one: Result) -> Cell:
         return (
-            ", ".join(words(margin.limit) for margin in one.margins if margin.kept and margin.active) or None
+            ", ".join(words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)
+            or None
         )
 
     def spare(one: Result) -> Cell:
-        return str(sum(margin.kept and not margin.active for margin in one.margins))
+        return str(sum(margin.satisfied and not margin.active for margin in one.margins))
 
     yield Column("exceeded", cell=exceeded)
     yield Column("active or met", cell=met)

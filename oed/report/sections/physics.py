@@ -78,7 +78,7 @@ def _error_text(error: Error, best: bool) -> str:
 
 def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
     own = trial.models[0]
-    promised = {one.name: one.promised or {} for one in trial.planned}
+    promised = {one.name: one.predicted or {} for one in trial.planned}
     columns = (
         Column("friction"),
         Column("calibrated from"),

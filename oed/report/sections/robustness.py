@@ -39,7 +39,7 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
     ends = [name for name in (EndPosition.name, EndHeading.name) if getattr(record.study.limits, name, None)]
     yield SAY("ends", ends)
-    yield SAY("verdict", found.kind, [one for one in found.results if one.reserve is not None])
+    yield SAY("verdict", found.kind, [one for one in found.results if one.back_off is not None])
     plain = next((one for one in found.results if one.name == NOMINAL), None)
     best = record.best
     if plain is None or plain.objective is None or best is None or best.objective is None:
@@ -85,7 +85,7 @@ def _bundles(record: Record, found: StoredRobustness) -> tuple[Picture, ...]:
     tried = {one.name: one for one in found.results}
     cases = [_bundle(record, tried[one.name], one) for one in found.bundles]
     alt = f"Bundles of the paths that may happen, {listing([one.title for one in cases])}"
-    caption = SAY("bundles", len(found.bundles[0].leaves))
+    caption = SAY("bundles", len(found.bundles[0].violating))
     return (Picture("bundles", alt, caption, paths.bundles(cases, room_of(record))),)
 
 
@@ -93,7 +93,7 @@ def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
     result = record.result(bundle.name)
     assert result is not None
     assert result.drive is not None
-    robots = list(zip(bundle.paths, bundle.leaves, strict=True))
+    robots = list(zip(bundle.paths, bundle.violating, strict=True))
     inside, outside = (
         tuple(np.array(path) for runs, leaves in robots if leaves == side for path in runs)
         for side in (False, True)

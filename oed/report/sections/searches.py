@@ -35,7 +35,7 @@ def certificate(record: Record) -> Section | None:
     if found is None:
         return None
     notices = (SAY("loose"),) if found.loose else ()
-    tables = (_bounds(found),) if len(found.caps) > 1 else ()
+    tables = (_bounds(found),) if len(found.bounds) > 1 else ()
     said = SAY.paragraphs("certificate", found)
     return Section("How far from the best possible", notices=notices, paragraphs=said, tables=tables)
 
@@ -46,7 +46,7 @@ def _bounds(found: StoredCertificate) -> Table:
         Column("proved by", cell=lambda one: one.method),
         Column("assumes", cell=lambda one: "; ".join(one.assumptions)),
     )
-    return Table.of(found.caps, columns, "All bounds found; the smallest counts")
+    return Table.of(found.bounds, columns, "All bounds found; the smallest counts")
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ def _checks(simulated: Simulated, alpha: float, several: bool) -> Table:
 
 def _units(record: Record, simulated: Simulated) -> dict[str, Unit]:
     # In which deviations are shown: as suits one simulated drive.
-    sizes = np.sqrt(np.diag(simulated.promised_covariance)).tolist()
+    sizes = np.sqrt(np.diag(simulated.predicted_covariance)).tolist()
     return shown_units(record, dict(zip(simulated.parameters, sizes, strict=True)))
 
 
@@ -94,7 +94,7 @@ class _Estimated:
     @property
     def promised(self) -> float:
         """Standard deviation [SI]."""
-        return math.sqrt(self.drive.promised_covariance[self.at][self.at])
+        return math.sqrt(self.drive.predicted_covariance[self.at][self.at])
 
     @property
     def sampled(self) -> float:
