@@ -159,6 +159,7 @@ def test_only_messages_and_tables_write_to_the_terminal(module: str):
     )
 
 
+@pytest.mark.slow
 @every_module
 def test_pymoo_is_imported_by_the_genetic_solver_only(module: str):
     assert module == "oed.optimize.genetic" or "pymoo" not in libraries(module, lazy=True)
@@ -187,6 +188,7 @@ def test_imports_cost_no_more_than_they_must(module: str, unloaded: set[str]):
     assert unloaded.isdisjoint(run.stdout.split())
 
 
+@pytest.mark.slow
 def test_a_check_loads_no_library_that_it_does_not_need():
     # Matplotlib, pymoo and so on take longer to load than the check itself.
     study = PACKAGE.parent / "problems" / "choi_skid_steer.yaml"
@@ -245,6 +247,7 @@ def test_a_public_name_that_does_not_exist_is_refused():
     assert (error.value.name, error.value.obj) == ("Problm", oed)
 
 
+@pytest.mark.slow
 def test_type_checkers_know_the_public_names(tmp_path: Path):
     pytest.importorskip("mypy")
     user = tmp_path / "user.py"

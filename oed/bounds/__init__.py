@@ -29,20 +29,24 @@ BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, j
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
 EXACTLY = (
-    f"limits kept exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
+    f"limits satisfied exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
 )
+"""Assumptions of bounds on drives that satisfy the limits exactly."""
 TOLERATED = (
-    f"limits, duration, start and rest kept within the {100 * TOLERANCE:g} % that scoring tolerates",
+    f"limits, duration, start and rest satisfied within the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
 )
+"""Assumptions of bounds on drives within what scoring tolerates."""
 MOST_STEPS = 5e8
 """Comparisons of one pass of the dynamic programming above which a lattice is too fine for it."""
 LATTICE = "lattice"
 """Name and kind of the drive that the lattice's search comes upon."""
 NOTHING = "no bound is known for this robot, criterion and measurement"
+"""Where nothing is proved."""
 
 MEAN = "no bound is known for the mean over robots"
+"""Where the objective is a mean, which the nominal robot's bound does not hold for."""
 
 
 def bound(

@@ -20,7 +20,9 @@ from oed.robots.sensors.displacements import Displacements
 Array = npt.NDArray[np.float64]
 
 SPEEDS = "wheel speeds and accelerations within their limits"
+"""An assumption, in words."""
 NO_ROOM = "the room is left out"
+"""An assumption, in words."""
 
 
 def regression_bounds(problem: Problem) -> Iterator[Bound]:

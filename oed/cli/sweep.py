@@ -33,14 +33,14 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_sweep, progress
     from oed.cli.terminal.messages import print_json, say, tell
-    from oed.workflow.sweep import parse_axis, swept
+    from oed.workflow.sweep import parse_axis, sweep
 
     out = Path(options.out) if options.out else Path("reports") / f"{Path(options.study).stem}-sweep"
     axes = [parse_axis(text) for text in options.over]
     workers = workers_of(options)
     with progress(options.quiet) as listener:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
-        done, trouble = saved(lambda: swept(options.study, axes, out, **more))
+        done, trouble = saved(lambda: sweep(options.study, axes, out, **more))
         found = done.found
         page, unwritten = None, None
         if done.folder is not None and not found.interrupted:

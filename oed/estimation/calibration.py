@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -67,10 +66,6 @@ class Calibration(Renamed):
         notes: what was decided on the way.
     """
 
-    renamed: ClassVar[Mapping[str, str]] = {
-        "untold": "weak_directions",
-        "left_out": "cross_validation",
-    }
     robot: Model
     fit: Fit
     covariances: tuple[Covariance, ...]

@@ -41,7 +41,7 @@ RENAMED = {
 """Folders of the top level by where they are now, under another name."""
 
 
-NAMES = {"leaving": "violation_probability"}
+NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
 """Public names by those that they had."""
 
 
@@ -75,9 +75,15 @@ def watch() -> None:
         sys.meta_path.insert(0, Moved())
 
 
+ESTIMATOR = {"promised": "covariance", "replicate": "simulate"}
 ATTRIBUTES = {
+    "Calibration": {"left_out": "cross_validation", "untold": "weak_directions"},
     "Certificate": {"caps": "bounds"},
     "Evaluation": {"poses": "states"},
+    "Solution": {"leaving": "violation"},
+    "Nonlinear": ESTIMATOR,
+    "Regression": ESTIMATOR,
+    "Validation": {"promised": "predicted"},
 }
 """New names of classes' attributes by old ones."""
 

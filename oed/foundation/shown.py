@@ -1,4 +1,4 @@
-"""Text from files as a terminal may have it: what would steer the terminal is seen, not obeyed."""
+"""Text from files as a terminal may have it: what would steer the terminal is shown, not obeyed."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ READABLE_UNITS = {"m": ("cm", 100.0)}
 """SI unit -> unit in which parameters are shown, and its factor."""
 
 DEGREES = 180.0 / math.pi
+"""In a radian."""
 
 FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("cm", 1e2), ("mm", 1e3), ("µm", 1e6)),

@@ -178,7 +178,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
 
 def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, SquareRoot]:
-    """The same trajectory's `full_square_roots` alone, whatever limits it keeps.
+    """A trajectory's `full_square_roots` alone, whatever limits it keeps.
 
     Raises:
         ValueError, NotFinite: as `evaluate` does.

@@ -46,12 +46,12 @@ class Rows:
     unit: str
 
     def widened(self, share: float) -> Rows:
-        """The same, exceeded by at most `share` of the size."""
+        """These rows where they are exceeded by at most `share` of the size."""
         spare = share * self.size
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
     def backed_off(self, amounts: Expression) -> Rows:
-        """The same kept `amounts` (rows,) away from its bounds: rows of the upper ones, then of the lower."""
+        """These rows `amounts` (rows,) away from their bounds: rows of the upper ones, then of the lower."""
         below, above = np.isfinite(self.lower), np.isfinite(self.upper)
         sides = [
             ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]
@@ -93,7 +93,7 @@ class LinearBound:
     high: float
 
     def widened(self, share: float) -> LinearBound:
-        """The same, exceeded by at most `share` of the larger bound."""
+        """This bound where it is exceeded by at most `share` of the larger of both."""
         spare = share * max(abs(self.low), abs(self.high))
         return replace(self, low=self.low - spare, high=self.high + spare)
 
@@ -151,6 +151,11 @@ class Limit(Component, ABC):
 
         Right where the rows are the inputs (or rates) themselves in any unit, or grow faster than they do; a
         limit whose rows grow more slowly says here how far its inputs get.
+
+        Args:
+            bounds: (min, max) by input name, SI.
+            share: of the size.
+            size: of the limit's rows, in their unit.
         """
         largest = max((abs(bound) for pair in bounds.values() for bound in pair), default=0.0)
         spare = share * max(size, largest)
@@ -288,7 +293,14 @@ class InputLimit(Limit, ABC):
 
 
 def rest_flaws(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: Space) -> list[Flaw]:
-    """Bounds that exclude 0 where everything begins and ends there."""
+    """Bounds that exclude 0 where everything begins and ends there.
+
+    Args:
+        limit: whose bounds they are.
+        pairs: (min, max) of each input.
+        unit: of the bounds.
+        space: all drives.
+    """
     if not space.rest_to_rest:
         return []
     return [
@@ -304,6 +316,11 @@ def rest_flaws(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, sp
 def magnitude(first: Expression, second: Expression, size: float) -> Expression:
     """The length of vectors (first, second), exact at `size`; rounded at 0, for optimisers, where it is more
     by at most a thousandth of `size`.
+
+    Args:
+        first: coordinates (n,).
+        second: coordinates (n,).
+        size: length at which it is exact, in their unit.
     """
     soft = ROUNDED * size
     return ca.sqrt(first**2 + second**2 + soft**2) + (size - float(np.hypot(size, soft)))

@@ -89,7 +89,7 @@ class Estimation:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Their SI units."""
+        """SI units of the estimated parameters."""
         return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
 
 
@@ -249,7 +249,7 @@ class Problem:
 
     @cached_property
     def any_estimations(self) -> tuple[Estimation, ...]:
-        """The same of a drive without values: for parameters, noise and nuisances."""
+        """What blocks of a drive without values say: for parameters, noise and nuisances."""
         return self._estimations(self._any_blocks)
 
     @cached_property
@@ -298,7 +298,13 @@ class Problem:
 
 
 def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
-    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none."""
+    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none.
+
+    Args:
+        prior: what is known beforehand.
+        block: of readings.
+        names: p of its parameters.
+    """
     if not set(prior.names) & set(names):
         return None
     places = [block.parameters.index(name) for name in names]

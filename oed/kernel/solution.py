@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from oed.foundation.errors import NotFinite
+from oed.foundation.moved import Renamed
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.tightening import Tightening
-from oed.kernel.violation import Leaving
+from oed.kernel.violation import Violation
 
 
 class Status(Enum):
@@ -87,7 +88,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(Renamed):
     """A solver's best design.
 
     Attributes:
@@ -103,7 +104,7 @@ class Solution:
         history: the best objective so far, re-scored, each time it rose, and at the end.
         criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
             and `history` are in its numbers then.
-        leaving: how often robots of the problem's uncertainty violate the limits on this drive.
+        violation: how often robots of the problem's uncertainty violate the limits on this drive.
         robust: how limits were tightened in the end; None where the problem is not robust.
     """
 
@@ -119,18 +120,24 @@ class Solution:
     stages: Mapping[str, float] = field(default_factory=dict)
     history: tuple[HistoryPoint, ...] = ()
     criterion: str | None = None
-    leaving: Leaving | None = None
+    violation: Violation | None = None
     robust: Tightening | None = None
 
     @property
     def message(self) -> str:
         """The status in words, with what is special to this search."""
-        told = "" if self.leaving is None else self.leaving.sentence
+        told = "" if self.violation is None else self.violation.sentence
         return " ".join(filter(None, [self.status.sentence, self.detail, told]))
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
-    """Any trajectory as a solution that nobody searched for, scored by a problem."""
+    """Any trajectory as a solution that nobody searched for, scored by a problem.
+
+    Args:
+        problem: that scores it.
+        trajectory: the drive.
+        name: of the solution.
+    """
     return Solution(
         name=name,
         kind="path",
@@ -141,5 +148,11 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
 
 
 def unscored(name: str, kind: str, error: NotFinite) -> Solution:
-    """A drive among others that cannot be scored, and why."""
+    """A drive among others that cannot be scored, and why.
+
+    Args:
+        name: of the drive.
+        kind: of what made it.
+        error: why it has no score.
+    """
     return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")

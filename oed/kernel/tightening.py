@@ -94,7 +94,13 @@ class Tightening(Component, ABC):
 
     @abstractmethod
     def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:
-        """A limit with its back-off, on a drive of the nominal system that has the uncertain parameters."""
+        """A limit with its back-off, on a drive of the nominal system that has the uncertain parameters.
+
+        Args:
+            limit: on states.
+            drive: of the nominal system.
+            system: with what is uncertain of it.
+        """
 
     @abstractmethod
     def scenarios(self, system: UncertainSystem) -> Scenarios:
@@ -122,7 +128,14 @@ class Tightening(Component, ABC):
 def tightened_rows(
     tightening: Tightening, limits: Sequence[Limit], drive: Drive, system: UncertainSystem
 ) -> list[Rows]:
-    """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them."""
+    """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them.
+
+    Args:
+        tightening: how limits are kept.
+        limits: all of the problem.
+        drive: of the nominal system.
+        system: with what is uncertain of it.
+    """
     begin, _ = drive.ends_of(drive.states)
     scenarios, own = tightening.scenarios(system), drive
     seen = scenarios.system

@@ -1,4 +1,4 @@
-"""How often systems with uncertain parameters violate limits that the nominal one keeps."""
+"""How often systems with uncertain parameters violate limits that the nominal one satisfies."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Leaving:
-    """How often robots violate the limits that the nominal robot keeps.
+class Violation:
+    """How often robots violate the limits that the nominal robot satisfies.
 
     Attributes:
         probability: of a violation: share of the draws that exceed a limit on the path at any time.
@@ -37,9 +37,9 @@ class Leaving:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        share = f"{self.probability:.2%} of {self.draws} simulated robots leave the limits."
+        share = f"{self.probability:.2%} of {self.draws} simulated robots violate the limits."
         points = ", ".join(self.checked_at_points)
-        return f"{share} Checked at points only: {points}; between them more may leave." if points else share
+        return f"{share} Checked at points only: {points}; between them more may." if points else share
 
     def surely_below(self, probability: float) -> bool:
         """Whether the whole interval lies below a probability."""

@@ -15,11 +15,12 @@ from oed.foundation.extras import extra
 from oed.foundation.files import special
 from oed.logs.form import is_bag
 from oed.logs.series import Series
-from oed.logs.tables.tum import heading_of
+from oed.logs.tables.tum import OFF_UNIT, heading_of
 
 Clock = Literal["header", "received"]
 
 JOINTS = "sensor_msgs/msg/JointState"
+"""Type of the messages that have the wheels' joints."""
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 POSES = (
@@ -29,6 +30,7 @@ POSES = (
     TRANSFORM,
     TRANSFORMS,
 )
+"""Types of those that have the reference poses."""
 NEEDED_FOR = "reading ROS bags"
 
 
@@ -222,7 +224,7 @@ def _planar(series: Series) -> Series:
     sizes = np.linalg.norm(turned, axis=1)
     flaws = [
         series.flaw(row, series.clock, "expected a unit quaternion")
-        for row in np.flatnonzero(np.abs(sizes - 1) > 0.05).tolist()
+        for row in np.flatnonzero(np.abs(sizes - 1) > OFF_UNIT).tolist()
     ]
     if flaws:
         raise LogError(flaws)

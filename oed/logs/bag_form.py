@@ -21,6 +21,7 @@ from oed.logs.series import Gathered, Series
 from oed.logs.tables.columns import Short
 
 QUANTITIES = ("x", "y", "heading")
+"""What the poses of all those types have."""
 
 
 class JointInput(Component):

@@ -26,6 +26,7 @@ TURN_JUMP, SMALLEST_TURN = 5.0, np.radians(20)
 """Times the fast turning of the drive, and rad, beyond which a step of the heading is."""
 
 DEGREES_PER_TURN = 360.0
+"""By which a heading in degrees jumps."""
 FAST_TURNING = 10.0
 """Usual yaw rate beyond which a heading is rather in degrees [rad/s]."""
 

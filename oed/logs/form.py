@@ -16,6 +16,7 @@ from oed.logs.drive import Handling
 from oed.logs.log import Log
 
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
+"""By which a file is known to be a ROS bag."""
 
 
 class LogForm(Component, ABC):

@@ -17,6 +17,7 @@ UNCLEAR = 0.45
 """Share of a counter's range: after a longer step nobody knows which way the wheel turned."""
 
 USUAL_WRAPS = (360.0, 2 * np.pi, *(float(2**bits) for bits in (8, 10, 12, 13, 14, 15, 16, 24, 32)))
+"""Ranges after which counters begin anew: degrees, radians, and registers of so many bits."""
 
 
 @dataclass(frozen=True)

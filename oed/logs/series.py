@@ -25,6 +25,7 @@ SHORTEST = 1e-9
 """A step in time that is none [s]."""
 
 _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
+"""What differs between flaws of one kind: quoted texts and numbers."""
 
 
 @dataclass(frozen=True)

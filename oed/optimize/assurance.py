@@ -7,7 +7,7 @@ from dataclasses import replace
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
-from oed.kernel.violation import Leaving
+from oed.kernel.violation import Violation
 from oed.optimize.solver import Context, Solver
 from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.robust import Robust
@@ -17,9 +17,11 @@ ROUNDS = 12
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
+"""What to do where no back-off suffices."""
 FINAL = 0
 """Stream of the verification samples, which are reported: limits were not tightened by them."""
 UNTRIED = "It was not tried with other robots."
+"""Said of a design whose verification was interrupted."""
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
@@ -43,14 +45,14 @@ class _Assured:
 
     def run(self, options: Solver) -> Solution:
         tightened, quick, context = self.robust, options, self.context
-        last: Leaving | None = None
+        last: Violation | None = None
         for _ in range(ROUNDS):
             solution = self._searched(quick, tightened, context)
             if solution.trajectory is None:
                 return self._without_design(solution, last)
-            if solution.status is Status.INTERRUPTED or solution.leaving is None:
+            if solution.status is Status.INTERRUPTED or solution.violation is None:
                 return self._summed(solution)
-            found = solution.leaving
+            found = solution.violation
             if self._enough(solution):
                 solution = self._tried(solution, FINAL)
                 if solution.status is Status.INTERRUPTED:
@@ -58,7 +60,7 @@ class _Assured:
                 if self._enough(solution):
                     return self._searched_well(options, solution, tightened)
             # Of the verification samples nothing is learned but that they were not enough.
-            last = solution.leaving
+            last = solution.violation
             tightened, quick = tightened.tighter(found.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
@@ -94,18 +96,18 @@ class _Assured:
                 self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
             )
         except KeyboardInterrupt:
-            detail = solution.detail if solution.leaving else f"{solution.detail} {UNTRIED}".strip()
+            detail = solution.detail if solution.violation else f"{solution.detail} {UNTRIED}".strip()
             return replace(solution, status=Status.INTERRUPTED, detail=detail)
         progress.advance(f"{found.probability:.2%} violate the limits")
-        return replace(solution, leaving=found)
+        return replace(solution, violation=found)
 
     def _enough(self, solution: Solution) -> bool:
-        return solution.leaving is not None and solution.leaving.surely_below(1 - self.robust.confidence)
+        return solution.violation is not None and solution.violation.surely_below(1 - self.robust.confidence)
 
     def _knowing(self, solution: Solution) -> Context:
         return replace(self.context, earlier={**self.context.earlier, solution.name: solution})
 
-    def _without_design(self, solution: Solution, last: Leaving | None) -> Solution:
+    def _without_design(self, solution: Solution, last: Violation | None) -> Solution:
         detail = solution.detail
         if last is not None:
             verified = (
@@ -114,7 +116,9 @@ class _Assured:
             )
             detail = f"{verified} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()
-        return self._summed(replace(solution, trajectory=None, evaluation=None, leaving=None, detail=detail))
+        return self._summed(
+            replace(solution, trajectory=None, evaluation=None, violation=None, detail=detail)
+        )
 
     def _summed(self, solution: Solution) -> Solution:
         return replace(

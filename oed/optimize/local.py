@@ -270,8 +270,8 @@ class LocalSearch:
         # Whether the grid saw a design much otherwise than all samples do.
         if not self.grid.coarse:
             return False
-        seen = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
-        return abs(seen - evaluation.objective) > MISLED * abs(evaluation.objective)
+        judged = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
+        return abs(judged - evaluation.objective) > MISLED * abs(evaluation.objective)
 
     def initial(self, unknowns: Array, corrections: Array) -> Array:
         """The epigraph's auxiliary unknowns for a design."""
@@ -324,7 +324,9 @@ def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
 
 
 _CACHE: OrderedDict[str, LocalSearch] = OrderedDict()
+"""Searches of this process by their tokens, the newest last."""
 _CACHED = 4
+"""Searches that a process holds at once, each with its programs."""
 
 
 def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearch:

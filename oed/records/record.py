@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
-from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, json_text, read_file
@@ -214,10 +213,10 @@ def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         RecordError: as `load_record` does.
     """
-    known = checked(StudyRecord, data, path).plain()
-    known["study"] = checked_echo(known["study"], path)
-    require_one_study(known, path)
-    return known
+    found = checked(StudyRecord, data, path)
+    found = found.model_copy(update={"study": checked_echo(found.study, path)})
+    require_one_study(found, path)
+    return found.plain()
 
 
 def saved_file(folder: str | Path, name: str) -> Path:
@@ -243,8 +242,3 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
         if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE)
     }
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}
-
-
-def drive_of(one: Result) -> Trajectory | None:
-    """The trajectory of a record's result, None where it has none."""
-    return None if one.drive is None else one.drive.trajectory

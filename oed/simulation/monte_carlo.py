@@ -6,9 +6,7 @@ What is predicted, and how the readings are simulated, is the estimator's; what 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +37,7 @@ STREAM = 5
 
 @dataclass(frozen=True)
 class Validation(Renamed):
-    """Promised against simulated precision; all SI.
+    """Predicted against simulated precision; all SI.
 
     Attributes:
         estimator: what estimated, and predicted its covariance.
@@ -57,7 +55,6 @@ class Validation(Renamed):
         estimates: the first estimates, (<= 200, p).
     """
 
-    renamed: ClassVar[Mapping[str, str]] = {"promised": "predicted"}
     estimator: EstimatorName
     heading: Heading
     replicates: int

@@ -28,7 +28,9 @@ TYPICAL = {
 }
 """Sizes of a typical robot, for those that are not given."""
 ROOM = "3 m x 3 m"
+"""Of a first study, where none is given: a living room."""
 DURATION = "20 s"
+"""Of a first drive."""
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
@@ -55,6 +57,7 @@ SENSORS = {
         "{kind: displacements, segments: 10, regressor: both, noise: {position: 1 cm, heading: 1 deg}}",
     ),
 }
+"""What a first study may measure with: for a reader, and in YAML."""
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ _PILOT_LINES = (
     "# is a short pilot drive that stays in the room for the whole range. Drive it and log it; then",
     "# `oed next DIR LOG --duration '20 s'` designs the real one, for the robot as it is known by then.",
 )
+"""What is said of a first drive of a robot that skids."""
 
 
 def _doubt_lines(choice: Choice, model: Model) -> list[str]:
@@ -199,7 +203,7 @@ def _doubt_lines(choice: Choice, model: Model) -> list[str]:
     amounts = {one.name: amount for one in names if (amount := _amount(choice, one))}
     kind = "scenarios" if _skids(choice) else "chance"
     return [
-        "# How far the robot may be from these numbers: the drive keeps to the room for 99 % of such robots.",
+        "# How far the robot may be from these numbers: 99 % of such robots satisfy the limits.",
         "uncertainty:",
         *(f"  {name}: {amount}" for name, amount in amounts.items()),
         f"robust: {{kind: {kind}, confidence: 0.99}}",

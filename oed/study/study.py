@@ -39,8 +39,6 @@ from oed.study.yaml_source import Source
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
-FORMAT = 1
-
 
 def _limit_table() -> Any:
     fields: dict[str, Any] = {

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
-from oed.kernel.violation import Leaving
+from oed.kernel.violation import Violation
 from oed.uncertainty.uncertainty import given_spread
 
 Array = npt.NDArray[np.float64]
@@ -49,7 +49,7 @@ class _Robots:
 
 def violation_probability(
     problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
-) -> Leaving:
+) -> Violation:
     """Simulate robots drawn from a problem's uncertainty on one drive.
 
     Args:
@@ -65,13 +65,13 @@ def violation_probability(
     spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
     values = spread.draws(draws, seed, stream)
     if not limits:
-        return Leaving(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
+        return Violation(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
     excess, certain = _excess(problem, trajectory, values)
     beyond = excess > TOLERANCE
     any_violated = beyond.any(axis=1)
     farthest = excess.max(axis=1)
     order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_violated.sum()))]
-    return Leaving(
+    return Violation(
         probability=float(any_violated.mean()),
         interval=_interval(int(any_violated.sum()), draws),
         draws=draws,

@@ -32,7 +32,9 @@ ADDED = 2
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )
+"""Why a study that says nothing of what is uncertain cannot be robust."""
 OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: omit `estimate`, or be nominal"
+"""Why the objective cannot be of other robots."""
 
 
 class Robust(Tightening):

@@ -21,6 +21,7 @@ from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
 Array = npt.NDArray[np.float64]
 
 STREAM = 11
+"""Of simulated robots: their draws are independent of all others of a seed."""
 LIKELY = 3.0
 """Standard deviations within which every system has to be possible."""
 CORNERS = 4

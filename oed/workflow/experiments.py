@@ -14,6 +14,7 @@ from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredValidation
 from oed.records.stored.trial import StoredTrial
+from oed.records.trial_outcome import trial_of
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import Study, ValidationOptions
@@ -148,4 +149,4 @@ def driven_in_physics(
         return None
     known = solutions[0] if study.solvers else None
     found = run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
-    return StoredTrial.model_validate(found)
+    return trial_of(found)

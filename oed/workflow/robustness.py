@@ -19,6 +19,7 @@ from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
 
 PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
+"""Of the search that is compared with."""
 BUNDLE = 40
 """Robots whose paths a report draws."""
 DRAWN = 100
@@ -67,9 +68,9 @@ def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Prog
     progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
     scored = []
     for solution in solutions:
-        if solution.trajectory is not None and solution.leaving is None:
+        if solution.trajectory is not None and solution.violation is None:
             found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=seed)
-            solution = replace(solution, leaving=found)
+            solution = replace(solution, violation=found)
         scored.append(solution)
         progress.advance()
     return scored
@@ -87,7 +88,7 @@ def safe(study: Study, solutions: Sequence[Solution]) -> list[Solution]:
     return [
         one
         for one in solutions
-        if one.name != NOMINAL and (one.leaving is None or one.leaving.surely_below(allowed))
+        if one.name != NOMINAL and (one.violation is None or one.violation.surely_below(allowed))
     ]
 
 
@@ -103,7 +104,7 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> Stored
     spread = spread_of(problem.uncertain_system)
     if not isinstance(robust, Robust) or spread is None:
         return None
-    drives = [one for one in solutions if one.leaving is not None and one.evaluation is not None]
+    drives = [one for one in solutions if one.violation is not None and one.evaluation is not None]
     return StoredRobustness.of(
         robust,
         limits=[limit.name for limit in path_limits(problem)],
@@ -124,7 +125,7 @@ def _uncertain(spread: Spread) -> list[Uncertain]:
 def _tried(solution: Solution) -> Tried:
     robust = solution.robust if isinstance(solution.robust, Robust) else None
     return Tried.of(
-        solution.leaving,
+        solution.violation,
         solution.evaluation,
         name=solution.name,
         reserve=None if robust is None else robust.reach,

@@ -44,6 +44,7 @@ IN_PLACE = 0.01
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
+"""Packages whose versions a record names: those that compute."""
 
 
 def run(

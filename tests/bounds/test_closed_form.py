@@ -137,6 +137,7 @@ def test_joint_lengths_count_the_readings() -> None:
     assert methods(certificate, "corner") == [pytest.approx(21 * 2 / (3 * SIGMA**2))]
 
 
+@pytest.mark.slow
 def test_joint_lengths_of_a_room_of_any_shape() -> None:
     box = Rectangle(x=(-1, 3), y=(0, 1))
     found = methods(tracker(design=SHORT, limits=(SPEED, box)), "corner")
@@ -154,6 +155,7 @@ def test_no_room_no_bound() -> None:
     assert tracker(limits=(SPEED,)).bounds == ()
 
 
+@pytest.mark.slow
 def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     beacons = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0))
     certificate = tracker(design=SHORT, measurement=Ranges(beacons=beacons, noise=SIGMA))

@@ -59,6 +59,7 @@ def test_finer_lattices_get_fewer_planes():
     assert 1 <= fine < coarse / 3
 
 
+@pytest.mark.slow
 def test_a_bound_of_slightly_wider_limits_by_the_same_parts():
     """Sound, hardly looser than a search of its own, also where only the narrower limits are symmetric."""
     for pair in ((-10.0, 10.0), (-3.0, 8.0)):

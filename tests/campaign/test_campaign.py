@@ -20,10 +20,6 @@ def expect_none(sort: str, indices: range, material: Path) -> None:
     assert not found, "\n".join(found)
 
 
-def test_a_random_problem(tmp_path: Path) -> None:
-    expect_none("problem", range(1), tmp_path)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, PROBLEMS, CHUNK))
 def test_random_problems(first: int, tmp_path: Path) -> None:

@@ -351,12 +351,13 @@ class TestEvaluate:
         assert code == 0
         assert "exceeds wheel_speed by 2 (SI)" in out
 
+    @pytest.mark.slow
     def test_a_reserve_for_other_robots_is_told(self, capsys, folder: Path):
         text = (folder / "study.yaml").read_text()
         robust = "uncertainty: {x: 2 cm}\nrobust: {kind: chance, draws: 400}\n"
         (folder / "robust.yaml").write_text(text.replace("[-1 m, 1 m]", "[-3 cm, 3 cm]") + robust)
         _, out, _ = call(capsys, "evaluate", "robust.yaml", "path.csv")
-        assert "of 400 simulated robots leave the limits" in out
+        assert "of 400 simulated robots violate the limits" in out
         assert re.search(r"exceeds workspace by [\d.]+ \(SI\), back-off for other robots included", out)
         assert "wheel_speed by" not in out
 

@@ -37,6 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_run_whose_reader_leaves_is_done_all_the_same(
     folder: Path, unread: TextIO, monkeypatch: pytest.MonkeyPatch, stream: str
@@ -75,6 +76,7 @@ def test_closed_streams(
     assert "defect" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_closed_streams_of_the_program(folder: Path) -> None:
     command = f"{sys.executable} -m oed check nope.yaml --json <&- >&- 2>&-"
     assert subprocess.run(["/bin/sh", "-c", command], check=False).returncode == 2

@@ -12,6 +12,7 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 
 from oed.estimation.methods import Nonlinear, Regression
+from oed.estimation.prediction.layout import Layout
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -146,6 +147,29 @@ class TestNonlinear:
         wrapped[..., 2] = np.angle(np.exp(1j * wrapped[..., 2]))
         found = Nonlinear(problem, drive)._readings.unwrapped(wrapped.ravel())
         np.testing.assert_allclose(found, predicted.ravel(), rtol=0, atol=1e-9)
+
+    def test_a_run_is_a_segment(self):
+        drive, readings = drive_of(), np.arange(8.0).reshape(2, 4)
+        layout = Layout.of_drive(drive, readings)
+        assert (layout.count, layout.periods, layout.quantities) == (2, 20, ())
+        np.testing.assert_array_equal(layout.readings[..., 0], readings)
+        assert layout.valid.all()
+        np.testing.assert_array_equal(layout.inputs(np.zeros(0)).reshape(40, -1), drive.inputs)
+        np.testing.assert_allclose(layout.steps, drive.period, rtol=1e-12)
+
+    def test_a_fit_of_a_drive_is_one_of_its_segments(self):
+        estimator = Nonlinear(runs_problem(measurement=SENSORS["several"]), drive_of())
+        fit = estimator._searching(estimator.predicted(), estimator._initial).fit()
+        np.testing.assert_allclose(fit.inverse[:3, :3], estimator.covariance, rtol=1e-6)
+        assert fit.information.shape[0] == fit.layout.count == 2
+        readings = estimator._readings.by_sensor(fit.layout.readings)
+        np.testing.assert_array_equal(readings, estimator.predicted())
+
+    def test_old_names_say_the_new_ones(self):
+        estimator = Nonlinear(runs_problem(measurement=SENSORS["poses"]), drive_of())
+        for old, new in {"promised": "covariance", "replicate": "simulate"}.items():
+            with pytest.raises(AttributeError, match=f"it is now '{new}'"):
+                getattr(estimator, old)
 
     def test_pickled_it_estimates_the_same(self):
         estimator = Nonlinear(runs_problem(measurement=SENSORS["several"]), drive_of())

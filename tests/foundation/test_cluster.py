@@ -127,7 +127,7 @@ class TestRealCluster:
         file = write_study(tmp_path, small(solvers=TINY))
         axes = [parse_axis("limits.wheel_speed=5,10 rad/s")]
         here, there = (
-            without_seconds(sweep(file, axes, tmp_path / side, workers=who))
+            without_seconds(sweep(file, axes, tmp_path / side, workers=who).data)
             for side, who in (("here", 1), ("there", workers))
         )
         assert here == there

@@ -49,6 +49,7 @@ def numbers() -> list[tuple[type[Component], str]]:
     return found
 
 
+@pytest.mark.slow
 def test_there_are_many_numbers():
     assert oed.study.study is not None
     assert len(numbers()) > 80

@@ -9,7 +9,7 @@ import pytest
 
 import oed
 from oed.bounds import Certificate
-from oed.foundation.moved import NAMES, PLACES
+from oed.foundation.moved import ATTRIBUTES, NAMES, PLACES, Renamed
 
 
 @pytest.mark.parametrize("name", ["evaluation", "limits", "limits.workspace", "solvers.ipopt"])
@@ -27,6 +27,14 @@ def test_every_new_place_is_there():
 def test_no_other_name_is_answered():
     with pytest.raises(ModuleNotFoundError, match=r"No module named 'oed\.nonsense'"):
         importlib.import_module("oed.nonsense")
+
+
+def test_every_attribute_has_a_new_name():
+    for name, renamed in ATTRIBUTES.items():
+        kinds = [kind for kind in Renamed.__subclasses__() if kind.__name__ == name]
+        for kind in kinds:
+            for old, new in renamed.items():
+                assert new in {*vars(kind), *getattr(kind, "__dataclass_fields__", ())}, f"{name}.{old}"
 
 
 def test_an_attribute_by_its_old_name():

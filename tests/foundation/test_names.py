@@ -40,6 +40,7 @@ class TestNamesOfFiles:
         with pytest.raises(UserMistake, match="expected a name"):
             file_stem(name)
 
+    @pytest.mark.slow
     @settings(max_examples=50)
     @given(st.text(max_size=30))
     def test_no_name_leads_out_of_its_folder(self, name: str):

@@ -117,7 +117,7 @@ def alive(pid: int) -> bool:
 def test_a_sweep_over_processes_is_the_same(tmp_path: Path):
     file = write_study(tmp_path, small(solvers="{kind: genetic, population: 20, generations: 3}"))
     axes = [parse_axis("limits.wheel_speed=5,10 rad/s")]
-    one, two = (sweep(file, axes, tmp_path / str(count), workers=count) for count in (1, 2))
+    one, two = (sweep(file, axes, tmp_path / str(count), workers=count).data for count in (1, 2))
     assert without_seconds(one) == without_seconds(two)
     for row in one["points"]:
         records = (load_record(tmp_path / side / row["folder"]).data for side in ("1", "2"))

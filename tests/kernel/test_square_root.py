@@ -256,6 +256,7 @@ class TestASpin:
         turned = 2 * RADIUS * 5 * 2 / TRACK
         assert found.objective == pytest.approx(-(turned**2) * yaw[0], rel=1e-9)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("kind", "search"),
         [(I, Ipopt(starts=2, perturbations=0)), (G, Genetic(population=20, generations=3))],

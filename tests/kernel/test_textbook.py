@@ -161,6 +161,7 @@ def there_and_back(points: Sequence[float]) -> tuple[Leg, ...]:
     return tuple(Leg(inputs=(x,), duration=1) for x in ways)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 6])
 def test_best_predictions_over_an_interval_have_the_best_determinant(count: int):
     criterion = G(scaling="none", test_drive=there_and_back(np.linspace(-1, 1, 9)))

@@ -113,6 +113,6 @@ def test_a_search_keeps_the_back_off():
     problem = tight_problem(robust=Fixed(distance=0.3), design=oed.DesignSpace(duration=6, samples=12))
     found = oed.solve(problem, oed.Ipopt(starts=1), seed=0)
     assert found.evaluation.feasible
-    assert found.leaving is None
+    assert found.violation is None
     path = found.evaluation.path
     assert np.abs(path[:, 0]).max() <= 1.7 + 1e-6

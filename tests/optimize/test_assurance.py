@@ -81,7 +81,7 @@ def nothing_asked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def enough(problem: Problem, solution: Solution) -> bool:
-    return solution.leaving.interval[1] <= 1 - problem.robust.confidence
+    return solution.violation.interval[1] <= 1 - problem.robust.confidence
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +117,8 @@ class TestRaised:
 
     def test_what_is_told_is_of_the_drive(self, raised):
         problem, solution, asked = raised
-        again = violation_probability(problem, solution.trajectory, draws=DRAWS, seed=solution.leaving.seed)
-        assert again.probability == solution.leaving.probability
+        again = violation_probability(problem, solution.trajectory, draws=DRAWS, seed=solution.violation.seed)
+        assert again.probability == solution.violation.probability
         assert solution.evaluation.margins == evaluate(problem, solution.trajectory).margins
         assert solution.evaluation.feasible
         assert solution.wall_seconds == len(asked)
@@ -126,7 +126,7 @@ class TestRaised:
     def test_what_decides_are_draws_that_no_search_was_tightened_by(self, raised):
         problem, solution, _ = raised
         told = violation_probability(problem, solution.trajectory, draws=DRAWS, seed=3, stream=FINAL)
-        assert (solution.leaving.seed, solution.leaving.farthest) == (3, told.farthest)
+        assert (solution.violation.seed, solution.violation.farthest) == (3, told.farthest)
         fast = Larger(stubborn=True).search(problem, Context(seed=3)).trajectory
         first, second = (
             violation_probability(problem, fast, draws=DRAWS, seed=3, stream=stream) for stream in (FINAL, 1)
@@ -168,7 +168,7 @@ class TestRaised:
     def test_a_problem_that_is_not_robust_is_searched_once(self):
         solution = solve(robust_problem(robust=None), Larger(), workers=1)
         assert len(Larger.asked) == 1
-        assert (solution.leaving, solution.robust) == (None, None)
+        assert (solution.violation, solution.robust) == (None, None)
 
 
 @pytest.mark.slow
@@ -209,7 +209,7 @@ class TestInterrupted:
         assert len(Larger.asked) == 1
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is not None
-        assert solution.leaving.interval[1] > 1 - CONFIDENCE
+        assert solution.violation.interval[1] > 1 - CONFIDENCE
 
     @pytest.mark.parametrize(("number", "beta"), [(2, 4.0), (2, BETA), (3, BETA), (4, BETA)])
     def test_whichever_search_it_interrupts(self, number: int, beta: float, monkeypatch: pytest.MonkeyPatch):
@@ -231,7 +231,7 @@ class TestInterrupted:
         def strike(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("oed.optimize.assurance.leaving", strike)
+        monkeypatch.setattr("oed.optimize.assurance.violation_probability", strike)
         solution = solve(robust_problem(robust=tightened()), Larger(), workers=1)
         assert solution.status is Status.INTERRUPTED
         assert solution.trajectory is not None
@@ -287,7 +287,7 @@ class TestSearches:
         problem = robust_problem(robust=tightened(beta=2.0))
         one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
-        assert one.leaving.probability == two.leaving.probability
+        assert one.violation.probability == two.violation.probability
         assert one.robust == two.robust
 
     def test_genetic_searches_are_made_sure_of_too(self):

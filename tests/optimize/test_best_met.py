@@ -26,9 +26,9 @@ from oed.robots.sensors import Displacements, Poses
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-8, None, "none")
 
-GIVEN_UP = (0, 19, 35, 85, 131)
+GIVEN_UP = (0, 19, 131)
 """Problems of feasible starts whose searches ended outside between the samples and were given up."""
-WORSE = (126, 155)
+WORSE = (126,)
 """Problems whose searches end with less than one of their starts, or with nothing."""
 
 
@@ -116,6 +116,7 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
     assert found.status is Status.ACCEPTABLE
 
 
+@pytest.mark.slow
 def test_a_start_that_is_better_than_every_end_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
     for end in (poor, outside):
@@ -149,6 +150,7 @@ def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     assert (found.evaluation, found.status) == (None, Status.FAILED)
 
 
+@pytest.mark.slow
 def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatch: pytest.MonkeyPatch):
     problem = small()
     _, _, _, outside = drives(problem)

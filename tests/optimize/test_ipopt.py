@@ -86,20 +86,15 @@ def three_small_segments() -> Problem:
     )
 
 
-@pytest.fixture(
-    scope="module",
-    params=[(three_small_segments, 3), pytest.param((make_flagship, 10), marks=pytest.mark.slow)],
-    ids=["small", "flagship"],
-)
-def settling(request) -> tuple[Problem, float, dict[str, Solution]]:
+@pytest.fixture(scope="module")
+def settling() -> tuple[Problem, float, dict[str, Solution]]:
     """A problem, its cap, and the same two starts settled each way."""
-    make, segments = request.param
-    problem = make()
+    problem = three_small_segments()
     settled = {
         stage: solve(problem, Ipopt(starts=2, perturbations=0, second_stage=stage), seed=1, workers=1)
         for stage in ("none", "logdet", "shortest_path")
     }
-    return problem, upper_bound(segments), settled
+    return problem, upper_bound(3), settled
 
 
 @pytest.mark.slow

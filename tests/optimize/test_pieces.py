@@ -181,8 +181,6 @@ QUICK = (
     "position",
     "heading",
     "coefficients from poses",
-    "known start",
-    "own limits",
     "whole runs",
     "a limit on what is fixed",
 )
@@ -299,7 +297,9 @@ BETWEEN = [
 ]
 
 
-@pytest.mark.parametrize("overrides", BETWEEN)
+@pytest.mark.parametrize(
+    "overrides", [BETWEEN[0], *(pytest.param(one, marks=pytest.mark.slow) for one in BETWEEN[1:])]
+)
 def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
     problem = small_problem(**overrides)
     agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
@@ -396,7 +396,14 @@ def test_so_are_those_that_nobody_differentiates():
 
 
 @pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
-@pytest.mark.parametrize("more", [(), (Bend(),), (EndPosition(at="start"), PathLength(bounds=3), Unsaid())])
+@pytest.mark.parametrize(
+    "more",
+    [
+        (),
+        pytest.param((Bend(),), marks=pytest.mark.slow),
+        pytest.param((EndPosition(at="start"), PathLength(bounds=3), Unsaid()), marks=pytest.mark.slow),
+    ],
+)
 def test_building_does_not_grow_with_the_samples(measurement, more):
     counts = []
     for samples in (200, 2000):

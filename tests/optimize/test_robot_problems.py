@@ -40,12 +40,14 @@ def solved(name: str) -> tuple[Study, Evaluation]:
         for samples in (80, 60, 50, 40):
             text = text.replace(f"samples: {samples}\n", f"samples: {samples // 2}\n")
     study = parse_study(text, str(PROBLEMS / f"{name}.yaml"))
-    few = Ipopt(starts=STARTS.get(name, 1), perturbations=0, second_stage="none", max_iterations=300)
+    iterations = 300 if name == "obstacle_course" else 100
+    few = Ipopt(starts=STARTS.get(name, 1), perturbations=0, second_stage="none", max_iterations=iterations)
     found = solve(study.problem, few, seed=study.seed, workers=1)
     assert found.evaluation is not None
     return study, found.evaluation
 
 
+@pytest.mark.slow
 def test_every_robot_has_a_problem():
     kinds = {load_study(file).echo()["robot"]["kind"] for file in PROBLEMS.glob("*.yaml")}
     assert {model.model_fields["kind"].default for model in MODELS} <= kinds

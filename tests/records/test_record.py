@@ -19,7 +19,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
 from oed.records.numbers import finite
 from oed.records.outcomes import result_of, validation_of
-from oed.records.record import Record, drive_of, load_record, save_record
+from oed.records.record import Record, load_record, save_record
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
@@ -238,13 +238,13 @@ class TestDrive:
     def test_a_drive_is_kept_exactly(self, seed: int, amplitude: float):
         drive = random_drive(PROBLEM, seed, amplitude)
         text = json.dumps(result_of(scored(STUDY.problem, drive, "drive"), "drive.csv").plain())
-        again = drive_of(Result.model_validate_json(text))
+        again = Result.model_validate_json(text).drive.trajectory
         for name in ("knots", "coefficients", "start"):
             np.testing.assert_array_equal(getattr(again, name), getattr(drive, name))
         assert (again.degree, again.samples) == (drive.degree, drive.samples)
 
     def test_no_drive(self, made: Record):
-        assert drive_of(made.result("genetic")) is None
+        assert made.result("genetic").drive is None
 
     def test_poses_are_there_to_be_drawn(self, made: Record):
         poses = solutions()[0].evaluation.states

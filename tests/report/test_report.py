@@ -304,6 +304,7 @@ def _steered(value: object, key: str = "") -> object:
     return f"{value}{STEERING} $x" if isinstance(value, str) and key in FREE else value
 
 
+@pytest.mark.slow
 def test_nothing_that_steers_reaches_pages_and_figures(tmp_path: Path) -> None:
     record = Record(_steered(dict(sample_records.full().data)))
     write_report(record, tmp_path)

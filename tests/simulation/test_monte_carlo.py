@@ -78,6 +78,8 @@ class TestKnownHeading:
         assert result.passed
         assert len(result.checks) == 6
         assert "as predicted" in result.verdict
+        with pytest.raises(AttributeError, match="it is now 'predicted'"):
+            _ = result.promised
 
     def test_estimates_are_linear(self):
         _, estimates, linear = simulated(make(), "known", 200)

@@ -19,6 +19,7 @@ UNIT = np.eye(3).tolist()
 LONG = STUDY.replace("duration: 6 s, samples: 60", "duration: 20 s, samples: 100")
 
 
+@pytest.mark.slow
 def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():
     problem = study_of(LONG).problem
     whole, slow = (everyday(problem, name) for name in ("square", "slow_square"))

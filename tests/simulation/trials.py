@@ -9,6 +9,7 @@ from typing import Any, Literal
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize import Context, Progress, Silent, Solver
+from oed.records.trial_outcome import trial_of
 from oed.robots.baselines import baselines
 from oed.simulation.trial import run_trial
 from oed.study.study import Study
@@ -59,7 +60,8 @@ def tried(text: str = STUDY, *, workers: int = 1, progress: Progress | None = No
     study = study_of(text)
     assert study.file.physics is not None
     listener = progress or Silent()
-    return run_trial(study.problem, study.file.physics, Drawn(), seed=0, workers=workers, progress=listener)
+    found = run_trial(study.problem, study.file.physics, Drawn(), seed=0, workers=workers, progress=listener)
+    return trial_of(found).plain()
 
 
 @cache

@@ -21,7 +21,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
-from oed.kernel.violation import Leaving
+from oed.kernel.violation import Violation
 from oed.robots.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Model
@@ -126,7 +126,7 @@ CASES = {
 
 
 @cache
-def counted(name: str) -> tuple[Problem, Trajectory, Leaving, np.ndarray]:
+def counted(name: str) -> tuple[Problem, Trajectory, Violation, np.ndarray]:
     problem, drive = CASES[name]()
     count = FEW if name == "box" else COUNT
     found = violation_probability(problem, drive, draws=count, seed=0)

@@ -11,7 +11,7 @@ from driven_robot import ROOM_STUDY, write_log
 from oed.foundation.errors import LogError
 from oed.kernel.evaluation import evaluate
 from oed.logs import Log
-from oed.records.record import Record, drive_of
+from oed.records.record import Record
 from oed.study.study import Study
 from oed.uncertainty.departures import violation_probability
 from oed.workflow.driven import driven_parts, score_logs, score_path
@@ -39,11 +39,11 @@ def record(study: Study) -> Record:
 
 
 def log_of(study: Study, record: Record, name: str, path: Path) -> Path:
-    return write_log(path, study.problem, drive_of(record.result(name)), {})
+    return write_log(path, study.problem, record.result(name).drive.trajectory, {})
 
 
 def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
-    trajectory = drive_of(record.result("square"))
+    trajectory = record.result("square").drive.trajectory
     found = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved)
     # The log is moved to its first motion, so that its last periods differ from the drive's by standing.
     assert found.first.result.objective == pytest.approx(
@@ -92,11 +92,12 @@ def test_a_robot_that_never_moves(study, tmp_path):
         score_logs(study, [tmp_path / "log.csv"])
 
 
+@pytest.mark.slow
 def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     robust = parse_study(f"{STUDY}uncertainty: {{x: 90 cm}}\nrobust: {{kind: chance, draws: 400}}\n")
     data = score_path(robust, saved / "square.csv", saved).data
     (found,) = data["robustness"]["results"]
-    trajectory = drive_of(record.result("square"))
+    trajectory = record.result("square").drive.trajectory
     expected = violation_probability(robust.problem, trajectory, draws=400, seed=robust.seed)
     assert (found["probability"], found["by_limit"]) == (expected.probability, expected.by_limit)
     assert 0 < found["probability"] < 1

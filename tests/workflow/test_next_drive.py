@@ -11,7 +11,7 @@ from driven_robot import ROOM_STUDY, write_log
 
 from oed.foundation.errors import Failure, StudyError, UserMistake
 from oed.records.calibration_record import load_estimate
-from oed.records.record import Record, drive_of, save_record
+from oed.records.record import Record, save_record
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive
@@ -35,7 +35,7 @@ def designed(study: Study) -> Record:
 
 
 def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.random.Generator) -> Path:
-    trajectory = drive_of(record.result(name))
+    trajectory = record.result(name).drive.trajectory
     return write_log(path, study.problem, trajectory, TRUTH, rng)
 
 
@@ -59,6 +59,7 @@ class TestInterrupted:
         save_record(designed, out)
         return out
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "error", [KeyboardInterrupt(), Failure("no memory")], ids=["interrupt", "failure"]
     )

@@ -10,7 +10,6 @@ import pytest
 from places import PROBLEMS
 
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.records.record import drive_of
 from oed.simulation.physics import FourWheels, Motion, drive
 from oed.study.study import Study
 from oed.workflow.next_drive import next_drive
@@ -51,7 +50,7 @@ def write_log(path: Path, motion: Motion, rng: np.random.Generator) -> Path:
 
 
 def best_drive(record) -> Trajectory:
-    trajectory = drive_of(record.best)
+    trajectory = record.best.drive.trajectory
     assert trajectory is not None
     return trajectory
 

@@ -15,7 +15,7 @@ from studies import saved_study, small
 from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
-from oed.records.record import Record, drive_of, load_record
+from oed.records.record import Record, load_record
 from oed.study.study import Study
 from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.uncertainty import spread_of
@@ -66,7 +66,7 @@ class TestRecord:
         for result in record.results:
             found = entry(record, result.name)
             own = violation_probability(
-                study.problem, drive_of(result), draws=found["draws"], seed=found["seed"]
+                study.problem, result.drive.trajectory, draws=found["draws"], seed=found["seed"]
             )
             assert found["probability"] == own.probability
             assert found["interval"] == list(own.interval)
@@ -99,7 +99,7 @@ class TestRecord:
         assert not nominal.feasible
         assert record.data["best"] == "ipopt"
         assert entry(record, "nominal")["probability"] > 0.02 > entry(record, "ipopt")["interval"][1]
-        assert nominal.objective == pytest.approx(evaluate(study.problem, drive_of(nominal)).objective)
+        assert nominal.objective == pytest.approx(evaluate(study.problem, nominal.drive.trajectory).objective)
 
     def test_it_is_the_same_after_being_saved(self, ran):
         _, record, folder = ran
@@ -188,7 +188,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Record, Pat
     folder = tmp_path_factory.mktemp("pilot")
     study = saved_study(folder, PILOT)
     record = run(study, folder / "out", workers=1)
-    drive, rng = drive_of(record.best), np.random.default_rng(3)
+    drive, rng = record.best.drive.trajectory, np.random.default_rng(3)
     return study, record, folder / "out", write_log(folder / "log.csv", study.problem, drive, TRUTH, rng)
 
 
@@ -225,7 +225,7 @@ class TestDriven:
 
     def test_what_was_driven_needs_nothing_in_reserve(self, driven, tmp_path):
         study, record, folder, _ = driven
-        drive = drive_of(record.result("square"))
+        drive = record.result("square").drive.trajectory
         log = write_log(tmp_path / "square.csv", study.problem, drive, {})
         scored = score_logs(study, [log], folder).first.result
         margins = {one.limit: one.margin for one in scored.margins}

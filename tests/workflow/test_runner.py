@@ -16,7 +16,7 @@ from oed.foundation.errors import StudyError
 from oed.kernel.criteria import E
 from oed.kernel.evaluation import evaluate
 from oed.records.path_file import read_trajectory
-from oed.records.record import Record, drive_of, load_record
+from oed.records.record import Record, load_record
 from oed.study.study import Study
 from oed.workflow.runner import best_of, run, search
 
@@ -67,7 +67,7 @@ class TestRecord:
     def test_numbers_are_those_that_evaluate_gives(self, ran):
         study, record, _ = ran
         for entry in record.results:
-            evaluation = evaluate(study.problem, drive_of(entry))
+            evaluation = evaluate(study.problem, entry.drive.trajectory)
             assert entry.objective == pytest.approx(evaluation.objective, rel=1e-12, abs=1e-12)
             assert entry.feasible == evaluation.feasible
             assert entry.violations == evaluation.violations
@@ -191,7 +191,7 @@ class TestSeed:
         study, record, _ = ran
         solutions, _ = search(study, seed=6, workers=1)
         assert [solution.seed for solution in solutions] == [6, 6]
-        first, other = drive_of(record.result("ipopt")), solutions[0].trajectory
+        first, other = record.result("ipopt").drive.trajectory, solutions[0].trajectory
         assert np.abs(first.coefficients - other.coefficients).max() > 0.01
 
 

@@ -209,6 +209,7 @@ class TestUnreadable:
         monkeypatch.chdir(tmp_path)
         write_study(tmp_path, TEXT)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("as_json", [False, True])
     def test_printed_all_the_same(self, finished: Path, damaged, as_json: bool, capsys):
         before = contents(finished)
@@ -235,6 +236,7 @@ class TestUnreadable:
         assert max(abs(value) for drive in speeds for row in drive for value in row) > 1e9
         assert load_record(tmp_path / "out").data == json.loads(record.to_json())
 
+    @pytest.mark.slow
     def test_a_point_of_a_sweep_says_so(self, damaged, capsys):
         again = ["--over", "robot.track=17,18 cm", "--workers", "1", "--quiet", "--out", "swept"]
         assert main(["sweep", "study.yaml", *again]) == 1

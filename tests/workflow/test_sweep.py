@@ -33,7 +33,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     """The folder of a study of two points, in `out`, and the table."""
     folder = tmp_path_factory.mktemp("sweep")
     file = write_study(folder, small(solvers=TINY))
-    return folder, sweep(file, [parse_axis(OVER)], folder / "out", workers=1)
+    return folder, sweep(file, [parse_axis(OVER)], folder / "out", workers=1).data
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, run
     folder, data = swept
     shutil.copytree(folder / "out", tmp_path / "out")
     file, over = folder / "study.yaml", "limits.wheel_speed=5,7,10 rad/s"
-    again = sweep(file, axes(over), tmp_path / "out", workers=1)
+    again = sweep(file, axes(over), tmp_path / "out", workers=1).data
     assert runs == ["Small study (wheel_speed 7 rad/s)"]
     assert again["kept"] == 2
     assert [again["points"][index] for index in (0, 2)] == data["points"]
@@ -114,11 +114,11 @@ def test_an_interrupt_keeps_what_is_done(swept, tmp_path: Path, monkeypatch: pyt
         return real_run(study, *arguments, **options)
 
     monkeypatch.setattr(running, "run", second_interrupted)
-    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data
     assert cut["interrupted"]
     assert [row["status"] for row in cut["points"]] == ["searched", "not run"]
     monkeypatch.setattr(running, "run", real_run)
-    whole = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    whole = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data
     assert whole["kept"] == 1
     assert without_seconds({**whole, "kept": 0}) == without_seconds(data)
 
@@ -141,13 +141,13 @@ def test_a_finished_sweep_stays_until_another_is_finished(
         return real_run(study, *arguments, **options)
 
     monkeypatch.setattr(running, "run", second_interrupted)
-    cut = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
+    cut = running.sweep(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
     assert all_files(out) == before
     assert cut.folder == tmp_path / "out.interrupted"
     assert load_sweep(cut.folder) == cut.found
     # The same command goes on where it stopped.
     monkeypatch.setattr(running, "run", real_run)
-    whole = running.swept(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
+    whole = running.sweep(folder / "study.yaml", axes(OVER), out, workers=1, seed=9)
     assert whole.folder == out
     assert (whole.data["kept"], whole.data["interrupted"]) == (1, False)
     assert all_files(out).keys() == before.keys()
@@ -170,7 +170,7 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
         with pytest.raises(Killed):
             sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     monkeypatch.setattr(running, "run", real_run)
-    whole = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+    whole = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path / "out", workers=1).data
     assert whole["kept"] == 1
     assert load_sweep(tmp_path / "out.interrupted").interrupted
 
@@ -202,11 +202,11 @@ def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeyp
         save_record(Record({**record.data, "interrupted": True}), out)
 
     monkeypatch.setattr(running, "run", cut_short)
-    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)
+    cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data
     assert cut["interrupted"]
     assert [row["objective"] is None for row in cut["points"]] == [False, True]
     monkeypatch.setattr(running, "run", real_run)
-    assert sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1)["kept"] == 0
+    assert sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data["kept"] == 0
 
 
 def test_a_point_that_fails_is_told_and_the_others_are_run(
@@ -218,7 +218,7 @@ def test_a_point_that_fails_is_told_and_the_others_are_run(
         return real_run(study, *arguments, **options)
 
     monkeypatch.setattr(running, "run", failing)
-    data = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path, workers=1)
+    data = sweep(swept[0] / "study.yaml", axes(OVER), tmp_path, workers=1).data
     first, second = data["points"]
     assert (first["status"], first["message"], first["record"]) == ("failed", "no memory", None)
     assert data["best"] == second["folder"]
@@ -226,7 +226,7 @@ def test_a_point_that_fails_is_told_and_the_others_are_run(
 
 def test_objectives_of_other_criteria_are_not_ranked(tmp_path: Path):
     file = write_study(tmp_path, small(solvers=TINY))
-    data = sweep(file, axes("criterion.kind=E,D"), tmp_path / "out", workers=1)
+    data = sweep(file, axes("criterion.kind=E,D"), tmp_path / "out", workers=1).data
     assert data["best"] is None
     assert not data["comparable"]
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import cut
-from oed.estimation.prediction.segments import SegmentReadings
-from oed.estimation.prediction.starts import first_starts, further_starts
+from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
@@ -99,17 +98,10 @@ def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offse
 
 
 def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> list[_Stretch]:
-    layout = cut([log], np.inf, [offset])
-    offsets = np.array([offset])
-    inputs = layout.inputs(offsets)
-
-    def paths(quantities: tuple[str, ...]) -> Callable[[Array], Array]:
-        readings = SegmentReadings.logged(robot, quantities, layout.count, layout.periods)
-        return lambda starts: readings(starts, inputs, layout.steps, parameters, place)
-
-    further = further_starts(robot, layout, offsets, parameters)
-    starts = first_starts(robot, layout, paths(log.quantities), place, further)
-    found = paths(("x", "y", "heading"))(starts)
+    layout, names = cut([log], np.inf, [offset]), tuple(parameter.name for parameter in robot.parameters)
+    readings = LoggedReadings.of(layout, Unknowns(robot, names, PLACE, 0), np.array([offset]))
+    values = np.concatenate([parameters, place])
+    found = readings.reading("x", "y", "heading")(values, readings.first_starts(values))
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
     heading = read.get("heading", found[..., 2])
     return [

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +24,6 @@ class Estimator(Renamed, ABC):
         true: nominal values, which simulations take for the truth, (p,), SI.
     """
 
-    renamed: ClassVar[Mapping[str, str]] = {"replicate": "simulate", "promised": "covariance"}
     name: EstimatorName
     parameters: tuple[str, ...]
     true: Array

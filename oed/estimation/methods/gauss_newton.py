@@ -117,6 +117,8 @@ def projected(rows: Array, own: Array) -> tuple[Array, Array]:
     """Rows (S, m, q) less what columns (S, m, c) of the same segment explain, and the share of each row that
     they do, (S, m).
     """
+    if not own.size:
+        return rows, np.zeros(rows.shape[:2])
     across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own)
     explained = across @ (own.transpose(0, 2, 1) @ rows)
     return rows - explained, np.einsum("sia,sia->si", across, own)
@@ -133,6 +135,8 @@ class LeastSquares:
         clocks: how many of the last unknowns are clock offsets. Motion is piecewise linear in these, and the
             least squares may lie in a corner: the search then goes on with the others.
         close: change of the unknowns, in units of their size, at which the search has arrived.
+        flat: least curvature of a loss, relative to its weight. With 1 its curvature does not count, which
+            suits readings whose noise follows their residuals.
     """
 
     scale: Array
@@ -140,6 +144,7 @@ class LeastSquares:
     loss: Loss = "linear"
     clocks: int = 0
     close: float = CLOSE
+    flat: float = FLAT
 
     def solved(
         self,
@@ -252,9 +257,11 @@ class _Point:
 
     @cached_property
     def weighted(self) -> Rows:
-        # A robust loss is least squares again, with the weights of its slope and of its curvature.
+        # A robust loss is least squares again, with the weights of its slope and perhaps of its curvature.
+        if self.search.loss == "linear":
+            return self.rows
         squares, (_, slope, second) = self.rows.residuals**2, self.losses
-        bend = np.sqrt(np.maximum(slope + 2 * squares * second, FLAT * slope))
+        bend = np.sqrt(np.maximum(slope + 2 * squares * second, self.search.flat * slope))
         wide = bend[..., None]
         return Rows(self.rows.residuals * slope / bend, self.rows.slopes * wide, self.rows.own * wide)
 
@@ -265,11 +272,18 @@ class _Point:
         left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
         before = self.search.root @ (self.search.known.centre - self.values)
         right = left.T @ np.concatenate([residuals.ravel(), before])
-        damped = np.sqrt(damping) * np.diag(np.linalg.norm(left, axis=0))
-        factor = SquareRoot.of_rows(np.vstack([left, damped]) if damping else left).factor
+        if damping:
+            left = np.vstack([left, np.sqrt(damping) * np.diag(np.linalg.norm(left, axis=0))])
+        factor = SquareRoot.of_rows(left).factor
         step, errors = np.zeros(len(free)), np.zeros(len(free))
         step[free], errors[free] = factor @ (factor.T @ right), np.linalg.norm(factor, axis=1)
-        across = own.transpose(0, 2, 1)
-        rest = across @ (residuals - slopes @ step[free])[..., None]
-        starts = (inverse_of_identifiable(across @ own) @ rest)[..., 0]
+        starts = _fitted(own, residuals - slopes @ step[free])
         return _Step(step, starts, errors, float(np.linalg.norm(factor.T @ right)))
+
+
+def _fitted(own: Array, residuals: Array) -> Array:
+    # Least squares (S, c) of residuals (S, m) by columns (S, m, c).
+    if not own.size:
+        return np.zeros((len(own), own.shape[-1]))
+    across = own.transpose(0, 2, 1)
+    return np.asarray((inverse_of_identifiable(across @ own) @ (across @ residuals[..., None]))[..., 0])

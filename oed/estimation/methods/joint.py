@@ -15,14 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import Found, LeastSquares, Rows, projected
+from oed.estimation.methods.gauss_newton import FLAT, Found, LeastSquares, Rows, projected
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.prediction.logged_states import LoggedStates
-from oed.estimation.prediction.segments import SegmentReadings
-from oed.estimation.prediction.starts import first_starts, further_starts
+from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
@@ -82,11 +80,11 @@ class JointSearch:
         """Where the search ends that begins at the nominal values or those given."""
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
         unknowns, exact = self.unknowns, self.drive is not None
-        close = EXACT if exact else CLOSE
-        search = LeastSquares(unknowns.scale, self._known, self.loss, unknowns.clocks, close)
+        close, flat = (EXACT, FLAT) if exact else (CLOSE, 1.0)
+        search = LeastSquares(unknowns.scale, self._known, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
         renewed = None if exact or self.specified is not None else _Weighted.renewed
-        return search.solved(self.at_first, begin, self._first_starts(begin), renewed)
+        return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
 
     @cached_property
     def at_first(self) -> _Weighted:
@@ -100,87 +98,23 @@ class JointSearch:
         return self.known or Knowledge.nothing(self.unknowns.size)
 
     @cached_property
-    def _readings(self) -> SegmentReadings:
-        layout = self.layout
-        return SegmentReadings.logged(self.unknowns.robot, layout.quantities, layout.count, layout.periods)
-
-    @cached_property
-    def _headings(self) -> SegmentReadings:
-        # Of robots whose headings are not read.
-        return replace(self._readings, sensor=LoggedStates.of(self.unknowns.robot, ["heading"]))
-
-    def _first_starts(self, values: Array) -> Array:
-        if self.drive is not None:
-            return np.zeros((self.layout.count, 0))
-        parameters, place, clocks = self.unknowns.parts(values)
-        offsets = self._offsets(clocks)
-        inputs = self.layout.inputs(offsets)
-
-        def paths(starts: Array) -> Array:
-            return self._readings(starts, inputs, self.layout.steps, parameters, place)
-
-        robot = self.unknowns.robot
-        further = further_starts(robot, self.layout, offsets, parameters)
-        return first_starts(robot, self.layout, paths, place, further)
-
-    def _offsets(self, clocks: Array) -> Array:
-        return self.offsets + clocks if len(clocks) else self.offsets
+    def _predicted(self) -> LoggedReadings | DriveReadings:
+        return self.drive or LoggedReadings.of(self.layout, self.unknowns, self.offsets)
 
     def linearised(self, values: Array, starts: Array) -> _Linearised:
         """Residuals and derivatives at unknowns (q,) and the segments' own (S, c)."""
         key = values.tobytes() + starts.tobytes()
         if key not in self._remembered:
             self._remembered.clear()
-            self._remembered[key] = self._driven(values) if self.drive else self._logged(values, starts)
+            found, slopes, own = self._predicted.derivatives(values, starts)
+            rates = self._predicted.rates(values, starts, found)
+            self._remembered[key] = _Linearised(self.layout.readings - found, slopes, own, rates)
         return self._remembered[key]
 
     @cached_property
     def _remembered(self) -> dict[bytes, _Linearised]:
         # The last point asked for: with another noise the drive is as it was.
         return {}
-
-    def _driven(self, values: Array) -> _Linearised:
-        assert self.drive is not None
-        (parameters, nuisances, _), begins = self.unknowns.parts(values), self.unknowns.begins(values)
-        starts = begins if len(begins) else self.drive.trajectory.starts
-        inputs, steps = self.layout.inputs(self.offsets), self.layout.steps
-        found, slopes = self.drive.derivatives(starts, inputs, steps, parameters, nuisances)
-        # Noise that is specified depends on the plan alone.
-        still = np.zeros(found.shape[:2])
-        residuals, own = self.layout.readings - found, np.zeros((*found.shape, 0))
-        return _Linearised(residuals, self.unknowns.slopes(slopes), own, (still, still))
-
-    def _logged(self, values: Array, starts: Array) -> _Linearised:
-        parameters, place, clocks = self.unknowns.parts(values)
-        offsets, steps = self._offsets(clocks), self.layout.steps
-        inputs = self.layout.inputs(offsets)
-        found, slopes = self._readings.derivatives(starts, inputs, steps, parameters, place)
-        size, states = len(parameters), starts.shape[1]
-        columns = [self.unknowns.slopes(slopes)]
-        if len(clocks):
-            columns.append(self._clock_slopes(starts, parameters, place, offsets))
-        turned = found[..., [index for index, name in enumerate(self.layout.quantities) if name == "heading"]]
-        if not turned.size:
-            turned = self._headings(starts, inputs, steps, parameters, place)
-        return _Linearised(
-            self.layout.readings - found,
-            np.concatenate(columns, axis=-1),
-            slopes[..., size : size + states],
-            (self._speeds(found), self.layout.rates(turned)),
-        )
-
-    def _clock_slopes(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
-        def read(moved: Array) -> Array:
-            return self._readings(starts, self.layout.inputs(moved), self.layout.steps, parameters, place)
-
-        return self.layout.clock_slopes(read, offsets)
-
-    def _speeds(self, found: Array) -> Array:
-        # Of the predicted readings; 0 where positions are not read.
-        quantities = self.layout.quantities
-        if "x" not in quantities or "y" not in quantities:
-            return np.zeros(found.shape[:2])
-        return self.layout.rates(found[..., [quantities.index("x"), quantities.index("y")]])
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,6 @@ class Knowledge:
 
 def inverse_of_identifiable(matrix: Array) -> Array:
     """The inverse of information (..., q, q) on what is identifiable; 0 in other directions."""
-    if not matrix.size:
-        return matrix
     factor = SquareRoot.of_matrix(matrix).factor
     return np.asarray(factor @ np.swapaxes(factor, -1, -2))
 

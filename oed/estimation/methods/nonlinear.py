@@ -57,7 +57,6 @@ class Nonlinear(Estimator):
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
         robot = robot_of(problem.system)
-        self._readings = DriveReadings.of(robot, sensors, trajectory)
         starts = start_nuisances(sensors, robot, trajectory.runs)
         begins = [
             replace(one, nominal=at) for one, at in zip(starts, trajectory.starts.ravel(), strict=False)
@@ -72,6 +71,7 @@ class Nonlinear(Estimator):
             constants={one.name: one.unit for one in own},
             starts=tuple(begins),
         )
+        self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
         self._known = self._before([*starts, *own], estimation.prior)
         layout = Layout.of_drive(trajectory, self._readings.by_run(self.predicted()))
         self._search = JointSearch(

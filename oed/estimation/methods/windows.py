@@ -17,9 +17,9 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segment_length import FEWEST
 from oed.estimation.prediction.layout import Layout
-from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
@@ -120,19 +120,13 @@ class Windows:
         return {}
 
     def _motions(self, values: Array) -> Motions:
-        parameters, place, clocks = self.unknowns.parts(values)
-        offsets = self._offsets(clocks)
-        path, slopes = self._readings.derivatives(
-            self._starts(place), self.layout.inputs(offsets), self.layout.steps, parameters, place
-        )
-        size, states = len(parameters), len(self.unknowns.robot.states)
-        ends = slopes[:, -1].copy()
+        _, place, _ = self.unknowns.parts(values)
+        path, slopes, own = self._readings.derivatives(values, self._starts(place))
         # The sensor's place also moves the start that follows from the first measured pose.
-        ends[..., size + states :] += ends[..., size : size + 3] @ _start_slopes(place)
-        columns = [self.unknowns.slopes(ends)]
-        if len(clocks):
-            columns.append(self._clock_slopes(parameters, place, offsets))
-        return Motions(self.measured - path[:, -1], np.concatenate(columns, axis=-1), path)
+        first, kept = len(self.unknowns.parameters), list(map(PLACE.index, self.unknowns.place))
+        ends = slopes[:, -1].copy()
+        ends[..., first : first + len(kept)] += own[:, -1, :, :3] @ _start_slopes(place)[:, kept]
+        return Motions(self.measured - path[:, -1], ends, path)
 
     def rates(self, path: Array) -> tuple[Array, Array]:
         """Speeds [m/s] and yaw rates [rad/s], without signs, at both ends of every window, (S, 2) each."""
@@ -225,12 +219,8 @@ class Windows:
         return np.asarray(self.layout.valid.sum(axis=1) - 1)
 
     @cached_property
-    def _readings(self) -> SegmentReadings:
-        robot, layout = self.unknowns.robot, self.layout
-        return SegmentReadings.logged(robot, READ, layout.count, layout.periods)
-
-    def _offsets(self, clocks: Array) -> Array:
-        return self.offsets + clocks if len(clocks) else self.offsets
+    def _readings(self) -> LoggedReadings:
+        return LoggedReadings(self.layout, self.unknowns, self.offsets, READ)
 
     def _starts(self, place: Array) -> Array:
         # Where the robot stands when its sensor is at the origin; states that no log holds begin at 0.
@@ -238,13 +228,6 @@ class Windows:
         arm = -(place[0] + 1j * place[1]) * np.exp(-1j * place[2])
         start[:3] = arm.real, arm.imag, -place[2]
         return np.tile(start, (self.layout.count, 1))
-
-    def _path(self, parameters: Array, place: Array, offsets: Array) -> Array:
-        inputs = self.layout.inputs(offsets)
-        return self._readings(self._starts(place), inputs, self.layout.steps, parameters, place)
-
-    def _clock_slopes(self, parameters: Array, place: Array, offsets: Array) -> Array:
-        return self.layout.clock_slopes(lambda moved: self._path(parameters, place, moved)[:, -1], offsets)
 
 
 def relative_to_first(poses: Array) -> Array:

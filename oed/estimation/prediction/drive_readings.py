@@ -14,9 +14,9 @@ import scipy
 
 from oed.estimation.prediction.layout import Layout
 from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.setup.unknowns import Unknowns
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
-from oed.robots.models.model import Model
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -29,43 +29,58 @@ class DriveReadings:
     Attributes:
         each: what every sensor reads of the runs.
         trajectory: the drive.
+        unknowns: with the runs' starts among them, unless these are known.
     """
 
     each: tuple[SegmentReadings, ...]
     trajectory: Trajectory
+    unknowns: Unknowns
 
     @classmethod
-    def of(cls, robot: Model, sensors: Sequence[Sensor], trajectory: Trajectory) -> DriveReadings:
-        """What `sensors` read of a robot's drive."""
+    def of(cls, sensors: Sequence[Sensor], trajectory: Trajectory, unknowns: Unknowns) -> DriveReadings:
+        """What `sensors` read of a drive."""
         runs, periods = trajectory.runs, trajectory.samples // trajectory.runs
-        each = tuple(SegmentReadings(robot, one, runs, periods) for one in sensors)
-        return cls(each, trajectory)
+        each = tuple(SegmentReadings(unknowns.robot, one, runs, periods) for one in sensors)
+        return cls(each, trajectory, unknowns)
 
-    def derivatives(
-        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
-    ) -> tuple[Array, Array]:
-        """The readings (runs, M, 1), SI, and their derivatives (runs, M, 1, p + states + k).
+    def first_starts(self, values: Array) -> Array:
+        """No unknowns (runs, 0) of each run alone."""
+        return np.zeros((self.trajectory.runs, 0))
 
-        Args:
-            starts: states at the runs' beginnings, (runs, states).
-            inputs: held in each period, (runs, n, inputs).
-            times: lengths of the periods [s], (runs, n).
-            parameters: (p,), SI.
-            nuisances: all sensors' own, (k,), SI.
+    def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
+        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone."""
+        still = np.zeros(readings.shape[:2])
+        return still, still
+
+    def derivatives(self, values: Array, starts: Array) -> tuple[Array, Array, Array]:
+        """The readings (runs, M, 1), SI, their derivatives by the unknowns (runs, M, 1, q), and by none of a
+        run alone.
         """
-        readings, slopes, leading = list[Array](), list[Array](), len(parameters) + starts.shape[1]
+        (parameters, nuisances, _), begins = self.unknowns.parts(values), self.unknowns.begins(values)
+        given = (begins if len(begins) else self.trajectory.starts), *self._driven, parameters
+        readings, slopes = list[Array](), list[Array]()
+        leading = len(parameters) + given[0].shape[1]
         # The nuisances before and after a sensor's own do not concern it.
         before, after = 0, len(nuisances)
         for one in self.each:
             after -= len(one.sensor.nuisances)
             own = nuisances[before : len(nuisances) - after]
-            found, by_own = one.derivatives(starts, inputs, times, parameters, own)
-            rows = by_own.reshape(len(starts), found[0].size, 1, -1)
-            wide = np.insert(rows, [leading] * before, 0.0, axis=-1)
+            found, by_own = one.derivatives(*given, own)
+            rows = by_own.reshape(len(found), found[0].size, 1, -1)
+            wide = np.zeros((*rows.shape[:3], leading + len(nuisances)))
+            wide[..., :leading] = rows[..., :leading]
+            wide[..., leading + before : wide.shape[-1] - after] = rows[..., leading:]
             readings.append(found.reshape(rows.shape[:3]))
-            slopes.append(np.pad(wide, ((0, 0), (0, 0), (0, 0), (0, after))))
+            slopes.append(wide)
             before += len(one.sensor.nuisances)
-        return np.concatenate(readings, axis=1), np.concatenate(slopes, axis=1)
+        by_all = self.unknowns.slopes(np.concatenate(slopes, axis=1))
+        return np.concatenate(readings, axis=1), by_all, np.zeros((*by_all.shape[:-1], 0))
+
+    @cached_property
+    def _driven(self) -> tuple[Array, Array]:
+        # Inputs of every run (runs, n, inputs), and how long each is held [s], (runs, n).
+        drive = Layout.of_drive(self.trajectory, np.zeros((self.trajectory.runs, 0)))
+        return drive.inputs(np.zeros(0)), drive.steps
 
     @cached_property
     def nominal(self) -> tuple[Array, ...]:
@@ -74,11 +89,9 @@ class DriveReadings:
 
     @property
     def _at_nominal(self) -> Iterator[tuple[SegmentReadings, tuple[Array, ...]]]:
-        drive = Layout.of_drive(self.trajectory, np.zeros((self.trajectory.runs, 0)))
         for one in self.each:
             nuisances = np.array([entry.nominal for entry in one.sensor.nuisances])
-            given = self.trajectory.starts, drive.inputs(np.zeros(0)), drive.steps
-            yield one, (*given, np.array(one.model.nominal), nuisances)
+            yield one, (self.trajectory.starts, *self._driven, np.array(one.model.nominal), nuisances)
 
     @cached_property
     def order(self) -> Indices:

@@ -21,6 +21,7 @@ from types import CodeType, ModuleType
 from oed.foundation.files import read_bytes
 
 PREFIX = "oed_own_"
+"""Begins the names under which modules of the user's own are loaded."""
 NEVER_OWN = frozenset({"oed", *sys.stdlib_module_names})
 """What modules import is not taken from their own folder under these names."""
 

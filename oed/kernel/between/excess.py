@@ -123,6 +123,11 @@ class Excess:
         """The larger excess of both ends, and the largest there may be between, (K,) each.
 
         Nobody needs to know how much less than `enough` (K,) that is: the cheapest bound will do.
+
+        Args:
+            periods: of the drives.
+            stretches: parts of these, K.
+            enough: excess that is known of each already, (K,).
         """
         own = periods.splines(stretches) if self.by_splines else np.zeros((6, len(stretches), self._inputs))
         parts = [

@@ -94,7 +94,7 @@ class Periods:
 
     @cached_property
     def pieces(self) -> Stretches:
-        """The same of one drive, cut at the knots of its splines."""
+        """The periods of one drive, cut at the knots of its splines."""
         if self.trajectory.degree == 0:
             return self.whole
         cuts = [_cuts(one) for one in self.trajectory.each]
@@ -149,7 +149,15 @@ def periods_of(
     *,
     sensitive: bool = False,
 ) -> Periods:
-    """The periods of systems with parameters (drives, p) from starts (drives, runs, states)."""
+    """The periods of systems with parameters (drives, p) from starts (drives, runs, states).
+
+    Args:
+        system: that is driven.
+        trajectory: whose inputs all of them get.
+        parameters: of each, (drives, p), SI.
+        starts: start states of each, (drives, runs, states).
+        sensitive: whether the sensitivities of the states are wanted.
+    """
     count, states = len(parameters), len(system.states)
     function = _rolled(system, trajectory.samples, trajectory.runs, sensitive, count)
     begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period)

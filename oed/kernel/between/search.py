@@ -50,7 +50,14 @@ class Sight:
 
     @classmethod
     def of(cls, problem: Problem, drive: Trajectory, states: Array, speeds: Array) -> Sight:
-        """What is known by the states at the samples, (N + runs, states)."""
+        """What is known by the states at the samples, (N + runs, states).
+
+        Args:
+            problem: that is scored.
+            drive: what is driven.
+            states: at the samples, (N + runs, states).
+            speeds: mean speed in every period [m/s], (N,).
+        """
         begins = np.concatenate([run[:-1] for run in np.split(states, drive.runs)])
         nominal = np.array([problem.system.nominal])
         return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
@@ -59,6 +66,12 @@ class Sight:
 def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> tuple[float, bool]:
     """The most that a drive exceeds a problem's limit at any time, given by how much each of the rows does
     that the scorer looks at, (rows,), and whether that is sure.
+
+    Args:
+        problem: whose limit it is.
+        limit: one of its limits.
+        sight: what is known of the drive.
+        seen: by how much its rows are exceeded at the points that are scored, (rows,).
     """
     found = float(seen.max())
     if limit.looks_at != "state":

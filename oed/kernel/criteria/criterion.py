@@ -91,7 +91,7 @@ class Criterion(Component, ABC):
         """The criterion (...,) of information matrices (..., p, p), one matrix per block."""
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
-        """The same of information by its square roots, which know what is identifiable."""
+        """The criterion (...,) of information by its square roots, which know what is identifiable."""
         return self.value([root.matrix for root in information])
 
     def identifiable(self, information: Sequence[SquareRoot]) -> Array:
@@ -133,6 +133,11 @@ class Criterion(Component, ABC):
         """How many repetitions of the best design tell as much as one of this; `size` parameters in all.
 
         None where repeating a design does not change the criterion.
+
+        Args:
+            value: the criterion of a design.
+            best: that of the best.
+            size: number of parameters judged.
         """
         return value / best if best > 0 else None
 

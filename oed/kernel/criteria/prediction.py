@@ -112,7 +112,7 @@ class Prediction(RootCriterion):
         return np.asarray(np.isfinite(self.variances(information)).all(axis=-1))
 
     def symbolic_variances(self, factors: Sequence[Factor]) -> list[Expression]:
-        """The same of F_b = L_b L_b', as expressions."""
+        """Variance of each leg's prediction for F_b = L_b L_b', as expressions."""
         totals: list[Expression] = [ca.SX(0)] * len(self.test_drive)
         for factor, block in zip(factors, self.rows, strict=True):
             for leg, rows in enumerate(block):

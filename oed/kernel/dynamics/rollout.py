@@ -152,6 +152,11 @@ class Drive(Named):
     def again(self, parameters: Expression, start: Expression, system: System | None = None) -> Drive:
         """The drive that the same inputs give a system with other parameters (p,) from other starts
         (runs, states), or the same seen through others.
+
+        Args:
+            parameters: of the other system, (p,).
+            start: its start states, (runs, states).
+            system: the other system; the same by default.
         """
         return roll_out(
             system or self.system,
@@ -197,7 +202,14 @@ class DriveShape(Drive):
 
 
 def drive_shape(system: System, *, samples: int, runs: int, period: float) -> DriveShape:
-    """The shape of a system's drives of so many samples in each run, at its nominal parameters."""
+    """The shape of a system's drives of so many samples in each run, at its nominal parameters.
+
+    Args:
+        system: that is driven.
+        samples: of each run.
+        runs: how many.
+        period: sample period T [s].
+    """
     count = samples * runs
     inputs = ca.MX.sym("inputs", count, len(system.inputs))
     function = signaller(system)

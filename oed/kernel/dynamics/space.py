@@ -101,7 +101,7 @@ class Space(Component, ABC):
 
     @property
     def jerk_matrix(self) -> Array:
-        """The same of the inputs' second derivatives; for degrees 0 and 1, those of `held_jerks`."""
+        """Takes coefficients to bounds of the inputs' jerks; of degrees 0 and 1 to `held_jerks`."""
         degree = self.spline.degree
         if degree < 2:
             return self._of_every_run(held_jerks)

@@ -59,6 +59,11 @@ def clamped_knots(duration: float, count: int, degree: int) -> Array:
     """Knots (count + degree + 1,) [s] of a uniform spline on [0, duration] that starts and ends at its
     first and last coefficient.
 
+    Args:
+        duration: [s].
+        count: coefficients.
+        degree: of the spline.
+
     Raises:
         ValueError: fewer coefficients than degree + 1.
     """
@@ -69,7 +74,13 @@ def clamped_knots(duration: float, count: int, degree: int) -> Array:
 
 
 def repeated_knots(knots: Array, degree: int, times: int) -> Array:
-    """Knots of so many splines on clamped `knots`, one after the other, nothing in common where they meet."""
+    """Knots of so many splines on clamped `knots`, one after the other, nothing in common where they meet.
+
+    Args:
+        knots: clamped, of one spline [s].
+        degree: of the splines.
+        times: how many follow each other.
+    """
     shifted = [knots[degree + 1 :] + index * knots[-1] for index in range(times)]
     return np.concatenate([knots[: degree + 1], *shifted])
 
@@ -77,6 +88,12 @@ def repeated_knots(knots: Array, degree: int, times: int) -> Array:
 def basis(knots: Array, degree: int, times: Array, side: Literal["left", "right"] = "right") -> Band:
     """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4], at
     knots the limit from one `side`.
+
+    Args:
+        knots: [s], not decreasing.
+        degree: of the spline.
+        times: at which it is evaluated [s].
+        side: from which limits are taken at knots.
     """
     count = len(knots) - degree - 1
     inside = np.clip(times, knots[degree], knots[-degree - 1])
@@ -98,7 +115,13 @@ def basis(knots: Array, degree: int, times: Array, side: Literal["left", "right"
 
 
 def kept_basis(knots: Array, degree: int, times: Array) -> Band:
-    """`basis` of knots and times that come again and again."""
+    """`basis` of knots and times that come again and again.
+
+    Args:
+        knots: [s].
+        degree: of the spline.
+        times: at which it is evaluated [s].
+    """
     return _kept_basis(knots.tobytes(), degree, times.tobytes())
 
 
@@ -125,7 +148,13 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
 
 
 def jumps(knots: Array, degree: int, order: int) -> Array:
-    """Times [s] inside at which the derivative of an order may jump, for their knots are repeated."""
+    """Times [s] inside at which the derivative of an order may jump, for their knots are repeated.
+
+    Args:
+        knots: [s].
+        degree: of the spline.
+        order: of the derivative.
+    """
     inner, times = np.unique(knots, return_counts=True)
     return np.asarray(inner[1:-1][times[1:-1] > degree - order])
 

@@ -111,6 +111,12 @@ class System(ABC):
         period that begins so, or of an instant where `period` is 0.
 
         "velocity" [m/s] is how fast the system moves through space, where it does.
+
+        Args:
+            state: at the begin, (states,), SI.
+            inputs: held, (inputs,), SI.
+            parameters: values, (p,), SI.
+            period: its duration [s]; 0 for the instant.
         """
         return {}
 

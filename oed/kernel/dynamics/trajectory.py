@@ -26,6 +26,12 @@ def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these rates. It is
     what search, scorer and bounds limit of splines that have no derivative, and what the polygon through the
     middles has as slopes.
+
+    Args:
+        knots: of one run [s].
+        degree: of its splines.
+        coefficients: (n, inputs).
+        samples: N.
     """
     duration = float(knots[-1])
     times = np.concatenate([[0.0], middles(duration, samples), [duration]])
@@ -38,6 +44,12 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
 
     The jerk of splines whose rates jump (degrees 0 and 1), the same for a drive and its time reverse; of the
     identity, the matrix of it.
+
+    Args:
+        knots: of one run [s].
+        degree: of its splines.
+        coefficients: (n, inputs).
+        samples: N.
     """
     period = float(knots[-1]) / samples
     return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)

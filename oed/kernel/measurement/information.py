@@ -105,7 +105,13 @@ def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list
 
 
 def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:
-    """What parameters' columns of that square root are multiplied by, (p,), to be in a scaling."""
+    """What parameters' columns of that square root are multiplied by, (p,), to be in a scaling.
+
+    Args:
+        block: whose parameters they are.
+        scaling: of the parameters.
+        parameters: names, p of them.
+    """
     return _precision(block, scaling) * scale_factors(block, scaling, parameters)
 
 
@@ -134,7 +140,13 @@ def _precision(block: Block, scaling: Scaling) -> float:
 
 
 def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | None = None) -> Array:
-    """Scale (p,) of each parameter of interest, SI."""
+    """Scale (p,) of each parameter of interest, SI.
+
+    Args:
+        block: whose parameters they are.
+        scaling: of the parameters.
+        parameters: names, p of them.
+    """
     names = block.parameters if parameters is None else tuple(parameters)
     if scaling == "none":
         return np.ones(len(names))
@@ -146,7 +158,13 @@ def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | No
 def scaling_flaws(
     blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
 ) -> list[Flaw]:
-    """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing."""
+    """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
+
+    Args:
+        blocks: of readings.
+        scaling: of the parameters.
+        parameters: names of each block's parameters of interest.
+    """
     if scaling == "none":
         return []
     chosen = [block.parameters for block in blocks] if parameters is None else parameters

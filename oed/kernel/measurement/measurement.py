@@ -120,6 +120,17 @@ def regression(
     """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
 
     Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
+
+    Args:
+        name: of the block.
+        design_matrix: W, (rows, p).
+        parameters: names, p of them.
+        nominal: their values, (p,), SI.
+        units: their SI units.
+        noise: standard deviation of a row; None where it is not known.
+        jacobian: rows whose square is the information, if that is not W.
+        summed: sums of magnitudes of W's columns, (1, p).
+        shared: B where the noise is B'e, e white.
     """
     whitened = design_matrix if jacobian is None else jacobian
 
@@ -201,5 +212,5 @@ class Measurement(Component, ABC):
         return words(self.kind)
 
     def sentence(self, samples: int) -> str:
-        """The same with when and how noisily, where the measurement says so."""
+        """What is measured, when and how noisily, where the measurement says so."""
         return self.brief(samples)

@@ -49,7 +49,13 @@ class Prior(Component):
         return self.parameters or tuple(self.standard_deviations)
 
     def flaws(self, known: Sequence[str], nominal: Array, units: Sequence[str]) -> list[Flaw]:
-        """Names that are not estimated, and deviations that are not positive quantities of the right unit."""
+        """Names that are not estimated, and deviations that are not positive quantities of the right unit.
+
+        Args:
+            known: names of parameters that are estimated.
+            nominal: their values, SI.
+            units: their SI units.
+        """
         flaws, given = [], bool(self.standard_deviations)
         for name in self.names:
             key = ("prior", "standard_deviations", name) if given else ("prior", "parameters")
@@ -65,7 +71,13 @@ class Prior(Component):
         return flaws
 
     def precision(self, names: Sequence[str], nominal: Array, units: Sequence[str]) -> Array:
-        """Information (p, p) on the parameters `names`, SI; zero for those it does not name."""
+        """Information (p, p) on the parameters `names`, SI; zero for those it does not name.
+
+        Args:
+            names: of parameters, p of them.
+            nominal: their values, (p,), SI.
+            units: their SI units.
+        """
         matrix = np.zeros((len(names), len(names)))
         if self.standard_deviations:
             for index, name in enumerate(names):

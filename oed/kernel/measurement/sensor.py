@@ -108,7 +108,7 @@ class Sensor(Measurement):
 
     @property
     def joint_whitening(self) -> Array | None:
-        """The same as `whitening` for all readings together, where they are correlated over time."""
+        """A with A R A' = 1 for the covariance R of all readings together; None where none are correlated."""
         return None
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
@@ -248,7 +248,14 @@ def _by_run(transposed: Expression, drive: Drive) -> Expression:
 def row_times(
     sensors: Sequence[Sensor], system: System, samples: int, runs: int
 ) -> list[tuple[str, int, float]]:
-    """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods."""
+    """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods.
+
+    Args:
+        sensors: that read.
+        system: that is driven.
+        samples: of each run.
+        runs: how many.
+    """
     return [
         (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
@@ -363,7 +370,13 @@ def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
 
 
 def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) -> tuple[Nuisance, ...]:
-    """The start states, run by run, that are nuisances; () where they are known or do not matter."""
+    """The start states, run by run, that are nuisances; () where they are known or do not matter.
+
+    Args:
+        sensors: which say what is known of the start.
+        system: whose states they are.
+        runs: each with a start of its own.
+    """
     known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
     if not known or known[0] == "known":
         return ()

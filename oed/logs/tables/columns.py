@@ -17,6 +17,7 @@ from oed.foundation.component import Component
 from oed.foundation.quantities import parse_quantity
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Seconds in each unit of time that logs have."""
 
 ColumnPlace = Annotated[int, Field(ge=0, strict=True)] | str
 

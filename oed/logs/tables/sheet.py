@@ -20,6 +20,7 @@ from oed.logs.tables.tum import read_tum
 
 Wanted = float | str | tuple[float, float]
 RUN = "run"
+"""The column that says which run a row belongs to, in the package's own files."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from oed.foundation.shown import written
 from oed.logs.series import Array, Rows, shortened
 
 BLANKS = " "
+"""Stands for any number of blanks between cells."""
 DELIMITERS = {"tab": "\t", "blanks": BLANKS}
 """Names in study files of those that are hard to see."""
 
@@ -33,6 +34,7 @@ NAMES = 40
 """Columns of a header that are shown."""
 
 _LOOKED_AT = 20
+"""Rows by which the delimiter is found."""
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
 """What columns are called; other text has more signs and no end."""
 _FIGURES = re.compile(r"[-+\d.,: ]*")

@@ -11,7 +11,9 @@ from oed.logs.series import Array, Series, shortened
 from oed.logs.tables.table import BLANKS, read_table
 
 NAMES = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
-_OFF_UNIT = 0.05
+"""Columns of the format."""
+OFF_UNIT = 0.05
+"""Difference of a quaternion's length from 1 beyond which it is none: far above rounding in files."""
 
 
 def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Series:
@@ -37,7 +39,7 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Se
     values = np.column_stack([column for column, _ in read])
     if not flaws:
         flaws = [table.cell_flaw(row, place) for row, place in np.argwhere(np.isnan(values)).tolist()]
-    for row in np.flatnonzero(np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > _OFF_UNIT):
+    for row in np.flatnonzero(np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > OFF_UNIT):
         text = "expected a unit quaternion in qx qy qz qw"
         flaws.append(FileFlaw(str(file), int(table.lines[row]), 5, "qx", text))
     if flaws:

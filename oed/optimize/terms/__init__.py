@@ -17,7 +17,9 @@ from oed.optimize.terms.pieces import Pieces, divisible
 from oed.optimize.terms.unrolled import Unrolled
 
 _KEPT: list[tuple[tuple[Any, ...], Terms]] = []
+"""Terms written in this process with what they are of, the newest first."""
 _MOST = 2
+"""Terms held at once: of all samples and of the search's fewer."""
 
 
 def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) -> Terms:

@@ -105,6 +105,7 @@ def best_layout(space: Space, inputs: int, *, multiple: int = 1, divisor: int | 
 LEAST, MOST = 2, 50
 """Samples of the shortest and the longest piece."""
 _OVERHEAD = 70.0
+"""Work of a piece besides that of its samples, in the units of `_work`."""
 
 
 def _work(layout: Layout) -> float:

@@ -67,11 +67,11 @@ class Grid:
         # more readings, for instance.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
         whole = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
-        seen = self.design.matrices_of(drive)[0]
+        own = self.design.matrices_of(drive)[0]
         return np.concatenate(
             [
                 np.full(len(one) * (len(one) + 1) // 2, np.trace(all_[0]) / np.trace(one))
-                for all_, one in zip(whole, seen, strict=True)
+                for all_, one in zip(whole, own, strict=True)
             ]
         )
 
@@ -87,8 +87,8 @@ class Grid:
         """The matrices of every robot judged at z, with corrections."""
         if not self.coarse:
             return self.design.matrices_of(unknowns)
-        seen, _ = self.design.terms.values(unknowns)
-        entries = self._shares * np.array(seen).ravel() + np.array(self._added(corrections, unknowns)).ravel()
+        own, _ = self.design.terms.values(unknowns)
+        entries = self._shares * np.array(own).ravel() + np.array(self._added(corrections, unknowns)).ravel()
         if not np.isfinite(entries).all():
             # As of any drive that is not finite.
             entries = np.zeros_like(entries)
@@ -103,12 +103,12 @@ class Grid:
         """Corrections with which the grid has, at z and close to it, the information of all samples."""
         if not self.coarse:
             return self.no_correction
-        seen, _ = self.design.terms.values(unknowns)
-        seen_slopes, _ = self.design.terms.jacobian(unknowns)
+        own, _ = self.design.terms.values(unknowns)
+        own_slopes, _ = self.design.terms.jacobian(unknowns)
         whole, whole_slopes = self._fine.at(self.trajectory(unknowns))
         shares = self._shares
-        gaps = whole - shares * np.array(seen).ravel()
-        slopes = whole_slopes - shares[:, None] * np.array(seen_slopes)
+        gaps = whole - shares * np.array(own).ravel()
+        slopes = whole_slopes - shares[:, None] * np.array(own_slopes)
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
 
     @cached_property

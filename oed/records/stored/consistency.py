@@ -9,71 +9,73 @@ from typing import Any
 from oed.foundation.errors import RecordError
 from oed.kernel.criteria import CRITERIA
 from oed.records.stored.door import flaws_of
+from oed.records.stored.result import Result
+from oed.records.stored.study_record import StudyRecord
 
 KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 LARGEST_LOGARITHM = 300.0
 """Of a determinant, per parameter."""
-Data = Mapping[str, Any]
 
 
-def require_one_study(data: Data, path: Path) -> None:
+def require_one_study(found: StudyRecord, path: Path) -> None:
     """Refuse a record whose numbers cannot be its study's.
 
     Raises:
         RecordError: names the file and the keys.
     """
-    flaws = flaws_of(path, [*_unknown(data), *_strangers(data)]) or flaws_of(path, _impossible(data))
+    flaws = flaws_of(path, [*_unknown(found), *_strangers(found)]) or flaws_of(path, _impossible(found))
     if flaws:
         raise RecordError(flaws)
 
 
-def _unknown(data: Data) -> Iterator[tuple[str, str]]:
+def _unknown(found: StudyRecord) -> Iterator[tuple[str, str]]:
     # Names of parameters that the record says nothing of.
-    known = [one["name"] for one in data["parameters"]]
-    prior = data["study"].get("prior") or {}
+    known = [one.name for one in found.parameters]
+    prior = found.study.get("prior") or {}
     for name in (*prior.get("parameters", ()), *prior.get("standard_deviations", {})):
         if name not in known:
             yield "parameters", f"expected {name}, of which the study's prior speaks"
-    if not any(one["judged"] for one in data["parameters"]):
+    if not any(one.judged for one in found.parameters):
         yield "parameters", "expected one that the criterion judges"
 
 
-def _strangers(data: Data) -> Iterator[tuple[str, str]]:
+def _strangers(found: StudyRecord) -> Iterator[tuple[str, str]]:
     # Criteria that neither this package has nor the study names.
-    study = data["study"]
+    study = found.study
     given = (study["criterion"], *(solver.get("criterion") for solver in study["solvers"]))
     known = tuple(dict.fromkeys((*KINDS, *(_kind(one) for one in given if one))))
-    for place, one in enumerate(data["results"]):
-        kinds = {"criterion": [one["criterion"] or KINDS[0]], "criteria": one["criteria"]}
+    for place, one in enumerate(found.results):
+        kinds = {"criterion": [one.criterion or KINDS[0]], "criteria": list(one.criteria)}
         for key, names in kinds.items():
             for name in names:
                 if name not in known:
                     yield f"results.{place}.{key}", f"expected one of {', '.join(known)}, got {name!r}"
 
 
-def _kind(criterion: Data) -> str:
+def _kind(criterion: Mapping[str, Any]) -> str:
     # One of the user's own has the name that it gave itself.
     return str((criterion.get("described") or {}).get("kind") or criterion["kind"])
 
 
-def _impossible(data: Data) -> Iterator[tuple[str, str]]:
+def _impossible(found: StudyRecord) -> Iterator[tuple[str, str]]:
     # Objectives that no drive has by the criterion that they are of.
-    own, size = _kind(data["study"]["criterion"]), len(data["parameters"])
-    for place, one in enumerate(data["results"]):
+    own, size = _kind(found.study["criterion"]), len(found.parameters)
+    for place, one in enumerate(found.results):
         for key, kind, value in _values(one, own):
             if value is not None and not possible(kind, value, size):
                 yield f"results.{place}.{key}", f"expected a value of the criterion {kind}, got {value:g}"
 
 
-def _values(one: Data, own: str) -> Iterator[tuple[str, str, float | None]]:
+def _values(one: Result, own: str) -> Iterator[tuple[str, str, float | None]]:
     # Everything of a result that is a criterion's value: key, criterion, value.
-    kind = one["criterion"] or own
-    yield "objective", own, one["objective"]
-    yield from ((f"criteria.{name}", name, value) for name, value in one["criteria"].items())
-    yield from ((f"stages.{name}", kind, value) for name, value in one["stages"].items())
-    for key in ("starts", "history"):
-        for number, step in enumerate(one[key]):
-            yield f"{key}.{number}.objective", kind, step["objective"]
+    kind = one.criterion or own
+    yield "objective", own, one.objective
+    yield from ((f"criteria.{name}", name, value) for name, value in one.criteria.items())
+    yield from ((f"stages.{name}", kind, value) for name, value in one.stages.items())
+    yield from ((f"starts.{place}.objective", kind, step.objective) for place, step in enumerate(one.starts))
+    yield from (
+        (f"history.{place}.objective", kind, step.objective) for place, step in enumerate(one.history)
+    )
 
 
 def possible(kind: str, value: float, size: int) -> bool:

@@ -99,7 +99,7 @@ class _Form:
         if self.part is None or value is None:
             found = plain(value, self.digits)
             return float(found) if self.real and type(found) is int else found
-        if isinstance(value, Mapping) and not isinstance(value, Stored):
+        if isinstance(value, Mapping):
             return {name: self._part(one) for name, one in value.items()}
         return [self._part(one) for one in value] if isinstance(value, list | tuple) else self._part(value)
 

@@ -12,6 +12,7 @@ from oed.records.stored.parts import (
     Number,
     Numbers,
     Positive,
+    Rounded,
     Seed,
     Stored,
     require_different,
@@ -58,10 +59,10 @@ class StoredPlan(Stored):
     violations: dict[str, Number]
     path_length: Number | None
     fastest: Number | None
-    wall_seconds: Positive
+    wall_seconds: Annotated[Positive, Rounded(3)]
     promised: dict[str, Positive | None] | None
-    path: Line | None
-    inputs: list[Numbers] | None
+    path: Annotated[Line, Rounded(4)] | None
+    inputs: list[Annotated[Numbers, Rounded(6)]] | None
 
 
 class Around(Stored):
@@ -80,7 +81,7 @@ class Error(Around):
     along: Number | None
     misfit: Number | None
     refused: Count
-    each: list[Number | None]
+    each: Annotated[list[Number | None], Rounded(7)]
 
 
 class Scatter(Stored):
@@ -101,8 +102,8 @@ class StoredFloor(Stored):
     done: Count
     errors: list[Error]
     scatter: list[Scatter]
-    drawn: Numbers = Field(default_factory=list)
-    paths: dict[str, Line] = Field(default_factory=dict)
+    drawn: Annotated[Numbers, Rounded(6)] = Field(default_factory=list)
+    paths: dict[str, Annotated[Line, Rounded(4)]] = Field(default_factory=dict)
 
 
 class SimulatedRobot(Stored):

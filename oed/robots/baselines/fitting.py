@@ -15,14 +15,23 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 
 BISECTIONS = 20
+"""Halvings between two sizes: to a millionth of their difference."""
 REFINEMENTS = 18
+"""Halvings of the largest size that fits: to 4e-6 of the step between sizes scanned."""
 SCANNED = 24
+"""Sizes scanned close together, a quarter apart: a room's narrow passages allow sizes in between."""
 SCANNED_RATIO = 200.0
+"""The largest over the smallest of these: below, a path is a two-hundredth of the room."""
 TAIL = 5
+"""Further sizes below those, for limits that allow small ones only."""
 TAIL_RATIO = 4.0
+"""Of each of these to the next."""
 MOST_LAPS = 50
+"""Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8
+"""Steps of the size in proportion to the length, which converge at once for most patterns."""
 LENGTH_PRECISION = 1e-6
+"""Share of a length that is missed at most by these."""
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,19 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 SPEED_STEPS = 8
+"""Newton steps on a move's speeds; without slip the first one is exact."""
 BEYOND = 1e3
 """How many times the speeds that would do without slip are the most that are tried."""
 SLOWER = 12
 """Halvings of a move's speeds after which it counts as impossible."""
 SEARCH_STEPS = 40
+"""Damped Newton steps for steering angles at most."""
 STARTS = 9
 """Steering angles from which a move's is searched, per steered wheel."""
 LARGEST_STEP = 0.5
 """Change of a steering angle [rad] in one step of the search."""
 FOUND = 1e-9
+"""Change of the steering angles [rad] at which they are found."""
 MADE = 1e-4
 """Share of a move's speeds by which the inputs found may miss them."""
 

@@ -15,6 +15,7 @@ from oed.robots.baselines.schedule import least_samples, starts, stretched
 from oed.robots.baselines.suitability import largest_size, refusal
 
 STREAM = 17
+"""Of random paths: their draws are independent of all others of a seed."""
 
 
 def baselines(problem: Problem, name: str, *, length: float | None = None, seed: int = 0) -> list[Solution]:

@@ -111,7 +111,9 @@ PATTERNS: dict[str, Pattern] = {
 }
 """The patterns by the names that studies call them; a new one is a function above and its name here."""
 RANDOM = "random"
+"""Name of the baseline that is no pattern."""
 NAMES: tuple[str, ...] = (*PATTERNS, RANDOM)
+"""What a study may call a baseline."""
 if TYPE_CHECKING:
     BaselineName = str
 else:

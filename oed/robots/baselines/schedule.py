@@ -215,6 +215,11 @@ def most(value: float, low: float, high: float) -> float:
     """The largest factor for which factor * value stays in [low, high].
 
     A forbidden sign is as if allowed, so that the drive exists and its evaluation names the limit.
+
+    Args:
+        value: what is scaled.
+        low: least value allowed.
+        high: largest value allowed.
     """
     bound = (high if value > 0 else -low) or max(abs(low), abs(high))
     return math.inf if value == 0 else abs(bound / value)

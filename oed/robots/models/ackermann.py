@@ -8,14 +8,14 @@ from typing import Annotated, Literal
 import casadi as ca
 from pydantic import Field
 
-from oed.foundation.quantities import Angle, Ratio
+from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
 from oed.robots.models.model import Model
-from oed.robots.models.wheels import PositiveLength
+from oed.robots.models.wheels import SteeredGeometry
 
 
-class Ackermann(Model):
+class Ackermann(SteeredGeometry, Model):
     """Rear wheels of `wheel_radius` [m], driven; front wheels steered `wheelbase` [m] ahead of them.
 
     The origin is the middle of the rear axle. The steering angle that acts is `steering_gain` times the
@@ -23,9 +23,6 @@ class Ackermann(Model):
     """
 
     kind: Literal["ackermann"] = "ackermann"
-    wheel_radius: PositiveLength
-    wheelbase: PositiveLength
-    steering_offset: Angle = 0.0
     steering_gain: Annotated[Ratio, Field(gt=0)] = 1.0
 
     @property
@@ -39,19 +36,9 @@ class Ackermann(Model):
         )
 
     @property
-    def body_width(self) -> float:
-        """That of a car of such a wheelbase [m]."""
-        return 0.6 * self.wheelbase
-
-    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius, wheelbase [m], steering_offset [rad], steering_gain [1]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("wheelbase", self.wheelbase, "m"),
-            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
-            Parameter("steering_gain", self.steering_gain, ""),
-        )
+        return (*self.geometry_parameters, Parameter("steering_gain", self.steering_gain, ""))
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed V = r w, 0, yaw rate V tan(delta) / L [Rajamani, Vehicle Dynamics, 2.2]."""

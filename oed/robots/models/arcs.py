@@ -45,6 +45,12 @@ def chord(
 
     `arc` is exact for a constant twist: the chord of the arc has length factor sinc(T Omega / 2).
     `midpoint` is the paper's rule, gain T [Choi, eq. 8].
+
+    Args:
+        yaw_rate: of the period [rad/s].
+        heading: at its begin [rad].
+        period: [s].
+        integration: the rule.
     """
     half_turn = 0.5 * period * yaw_rate
     gain = period * sinc(half_turn) if integration == "arc" else period + 0 * half_turn
@@ -56,6 +62,11 @@ def between(first: Array, last: Array, shares: Array) -> Array:
 
     The chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the whole chord, turned
     back by (1 - s) a/2; states other than x and y change evenly.
+
+    Args:
+        first: state (states,).
+        last: state (states,).
+        shares: of the time between them, (k,).
     """
     found: Array = first + shares[:, None] * (last - first)
     turn = last[2] - first[2]
@@ -67,7 +78,13 @@ def between(first: Array, last: Array, shares: Array) -> Array:
 
 
 def mean_speeds(poses: Array, period: float, integration: Integration) -> Array:
-    """Mean speed of each period (N,) [m/s] between poses (N + 1, states): along its arc, or its chord."""
+    """Mean speed of each period (N,) [m/s] between poses (N + 1, states): along its arc, or its chord.
+
+    Args:
+        poses: (N + 1, states).
+        period: [s].
+        integration: the rule they were integrated by.
+    """
     x, y, angle = np.diff(poses[:, :3], axis=0).T
     speed = np.hypot(x, y) / period
     if integration == "arc":
@@ -87,7 +104,14 @@ def moves(poses: Array) -> tuple[Array, Array]:
 
 
 def signed_speeds(poses: Array, period: float, integration: Integration, sideways: bool) -> Array:
-    """Mean speed of each period (N,) [m/s], negative backwards; of a robot that drives sideways never."""
+    """Mean speed of each period (N,) [m/s], negative backwards; of a robot that drives sideways never.
+
+    Args:
+        poses: (N + 1, states).
+        period: [s].
+        integration: the rule they were integrated by.
+        sideways: whether the robot drives sideways.
+    """
     speeds = mean_speeds(poses, period, integration)
     return speeds if sideways else np.where(moves(poses)[0] >= 0, speeds, -speeds)
 

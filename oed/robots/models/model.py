@@ -69,7 +69,7 @@ class Model(Component, System):
         return self._integration
 
     def system(self, rule: Integration) -> Self:
-        """The same robot with the rule by which its pose follows from its twist.
+        """This robot with the rule by which its pose follows from its twist.
 
         Args:
             rule: "arc", exact for a twist that is constant over a period, or "midpoint", the paper's
@@ -113,6 +113,12 @@ class Model(Component, System):
 
         What the robot makes, from `state` on, of the `twist` (3,) that its inputs ask for; by default just
         that. Heading and pose follow from it.
+
+        Args:
+            state: at the begin of the period, (states,).
+            twist: that the inputs ask for, (3,).
+            parameters: values, (p,), SI.
+            period: [s].
         """
         return twist
 
@@ -122,6 +128,12 @@ class Model(Component, System):
         """Next values of the states after (x, y, heading), for a period's mean twist (3,), of `period` [s].
 
         A period of no time changes nothing, and has finite derivatives.
+
+        Args:
+            state: at the begin of the period, (states,).
+            twist: mean twist of the period, (3,).
+            parameters: values, (p,), SI.
+            period: [s].
         """
         return ca.SX(0, 1)
 
@@ -226,7 +238,7 @@ class Model(Component, System):
         return self.integration == "arc" and not follows_state(self)
 
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """The same robot with other nominal values of parameters, SI.
+        """This robot with other nominal values of parameters, SI.
 
         Raises:
             ValueError: no such parameter, or a value that the robot cannot have.
@@ -307,7 +319,7 @@ class CoefficientRobot(Model):
 
     @property
     def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Their units."""
+        """SI units of the states."""
         return self.base.state_units
 
     @property
@@ -331,19 +343,19 @@ class CoefficientRobot(Model):
         return ca.reshape(parameters, columns, rows).T
 
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
-        """As the base robot's at its nominal constants."""
+        """Inputs as they act on the ground at the base robot's nominal constants."""
         return self.base.effective_inputs(inputs, ca.DM(self.base.nominal))
 
     def mean_twist(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:
-        """As the base robot's at its nominal constants."""
+        """The constant twist of a period at the base robot's nominal constants."""
         return self.base.mean_twist(state, twist, ca.DM(self.base.nominal), period)
 
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression
     ) -> Expression:
-        """As the base robot's at its nominal constants."""
+        """Next values of the further states at the base robot's nominal constants."""
         return self.base.internal_step(state, twist, ca.DM(self.base.nominal), period)
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
@@ -383,6 +395,11 @@ def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) 
     """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
 
     A third row of c gives the lateral speed, which is 0 without it.
+
+    Args:
+        model: the robot.
+        inputs: of one sample, (inputs,), SI.
+        parameters: values, (p,), SI.
     """
     product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
     return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])

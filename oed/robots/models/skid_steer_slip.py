@@ -82,7 +82,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
 
     @property
     def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Their units."""
+        """SI units of the states."""
         return ("m", "m", "rad", *(() if self.yaw_lag is None else ("rad/s",)))
 
     @property

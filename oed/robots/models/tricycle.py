@@ -6,14 +6,13 @@ from typing import ClassVar, Literal
 
 import casadi as ca
 
-from oed.foundation.quantities import Angle
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
 from oed.robots.models.model import Model
-from oed.robots.models.wheels import PositiveLength
+from oed.robots.models.wheels import SteeredGeometry
 
 
-class Tricycle(Model):
+class Tricycle(SteeredGeometry, Model):
     """A wheel of `wheel_radius` [m], driven and steered, `wheelbase` [m] ahead of the free wheels' axle.
 
     The origin is the middle of that axle. The steering angle that acts is the commanded one plus
@@ -21,27 +20,15 @@ class Tricycle(Model):
     """
 
     kind: Literal["tricycle"] = "tricycle"
-    wheel_radius: PositiveLength
-    wheelbase: PositiveLength
-    steering_offset: Angle = 0.0
     inputs: ClassVar[tuple[Input, ...]] = (
         Input("wheel_speed", "wheel_speed", "rad/s"),
         Input("steering_angle", "steering_angle", "rad"),
     )
 
     @property
-    def body_width(self) -> float:
-        """That of a cart of such a wheelbase [m]."""
-        return 0.6 * self.wheelbase
-
-    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius, wheelbase [m], steering_offset [rad]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("wheelbase", self.wheelbase, "m"),
-            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
-        )
+        return self.geometry_parameters
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed r w cos(delta), 0, yaw rate r w sin(delta) / L, of the steered wheel's velocity

@@ -1,4 +1,4 @@
-"""What two-sided wheeled robots have in common: their inputs, their geometry, the paper's matrix c."""
+"""What wheeled robots have in common: inputs and geometry of two sides or a steered axle, the matrix c."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.quantities import Length
+from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
 
@@ -68,10 +68,40 @@ class TwoSidedGeometry(Component):
         )
 
 
+class SteeredGeometry(Component):
+    """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
+    the steering is off, `steering_offset` [rad].
+    """
+
+    wheel_radius: PositiveLength
+    wheelbase: PositiveLength
+    steering_offset: Angle = 0.0
+
+    @property
+    def body_width(self) -> float:
+        """That of a cart of such a wheelbase [m]."""
+        return 0.6 * self.wheelbase
+
+    @property
+    def geometry_parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius, wheelbase [m], steering_offset [rad]."""
+        return (
+            Parameter("wheel_radius", self.wheel_radius, "m"),
+            Parameter("wheelbase", self.wheelbase, "m"),
+            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
+        )
+
+
 def two_sided_coefficients(
     radius_right: Expression, radius_left: Expression, track: Expression
 ) -> Expression:
-    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
+    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6].
+
+    Args:
+        radius_right: [m].
+        radius_left: [m].
+        track: [m].
+    """
     return ca.vertcat(
         ca.horzcat(radius_right / track, -radius_left / track),
         ca.horzcat(radius_right / 2, radius_left / 2),

@@ -26,6 +26,7 @@ Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
 UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
+"""SI units of what poses have."""
 AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
 
 
@@ -83,6 +84,12 @@ class AbsoluteNoise(Component):
     ) -> Array:
         """Errors (n, q) of poses at `speeds` [m/s] and `yaw_rates` [rad/s], both (n,); none where a
         quantity has no noise.
+
+        Args:
+            quantities: of "x", "y", "heading", q of them.
+            speeds: of the robot's origin [m/s], (n,).
+            yaw_rates: [rad/s], (n,).
+            rng: of the draws.
         """
         standard = rng.normal(size=(len(speeds), len(quantities)))
         if self.covariance is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from oed.estimation.methods.fitting import Fitting
 from oed.foundation.errors import Flaw, ProblemError
@@ -51,8 +50,8 @@ def run_trial(
     seed: int,
     workers: Workers | None,
     progress: Progress,
-) -> dict[str, Any]:
-    """A record's `physics`; of an interrupted trial what had been done by then, marked so.
+) -> Outcome:
+    """What a trial finds; of an interrupted one what had been done by then, marked so.
 
     Args:
         problem: the study's own robot, and what to design for.
@@ -79,7 +78,7 @@ def run_trial(
         _drive(bench, trial, found, workers or default_workers(), progress)
     except KeyboardInterrupt:
         interrupted = True
-    return Outcome(trial, models, tuple(planned), fits, found, seed).data(interrupted=interrupted)
+    return Outcome(trial, models, tuple(planned), fits, found, seed, interrupted)
 
 
 def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:

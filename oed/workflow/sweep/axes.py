@@ -11,7 +11,9 @@ from oed.foundation.errors import StudyError, UserMistake
 from oed.study.yaml_source import parse_yaml
 
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D.*)?")
+"""A number, and its unit if it has one."""
 FORM = "expected KEY=V1,V2,... [UNIT], e.g. 'limits.wheel_speed=5,10,20 rad/s'"
+"""What is expected of a key and its values."""
 
 
 @dataclass(frozen=True)

@@ -27,31 +27,16 @@ from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
 FILE = "sweep.json"
+"""Name of the file that holds the table of points."""
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
 INCOMPARABLE = ("criterion", "estimate", "measurement")
 """Parts of a study with which the meaning of its objective changes."""
 
 
-def sweep(
-    file: str | Path,
-    axes: Sequence[Axis],
-    out: str | Path,
-    *,
-    seed: int | None = None,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Any]:
-    """Run a study at every combination of values; returns what sweep.json holds.
-
-    As `swept`, which says where it is saved.
-    """
-    return swept(file, axes, out, seed=seed, workers=workers, progress=progress).data
-
-
 @dataclass(frozen=True)
 class Swept:
-    """A sweep: what it found, and the folder where it is saved; None where it is nowhere."""
+    """A sweep that was run: what it found, and the folder where it is saved; None where it is nowhere."""
 
     found: StoredSweep
     folder: Path | None = None
@@ -62,7 +47,7 @@ class Swept:
         return self.found.plain()
 
 
-def swept(
+def sweep(
     file: str | Path,
     axes: Sequence[Axis],
     out: str | Path,
@@ -92,7 +77,7 @@ def swept(
     """
     points, listener = grid(str(file), axes), progress or Silent()
     with drafted(out) as draft:
-        done = _Sweep(points, draft, seed, lambda sweep: sweep.table(Path(file), axes))
+        done = _Sweep(points, draft, seed, lambda work: work.table(Path(file), axes))
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
 

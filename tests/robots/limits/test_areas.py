@@ -70,8 +70,8 @@ def test_slack_in_a_room_is_the_distance_from_its_outline(name: str, radius: flo
     tolerance = 1e-3 * 1.5 if outline is None else 1e-6
     np.testing.assert_allclose(found[inside], truth[inside] - radius, atol=tolerance)
     assert np.all(found[~inside] < 1e-9 - radius)
-    allowed = [room.allows(x, y, radius) for x, y in points[::9]]
-    np.testing.assert_array_equal(allowed, found[::9] >= -1e-9)
+    allowed = [room.allows(x, y, radius) for x, y in points[::31]]
+    np.testing.assert_array_equal(allowed, found[::31] >= -1e-9)
 
 
 @pytest.mark.slow

@@ -98,6 +98,7 @@ def test_the_echo_is_the_same_study(folder: Path):
     assert again.problem.model == study.problem.model
 
 
+@pytest.mark.slow
 def test_it_is_solved_whatever_the_number_of_workers(folder: Path):
     study = load(folder)
     found = [oed.solve(study.problem, study.solvers[0], seed=1, workers=workers) for workers in (1, 2)]
@@ -188,6 +189,7 @@ class TestVelocityCommands:
         assert (low >= 0).all()
         assert (high >= 0).all()
 
+    @pytest.mark.slow
     def test_a_drive_is_found_that_keeps_them(self, folder: Path):
         study = self.load(folder, "body_speed: 0.4 m/s, yaw_rate: 1 rad/s")
         found = oed.solve(study.problem, study.solvers[0], seed=1, workers=1)

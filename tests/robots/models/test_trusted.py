@@ -137,6 +137,7 @@ class TestCode:
         with pytest.raises(RecordError, match=r"study\.calibration\.models\.0\.robot: robots_of_.* is code"):
             recorded_study(load_record(folder))
 
+    @pytest.mark.slow
     def test_of_ones_own_run_needs_no_word(self, folder: Path):
         fresh = made(study_in(folder))
         assert fresh.file is None
@@ -224,6 +225,7 @@ class TestNames:
         with pytest.raises(StudyError, match="a name that files can have"):
             parse_study(text)
 
+    @pytest.mark.slow
     def test_a_report_writes_through_no_link(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
         save_record(made(parse_study(SMALL)), tmp_path / "own")
         (tmp_path / "elsewhere").mkdir()

@@ -222,7 +222,7 @@ class TestSensors:
     def test_the_nuisances_names(self):
         sensors = (named("unknown_arm").sensor, named("yaw_rate").sensor)
         names = [
-            row["name"] for row in nuisance_table(runs_problem(measurement=Several(sensors=sensors), runs=2))
+            row.name for row in nuisance_table(runs_problem(measurement=Several(sensors=sensors), runs=2))
         ]
         poses = [f"initial_pose_{run}.{state}" for run in (1, 2) for state in ("x", "y", "heading")]
         assert names == [*poses, "poses.lever_arm.x", "poses.lever_arm.y", "yaw_rate.bias"]
