@@ -21,7 +21,7 @@ from oed.report.parts.tables import Cell, Column, Table
 SAY = Prose("comparison")
 Named = tuple[str, Record]
 
-TOLD = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
+ASKED = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
@@ -72,7 +72,7 @@ def _criterion(criterion: Criterion) -> str:
 
 def _differences(records: Sequence[Named]) -> Section:
     # Only the keys in which the studies differ: what else they say is the same for all.
-    asked = [record.study.model_dump(mode="json", exclude_none=True, include=TOLD) for _, record in records]
+    asked = [record.study.model_dump(mode="json", exclude_none=True, include=ASKED) for _, record in records]
     flat = [_flattened(study) for study in asked]
     keys = sorted({key for study in flat for key in study})
     differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
@@ -137,7 +137,7 @@ def relative_deviations(record: Record) -> dict[str, float | None]:
 
 
 def _share(deviation: float | None, nominal: float) -> float | None:
-    # A parameter that is not told has an infinite deviation, one that is nominally 0 no share.
+    # A parameter that is not identifiable has an infinite deviation, one that is nominally 0 no share.
     if deviation is None:
         return math.inf
     return 100.0 * deviation / abs(nominal) if nominal else None

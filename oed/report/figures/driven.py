@@ -160,7 +160,7 @@ class Path:
     Attributes:
         title: the result's name.
         runs: one after the other.
-        feasible: whether the drive keeps every limit.
+        feasible: whether the drive satisfies every limit.
         sideways: whether the robot drives sideways as well, so that its heading has to be shown.
     """
 

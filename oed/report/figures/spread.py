@@ -81,12 +81,12 @@ class _Cloud:
         at = [one.parameters.index(axis.name) for axis in pair]
         factors, true = np.array([axis.factor for axis in pair]), np.array(one.true)[at]
         origin = np.where([axis.errors for axis in pair], true, 0.0)
-        promised, sampled = (
+        predicted, sampled = (
             np.outer(factors, factors) * np.array(covariance)[np.ix_(at, at)]
             for covariance in (one.predicted_covariance, one.sampled_covariance)
         )
         points = factors * (np.array(one.estimates)[:, at] - origin)
-        return cls(points, factors * (true - origin), (promised, sampled))
+        return cls(points, factors * (true - origin), (predicted, sampled))
 
 
 def clouds(drives: Sequence[Simulated], titles: Sequence[str], pair: Sequence[Estimated]) -> spec.Plot:

@@ -14,7 +14,7 @@ from oed.report.parts.inputs import Group, Series
 BEYOND = 0.3
 """How far beyond its limits a panel shows an input that breaks them, as a share of their width."""
 LABELS = 0.28
-"""Room for the labels of limits that all inputs keep."""
+"""Room for the labels of limits that all inputs satisfy."""
 LONG = 22
 """Letters of a legend's entry beyond which there are fewer of them on a line."""
 LONG_LINES = {"handlelength": 3.2}
@@ -71,8 +71,8 @@ def _ends(drives: Sequence[Series], bounds: Ends | None) -> Ends:
     if bounds is None:
         room = 0.06 * (high - low or 1.0)
         return low - room, high + room
-    kept = bounds[0] <= low + 1e-9 and high <= bounds[1] + 1e-9
-    room = (LABELS if kept else BEYOND) * (bounds[1] - bounds[0])
+    within = bounds[0] <= low + 1e-9 and high <= bounds[1] + 1e-9
+    room = (LABELS if within else BEYOND) * (bounds[1] - bounds[0])
     return bounds[0] - room, bounds[1] + room
 
 

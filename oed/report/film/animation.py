@@ -143,7 +143,7 @@ def driven_result(record: Record, name: str | None, place: Path) -> Result:
 
 
 def _mark(record: Record, names: Sequence[str]) -> str:
-    # Kept in the film, so that a report can tell whether it shows the drives of its record.
+    # Kept in the film, so that a report knows whether it shows the drives of its record.
     return MARK + json.dumps({"results": list(names), "drives": _digest(record, names)})
 
 
@@ -160,13 +160,13 @@ def with_film(section: Section, record: Record, folder: Path) -> Section:
     if section.animation is None:
         return section
     file = folder / NAME
-    told = _comment(file)
-    if told is None:
+    comment = _comment(file)
+    if comment is None:
         hint = (
             f"`oed animate` with this folder makes a film of it, `{NAME}`, which is then shown here as well."
         )
         return replace(section, paragraphs=(*section.paragraphs, hint))
-    found = _marked(told)
+    found = _marked(comment)
     if found is None:
         return replace(section, film=Film(file, "A film of the drive", f"The film in `{NAME}`."))
     names = list(map(str, found["results"]))

@@ -145,5 +145,5 @@ def _by_criterion(record: Record, result: Result) -> list[str]:
     objective = result.worth
     if objective is None or not math.isfinite(objective):
         return []
-    told = record.study.criterion.deviation(objective, len(judged(record)))
-    return [told] if told else []
+    said = record.study.criterion.deviation(objective, len(judged(record)))
+    return [said] if said else []

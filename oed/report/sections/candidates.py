@@ -79,7 +79,7 @@ class _Judge:
 
     @cached_property
     def best(self) -> float | None:
-        """That of the drives that keep every limit; of all where none does."""
+        """That of the drives that satisfy every limit; of all where none does."""
         kept = [one for one in self.results if one.feasible] or self.results
         largest = max((found for one in kept if (found := self.value(one)) is not None), default=-math.inf)
         return largest if math.isfinite(largest) else None

@@ -78,7 +78,7 @@ def _error_text(error: Error, best: bool) -> str:
 
 def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
     own = trial.models[0]
-    promised = {one.name: one.predicted or {} for one in trial.planned}
+    predicted = {one.name: one.predicted or {} for one in trial.planned}
     columns = (
         Column("friction"),
         Column("calibrated from"),
@@ -88,7 +88,7 @@ def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
         Column("predicted from noise alone", "%", fixed(3)),
     )
     rows = tuple(
-        (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, promised[one.drive]))
+        (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, predicted[one.drive]))
         for floor in floors
         for one in floor.scatter
         if one.fit == own.name
@@ -96,8 +96,8 @@ def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
     return Table(columns, rows, SAY("scatter", own.name))
 
 
-def _scatter_cells(one: Scatter, own: TriedModel, promised: Mapping[str, float | None]) -> tuple[Cell, ...]:
-    sizes = [(promised.get(parameter.name), parameter.scale) for parameter in own.parameters]
+def _scatter_cells(one: Scatter, own: TriedModel, predicted: Mapping[str, float | None]) -> tuple[Cell, ...]:
+    sizes = [(predicted.get(parameter.name), parameter.scale) for parameter in own.parameters]
     shares = [100 * size / scale for size, scale in sizes if size is not None]
     noise = float(np.sqrt(np.mean(np.square(shares)))) if len(shares) == len(sizes) else None
     total = one.total

@@ -98,7 +98,7 @@ def _compared(record: Record, winner: Result) -> str:
 
 
 def _usual(record: Record) -> Result | None:
-    # The square, which is what people drive to calibrate, or else the first baseline that tells all.
+    # The square, which is what people drive to calibrate, or else the first from which all is identifiable.
     baselines = [
         one
         for one in record.results

@@ -92,7 +92,7 @@ class _Estimated:
     shown: Unit
 
     @property
-    def promised(self) -> float:
+    def predicted(self) -> float:
         """Standard deviation [SI]."""
         return math.sqrt(self.drive.predicted_covariance[self.at][self.at])
 
@@ -104,7 +104,7 @@ class _Estimated:
     def value(self, values: Sequence[float]) -> str:
         """One of all parameters' values, to as many digits as show a hundredth of a deviation."""
         scale, _ = readable(1.0, self.unit)
-        hundredth = scale * self.promised / 100.0
+        hundredth = scale * self.predicted / 100.0
         write = fixed(max(0, math.ceil(-math.log10(hundredth))) if hundredth > 0 else 4)
         return write(scale * values[self.at])
 
@@ -125,7 +125,7 @@ def _side_by_side(record: Record, every: Sequence[Simulated], chosen: Simulated,
         Column("true", "", FOUR, lambda one: one.value(one.drive.true)),
         Column("mean estimate", "", FOUR, lambda one: one.value(one.drive.mean)),
         Column("deviations in", cell=lambda one: one.shown[0] or "1") if finer else None,
-        Column("predicted deviation", "", THREE, lambda one: one.shown[1] * one.promised),
+        Column("predicted deviation", "", THREE, lambda one: one.shown[1] * one.predicted),
         Column("simulated deviation", "", THREE, lambda one: one.shown[1] * one.sampled),
         Column(
             "variance, simulated/predicted", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
