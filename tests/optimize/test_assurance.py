@@ -28,7 +28,7 @@ RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"
 ROOM = Rectangle(x=(-0.4, 0.4), y=(-0.4, 0.4))
 QUICK = Ipopt(starts=1, perturbations=0, second_stage="none")
 DRAWS, CONFIDENCE, BETA = 300, 0.97, 1.2
-SCALES = np.linspace(1.0, 0.4, 16)
+SCALES = np.linspace(1.0, 0.4, 31)
 
 
 robust_problem = partial(
