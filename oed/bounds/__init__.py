@@ -178,7 +178,7 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
 def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound:
     method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
     assumptions = [SPEEDS, NO_ROOM]
-    if problem.robot.integration == "arc":
+    if robot_of(problem.system).integration == "arc":
         assumptions.append("arcs are at most as informative as chords of full length")
     return Bound(value, method, tuple(assumptions), found.multiplier)
 

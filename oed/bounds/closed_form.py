@@ -15,6 +15,7 @@ from oed.bounds.certificate import Bound
 from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
 from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 
 Array = npt.NDArray[np.float64]
@@ -89,7 +90,7 @@ def _direction_bounds(
     problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
 ) -> Iterator[Bound]:
     edges = _edges(problem, measurement)
-    count, arcs = len(edges) - 1, problem.robot.integration == "arc"
+    count, arcs = len(edges) - 1, robot_of(problem.system).integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
     variance = noise_of(problem, one) ** 2

@@ -35,7 +35,7 @@ def joint_bounds(problem: Problem) -> Iterator[Bound]:
         return
     weights = [float(precision or 0.0) for precision in precisions]
     (one,) = problem.any_estimations
-    if problem.robot.physical is not problem.robot:
+    if robot_of(problem.system).physical is not problem.system:
         yield from _circle_bound(problem, one, sensors, weights)
     else:
         yield from _size_bounds(problem, one, sensors, weights)
@@ -66,7 +66,7 @@ def _circle_bound(
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
     names = robot_of(problem.model).coefficient_names[1]
-    if rows is None or problem.robot.integration != "arc" or not set(names) <= set(one.judged):
+    if rows is None or robot_of(problem.system).integration != "arc" or not set(names) <= set(one.judged):
         return
     # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
     change = np.zeros(len(one.judged))
@@ -89,7 +89,7 @@ def _size_bounds(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
 ) -> Iterator[Bound]:
     # In m, or in m per something else.
-    lengths = [entry.name for entry in problem.robot.parameters if entry.unit.startswith("m")]
+    lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
     bounds = room(problem)
     if bounds is None or not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
         return

@@ -103,7 +103,7 @@ def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
     Then a step from a place farther out by the factor ends farther out by it, and nothing else changes:
     neither the heading nor any further state.
     """
-    robot = problem.robot
+    robot = robot_of(problem.system)
     if robot.physical is not robot:
         return False
     rng = np.random.default_rng(0)

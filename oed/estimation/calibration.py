@@ -191,7 +191,7 @@ class _Work:
         logs = _with_clocks(found.logs, fit)
         fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
         return Calibration(
-            robot=self.problem.robot,
+            robot=robot_of(self.problem.system),
             fit=fit,
             covariances=covariances,
             segmenting=segmenting,
@@ -217,11 +217,11 @@ class _Work:
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
         compare = self.options.clock_offset
-        return preprocess(self.problem.robot, thinned(logs), compare_clocks=compare)
+        return preprocess(robot_of(self.problem.system), thinned(logs), compare_clocks=compare)
 
     @cached_property
     def _fitting(self) -> Fitting:
-        robot = self.problem.robot
+        robot = robot_of(self.problem.system)
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         prior, measurement = self._prior(names), self.problem.measurement
         return Fitting(robot, names, measurement, self.options, prior)
@@ -258,7 +258,7 @@ class _Work:
 
     def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
         parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(self.problem.robot, logs, parameters, place, clocks)
+        return held_out(robot_of(self.problem.system), logs, parameters, place, clocks)
 
 
 def _odd_wheels(fit: Fit) -> list[str]:

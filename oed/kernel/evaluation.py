@@ -268,7 +268,7 @@ class _Scorer:
         problem, found = self.problem, list[Sequence[SquareRoot]]()
         if problem.robust is None or problem.robust.objective == "nominal":
             return [roots]
-        for parameters, shift in problem.judged_robots:
+        for parameters, shift in problem.judged_systems:
             given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
             results = [np.array(each) for each in self._jacobians.call(given)]
             jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.moved import Renamed
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
@@ -94,7 +95,7 @@ class Estimation:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Renamed):
     """What to design for: a system, the drives allowed, a measurement, limits and a criterion.
 
     Attributes:
@@ -142,16 +143,6 @@ class Problem:
     def system(self) -> System:
         """The system with the parameters to estimate: the model, or the same known by others."""
         return self.model.estimating(self.estimate or ())
-
-    @property
-    def robot(self) -> Any:
-        """System."""
-        return self.system
-
-    @property
-    def judged_robots(self) -> Any:
-        """Systems."""
-        return self.judged_systems
 
     @cached_property
     def objective(self) -> Criterion:

@@ -47,7 +47,7 @@ def trial_of(found: Outcome) -> StoredTrial:
 
 
 def _model(one: Candidate) -> TriedModel:
-    table = {entry.name: entry for entry in one.problem.robot.parameters}
+    table = {entry.name: entry for entry in one.problem.system.parameters}
     parameters = [
         Scaled.of(table[name], scale=table[name].scale or 1.0) for name in one.problem.estimate or table
     ]

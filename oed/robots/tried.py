@@ -125,7 +125,7 @@ def _try_criterion(criterion: Criterion, problem: Problem) -> None:
 
 def _try_limit(limit: Limit, problem: Problem) -> None:
     space = problem.design
-    drive = drive_shape(problem.robot, samples=space.samples, runs=space.runs, period=space.period)
+    drive = drive_shape(problem.system, samples=space.samples, runs=space.runs, period=space.period)
     rows = limit.rows(drive)
     _require("rows", rows, Rows)
     count = ca.MX(rows.expression).numel()

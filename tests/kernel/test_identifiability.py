@@ -573,7 +573,7 @@ class TestSimulation:
         ],
     )
     def test_nothing_changes(self, problem: Problem, twist, nominal, quantity: str, count: int):
-        names = [parameter.name for parameter in problem.robot.parameters]
+        names = [parameter.name for parameter in problem.system.parameters]
         readings = loops(twist, names, nominal, quantity)
         found = ambiguities(problem)
         assert len(found) == count

@@ -74,7 +74,7 @@ def jacobian_of(problem: Problem, drive: Trajectory) -> np.ndarray:
     """Derivatives of the whitened readings by parameters and nuisances."""
     inputs = ca.MX.sym("inputs", *drive.inputs.shape)
     start = ca.MX.sym("start", *drive.starts.shape)
-    model = problem.robot
+    model = problem.system
     rolled = roll_out(
         model,
         inputs=inputs,

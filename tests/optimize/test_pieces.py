@@ -308,7 +308,7 @@ def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
 def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
     rng = np.random.default_rng(0)
     assert (pieces.size, pieces.sizes) == (whole.size, whole.sizes)
-    if follows_state(problem.robot):
+    if follows_state(problem.system):
         # A sample by itself does not know that its state is linear in earlier inputs.
         assert np.all(np.array(whole.linear)[pieces.linear])
     else:

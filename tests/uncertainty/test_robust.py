@@ -183,10 +183,10 @@ def widths(case: Case, problem: Problem) -> np.ndarray:
 def backed_off(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distances (k, G) of the nominal robot, and their back-off above and below."""
     rolled = roll_out(
-        problem.robot,
+        problem.system,
         inputs=ca.DM(drive.inputs),
         start=ca.DM(drive.starts),
-        parameters=ca.DM(problem.robot.nominal),
+        parameters=ca.DM(problem.system.nominal),
         period=ca.DM(drive.period),
         refine=FINE,
         runs=drive.runs,
@@ -220,7 +220,7 @@ def compared(name: str, kind: str) -> tuple[np.ndarray, np.ndarray, float, int]:
     for side in (high, low):
         assert np.allclose(side, kept) or not side.any()
     (limit,) = [one for one in problem.limits if isinstance(one, PathLimit)]
-    size = limit.rows_at(ca.DM(drive.starts), problem.robot).size
+    size = limit.rows_at(ca.DM(drive.starts), problem.system).size
     return kept, exact[order], size, len(sizes) if kind == "tube" else 1
 
 

@@ -56,7 +56,7 @@ class Terms(ABC):
     @cached_property
     def drive(self) -> Drive:
         """The drive of the nominal robot, written out (SX of `unknowns`)."""
-        space, robot = self.problem.design, self.problem.robot
+        space, robot = self.problem.design, self.problem.system
         coefficients = self.coefficients
         return roll_out(
             robot,
@@ -167,10 +167,10 @@ def small_drive(problem: Problem, held: Expression, start: Expression, refine: i
         refine: points of the path per sample.
     """
     return roll_out(
-        problem.robot,
+        problem.system,
         inputs=held,
         start=start,
-        parameters=ca.SX(ca.DM(problem.robot.nominal)),
+        parameters=ca.SX(ca.DM(problem.system.nominal)),
         period=ca.SX(problem.design.period),
         refine=refine,
     )

@@ -47,7 +47,7 @@ class Cell:
         refine: int = 1,
     ) -> None:
         """Write the sample; its path is limited at `refine` points."""
-        robot, self.states = problem.robot, len(problem.robot.states)
+        robot, self.states = problem.system, len(problem.system.states)
         self.limits, self.asked = [limit for limit, _ in limits], [asked for _, asked in limits]
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = problem.measurement.joint_sensors
@@ -185,7 +185,7 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
         if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
-    count, states = len(problem.robot.parameters), len(problem.robot.states)
+    count, states = len(problem.system.parameters), len(problem.system.states)
     columns = [*estimated(problem), *range(count, count + states)]
     last = ca.densify(drive.sensitivities[:, -(count + states) :])
     return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
@@ -195,7 +195,7 @@ def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Information of what those sensors read at the first instant of a drive of one sample.
     sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
     joint = joint_readings(sensors, drive)
-    chosen = [*estimated(problem), *range(len(problem.robot.parameters), joint.white_jacobian.shape[1])]
+    chosen = [*estimated(problem), *range(len(problem.system.parameters), joint.white_jacobian.shape[1])]
     total, first = ca.SX(len(chosen), len(chosen)), 0
     for place, (sensor, one) in enumerate(zip(sensors, joint.each, strict=True)):
         rows = range(first, first + _at_first(sensor, one.white_response.shape[0]))

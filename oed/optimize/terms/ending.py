@@ -20,7 +20,7 @@ class Ending:
     def __init__(self, problem: Problem, link: Link, size: int, scale: Sequence[float]) -> None:
         """Write it."""
         state = ca.SX.sym("state", link.width)
-        held = ca.SX.sym("held", len(problem.robot.inputs))
+        held = ca.SX.sym("held", len(problem.system.inputs))
         gathered = read_end(problem, ca.DM(list(scale)) * held, state[: link.states])
         carry = link.carry
         turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.table(state[link.states :]))

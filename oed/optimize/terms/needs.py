@@ -100,7 +100,7 @@ def _on_splines(problem: Problem, limit: Limit, coefficients: Expression) -> Row
     # Rows that are linear in the splines, and look neither at what is held in a sample nor at a state.
     if limit.looks_at != "inputs":
         return None
-    robot = problem.robot
+    robot = problem.system
     held, start = ca.SX.sym("held", 1, len(robot.inputs)), ca.SX.sym("start", len(robot.states))
     drive = small_drive(problem, held, start)
     rows = limit.rows(splines_of(problem, drive, coefficients))
@@ -135,7 +135,7 @@ SAMPLES = 2
 
 def _numbers(problem: Problem, refine: int) -> Drive:
     # A drive of two samples with any numbers as its path and motion; nobody may ask for splines.
-    rng, robot = np.random.default_rng(0), problem.robot
+    rng, robot = np.random.default_rng(0), problem.system
     shape = (SAMPLES, len(robot.inputs))
     low, high = problem.input_bounds.T
     held = _number(rng.uniform(low / 2, high / 2, shape))

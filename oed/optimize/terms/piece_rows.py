@@ -73,7 +73,7 @@ class PieceRows:
     @cached_property
     def first(self) -> Expression:
         """Rows of a run's first instant, of the start state `start_symbol` (none where starts are fixed)."""
-        drive = small_drive(self._problem, ca.SX(1, len(self._problem.robot.inputs)), self.start_symbol)
+        drive = small_drive(self._problem, ca.SX(1, len(self._problem.system.inputs)), self.start_symbol)
         begin = replace(drive, path=drive.path[0, :])
         both = zip(self._cell.limits, self._cell.asked, strict=True)
         rows = [limit.rows(begin) for limit, asked in both if asked.first and self._free]
@@ -82,7 +82,7 @@ class PieceRows:
     @cached_property
     def start_symbol(self) -> Expression:
         """A start state (SX)."""
-        return ca.SX.sym("start", len(self._problem.robot.states))
+        return ca.SX.sym("start", len(self._problem.system.states))
 
     def _pooled(self, unknowns: Expression, tables: Sequence[Rows]) -> Pool:
         stacked = ca.densify(ca.vertcat(ca.SX(0, 1), *(rows.expression for rows in tables)))

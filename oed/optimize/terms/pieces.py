@@ -36,7 +36,7 @@ def divisible(problem: Problem) -> Layout | None:
     cuts = problem.measurement.cuts(space.samples)
     if problem.robust is not None or cuts is None or not problem.system.states:
         return None
-    inputs, divisor = len(problem.robot.inputs), None if cuts.segment == 1 else cuts.segment
+    inputs, divisor = len(problem.system.inputs), None if cuts.segment == 1 else cuts.segment
     return best_layout(space, inputs, multiple=cuts.multiple, divisor=divisor)
 
 
@@ -111,5 +111,5 @@ def _carry(problem: Problem, kernel: Kernel, totals: Totals) -> Carry:
         states=kernel.states,
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),
-        started=bool(start_nuisances(sensors, problem.robot)),
+        started=bool(start_nuisances(sensors, problem.system)),
     )

@@ -53,7 +53,7 @@ class Totals:
     @cached_property
     def _blocks(self) -> dict[str, tuple[int, int]]:
         # Of a regression: rows of one group and columns of every block, judged or not.
-        robot, regression = self.problem.robot, self._cuts.regression
+        robot, regression = self.problem.system, self._cuts.regression
         assert regression is not None
         held, start = ca.SX(1, len(robot.inputs)), ca.SX(len(robot.states), 1)
         blocks = regression.blocks(small_drive(self.problem, held, start))
@@ -100,7 +100,7 @@ class Totals:
         problem, runs = self.problem, self.problem.design.runs
         (one,) = problem.any_estimations
         nuisances, places = one.block.nuisances, estimated(problem)
-        begun = len(start_nuisances(self.sensors, problem.robot, runs)) // runs
+        begun = len(start_nuisances(self.sensors, problem.system, runs)) // runs
         count, own = len(places), len(nuisances) - runs * begun
         total = ca.SX.zeros(count + len(nuisances), count + len(nuisances))
         for run, part in enumerate(ca.vertsplit(sums, sums.shape[0] // runs)):

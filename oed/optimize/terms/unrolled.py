@@ -94,8 +94,8 @@ class OtherRobots:
     def __init__(self, problem: Problem, terms: Unrolled) -> None:
         """Write the expressions; functions are compiled when first used."""
         drive, z = terms.drive, terms.unknowns
-        parameters = ca.SX.sym("p", len(problem.robot.parameters))
-        shift = ca.SX.sym("shift", problem.design.runs, len(problem.robot.states))
+        parameters = ca.SX.sym("p", len(problem.system.parameters))
+        shift = ca.SX.sym("shift", problem.design.runs, len(problem.system.states))
         begin, _ = drive.ends_of(drive.states)
         other = drive.again(parameters, begin + shift)
         matrices = ca.cse([one.matrix for one in problem.estimations(other)])

@@ -59,7 +59,7 @@ class Formulas:
     def __init__(self, terms: Terms, limits: Sequence[int]) -> None:
         """Write them, of the limits at these places among the problem's."""
         problem = terms.problem
-        space, robot = problem.design, problem.robot
+        space, robot = problem.design, problem.system
         after = ca.SX.sym("after", space.all_samples, len(robot.states))
         held = ca.SX.sym("held", space.all_samples, len(robot.inputs))
         ends = ca.vertsplit(after, space.samples)

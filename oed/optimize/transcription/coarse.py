@@ -49,7 +49,7 @@ class Grid:
         """
         self.problem = problem
         # Corrections are of one robot.
-        alone = len(problem.judged_robots) == 1
+        alone = len(problem.judged_systems) == 1
         own = coarsened(problem, coarse_samples(problem, samples)) if alone else problem
         self.coarse = own is not problem
         self.design = DesignExpressions(own, refine, differentiated=differentiated)
@@ -129,7 +129,7 @@ class FineGrid:
 
     def __init__(self, problem: Problem, design: DesignExpressions) -> None:
         """Write the expressions and compile them."""
-        self._design, space, robot = design, problem.design, problem.robot
+        self._design, space, robot = design, problem.design, problem.system
         self._sampled = space.sampling_matrix[:, space.free_rows]
         inputs = ca.MX.sym("inputs", space.all_samples, len(robot.inputs))
         start = ca.MX.sym("start", space.runs, len(robot.states))

@@ -43,7 +43,7 @@ class DesignExpressions:
         self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
-        symbols = [ca.SX.sym("entries", count) for _ in problem.judged_robots]
+        symbols = [ca.SX.sym("entries", count) for _ in problem.judged_systems]
         self.entries = ca.vertcat(*symbols)
         self.robots = [symmetric_all(own, self.sizes) for own in symbols]
 
@@ -76,10 +76,10 @@ class DesignExpressions:
     @cached_property
     def others(self) -> list[tuple[int, Array, Array]]:
         """Robots judged that are not the nominal one: place, parameters (p,), shift of the start states."""
-        nominal = np.array(self.problem.robot.nominal)
+        nominal = np.array(self.problem.system.nominal)
         return [
             (place, parameters, shift)
-            for place, (parameters, shift) in enumerate(self.problem.judged_robots)
+            for place, (parameters, shift) in enumerate(self.problem.judged_systems)
             if shift.any() or not np.array_equal(parameters, nominal)
         ]
 

@@ -45,7 +45,7 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
 
 def start_bounds(design: DesignExpressions) -> Array:
     """Bounds (k * runs, 2) of free start states: what limits say of them, else all angles, and a place."""
-    robot, known = design.problem.robot, dict[str, tuple[float, float]]()
+    robot, known = design.problem.system, dict[str, tuple[float, float]]()
     for limit in design.problem.limits:
         for state, (low, high) in limit.state_bounds().items():
             least, most = known.get(state, (-np.inf, np.inf))

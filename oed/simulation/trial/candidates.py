@@ -11,6 +11,7 @@ from oed.estimation.setup.options import CalibrationOptions, Method
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
+from oed.robots.models.model import robot_of
 from oed.robots.sensors import LeverArm, Poses
 from oed.simulation.trial.options import Trial
 from oed.simulation.trial.paths import drive_flaw
@@ -35,7 +36,7 @@ class Candidate:
         # Loaded late: to check a study is not to calibrate.
         from oed.estimation.methods.fitting import Fitting
 
-        robot = self.problem.robot
+        robot = robot_of(self.problem.system)
         names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
         segment = options.segment if method == "joint" else "auto"
         chosen = options.model_copy(update={"method": method, "segment": segment})
@@ -108,8 +109,8 @@ def _drive_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
 
 
 def _method_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
-    if "two_stage" in trial.methods and not problem.robot.coefficient_names:
-        text = f"{problem.robot.kind} has no coefficients, which two_stage estimates"
+    if "two_stage" in trial.methods and not robot_of(problem.system).coefficient_names:
+        text = f"{label_of(problem.system)} has no coefficients, which two_stage estimates"
         yield Flaw(("physics", "methods", trial.methods.index("two_stage")), text)
 
 
