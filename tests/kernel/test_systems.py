@@ -84,7 +84,7 @@ def space(**keys) -> oed.SignalSpace:
     return oed.SignalSpace(**{**usual, "rest_to_rest": False, **keys})
 
 
-def problem_of(**parts) -> oed.Problem:
+def lag_problem(**parts) -> oed.Problem:
     usual = {
         "model": Lag(),
         "design": space(),
@@ -119,7 +119,7 @@ def a_drive(problem: oed.Problem, seed: int = 0) -> oed.Trajectory:
 
 class TestLag:
     def test_information_is_that_of_differences(self):
-        problem = problem_of()
+        problem = lag_problem()
         drive = a_drive(problem)
         found = oed.evaluate(problem, drive)
         assert found.objective == pytest.approx(np.linalg.slogdet(plain_information(drive))[1], abs=1e-6)
@@ -127,19 +127,19 @@ class TestLag:
         assert found.path_length == 0
 
     def test_it_starts_where_the_space_says(self):
-        problem = problem_of(design=space(start=(0.7,)))
+        problem = lag_problem(design=space(start=(0.7,)))
         drive = a_drive(problem)
         found = oed.evaluate(problem, drive)
         assert found.objective == pytest.approx(np.linalg.slogdet(plain_information(drive, 0.7))[1], abs=1e-6)
 
     def test_a_start_that_is_not_known_is_a_nuisance(self):
-        problem = problem_of(measurement=Level(begun="unknown"))
+        problem = lag_problem(measurement=Level(begun="unknown"))
         assert [one.name for one in problem.any_estimations[0].block.nuisances] == ["start.level"]
-        known = oed.evaluate(problem_of(), a_drive(problem)).objective
+        known = oed.evaluate(lag_problem(), a_drive(problem)).objective
         assert oed.evaluate(problem, a_drive(problem)).objective < known
 
     def test_a_design_beats_every_step_and_pulse(self):
-        problem = problem_of()
+        problem = lag_problem()
         found = oed.solve(problem, oed.Ipopt(starts=4), seed=0)
         assert found.status.usable
         assert found.evaluation.feasible
@@ -153,7 +153,7 @@ class TestLag:
 
     @pytest.mark.parametrize("solver", [oed.Ipopt(starts=2), oed.Genetic(population=20, generations=10)])
     def test_limits_on_states_hold_at_all_times(self, solver):
-        problem = problem_of(limits=(Voltage(bounds=(0.0, 1.0)), Brim(height=1.2)))
+        problem = lag_problem(limits=(Voltage(bounds=(0.0, 1.0)), Brim(height=1.2)))
         found = oed.solve(problem, solver, seed=0)
         assert found.evaluation.feasible
         margin = next(one for one in found.evaluation.margins if one.name == "brim")
@@ -162,14 +162,14 @@ class TestLag:
 
     @pytest.mark.slow
     def test_its_start_may_be_chosen(self):
-        problem = problem_of(design=space(start="free"))
+        problem = lag_problem(design=space(start="free"))
         found = oed.solve(problem, oed.Ipopt(starts=3), seed=0)
-        fixed = oed.solve(problem_of(), oed.Ipopt(starts=3), seed=0)
+        fixed = oed.solve(lag_problem(), oed.Ipopt(starts=3), seed=0)
         assert found.trajectory.starts.shape == (1, 1)
         assert found.evaluation.objective >= fixed.evaluation.objective - 1e-6
 
     def test_several_runs(self):
-        problem = problem_of(design=space(runs=2, start=((0.0,), (1.0,))))
+        problem = lag_problem(design=space(runs=2, start=((0.0,), (1.0,))))
         found = oed.solve(problem, oed.Ipopt(starts=2), seed=0)
         assert found.trajectory.starts.tolist() == [[0.0], [1.0]]
         assert found.evaluation.feasible
@@ -178,30 +178,30 @@ class TestLag:
         with pytest.raises(
             ProblemError, match=r"expected some of the system's parameters \(gain, tau\), got mass"
         ):
-            problem_of(estimate=("mass",))
+            lag_problem(estimate=("mass",))
 
     def test_an_input_that_nothing_bounds(self):
         with pytest.raises(ProblemError, match="nothing bounds voltage; add a limit on voltage"):
-            problem_of(limits=())
+            lag_problem(limits=())
 
     def test_limits_of_robots_are_for_robots(self):
         room = oed.Rectangle(x=(-1, 1), y=(-1, 1))
         with pytest.raises((ProblemError, UserMistake), match="Lag is no robot"):
-            problem_of(limits=(Voltage(bounds=(0.0, 1.0)), room))
+            lag_problem(limits=(Voltage(bounds=(0.0, 1.0)), room))
 
     def test_predictions_are_of_its_states(self):
         leg = {"inputs": [1.0], "duration": 2.0}
-        problem = problem_of(criterion=oed.G(test_drive=[leg], quantity="level"))
+        problem = lag_problem(criterion=oed.G(test_drive=[leg], quantity="level"))
         drive = a_drive(problem)
         slope = np.array([1 - exp(-2 / TAU), -GAIN * exp(-2 / TAU) * 2 / TAU**2]) * [GAIN, TAU]
         variance = slope @ np.linalg.solve(plain_information(drive), slope)
         assert oed.evaluate(problem, drive).objective == pytest.approx(-variance, rel=1e-5)
         with pytest.raises(ProblemError, match="expected one of level; got 'heading'"):
-            problem_of(criterion=oed.G(test_drive=[leg], quantity="heading"))
+            lag_problem(criterion=oed.G(test_drive=[leg], quantity="heading"))
 
     @pytest.mark.slow
     def test_uncertain_lags_keep_to_the_brim(self):
-        problem = problem_of(
+        problem = lag_problem(
             limits=(Voltage(bounds=(0.0, 1.0)), Brim(height=1.2)),
             uncertainty=oed.Uncertainty(within={"gain": "10 %"}),
             robust=oed.Robust(),
@@ -211,7 +211,7 @@ class TestLag:
         assert found.violation.probability <= 0.05
 
     def test_no_bound_is_claimed_of_what_the_bounds_do_not_know(self):
-        certificate = oed.bound(problem_of(criterion=oed.E()))
+        certificate = oed.bound(lag_problem(criterion=oed.E()))
         assert certificate.upper_bound == np.inf
 
 
@@ -240,7 +240,7 @@ class Force(Level):
 
 
 def test_a_response_without_states():
-    problem = problem_of(model=Product(), measurement=Force())
+    problem = lag_problem(model=Product(), measurement=Force())
     drive = a_drive(problem)
     held = drive.inputs[:, 0]
     table = np.stack([held, held**2], axis=1) * [GAIN, 0.5] / NOISE
