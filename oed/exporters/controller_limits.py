@@ -15,7 +15,7 @@ def controller_limits(model: Model, sides: Sides, limits: Iterable[Limit]) -> di
     """The groups `linear` and `angular` of the controller's parameters; {} where no limit is known.
 
     The limits on body speed and yaw rate themselves, and the largest that the limits on the wheels allow: a
-    straight, and a turn on the spot. At both at once the wheels may still be asked for more than they can.
+    straight, and a turn in place. At both at once the wheels may still be asked for more than they can.
     The controller's limit on acceleration makes ramps of the steps between commands.
 
     Args:

@@ -61,7 +61,7 @@ def _wheels(_: Model, values: Values) -> Sides:
 
 
 def _slipping(robot: Model, values: Values) -> Sides:
-    # Turning on the spot and straight ahead both sides have the mean slip.
+    # Turning in place and straight ahead both sides have the mean slip.
     left = 1 - (values["slip_outer"] + values["slip_inner"]) / 2
     wheels = _wheels(robot, values)
     return Sides(wheels.radius_right * left, wheels.radius_left * left, wheels.separation)
@@ -83,7 +83,7 @@ KINDS: dict[type[Model], _Kind] = {
         {"slip_outer": 0.0, "slip_inner": 0.0},
         (
             "The radii are effective ones, less the mean slip of both sides, and the separation is the",
-            "effective track of turning on the spot: exact there and straight ahead, not in turns between.",
+            "effective track of turning in place: exact there and straight ahead, not in turns between.",
         ),
     ),
     SkidSteerIcr: _Kind(
@@ -91,7 +91,7 @@ KINDS: dict[type[Model], _Kind] = {
         {"alpha_right": 1.0, "alpha_left": 1.0},
         (
             "The radii are effective ones (the wheel's times alpha), and the separation is the effective",
-            "track of turning on the spot: the distance of the sides' centres of rotation. The controller's",
+            "track of turning in place: the distance of the sides' centres of rotation. The controller's",
             "pose is that of the point midway between these centres.",
         ),
     ),

@@ -1,5 +1,5 @@
 """Problems of many samples on fewer: a spline has far fewer coefficients than a drive has samples, so that a
-coarser grid tells nearly as much of it.
+coarser grid is nearly as informative.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from oed.kernel.problem import Problem
 MOST = 600
 """Samples per run up to which all of them are searched on."""
 USUAL = 400
-"""Samples per run of a coarse grid: so many that paths hardly leave the limits between them."""
+"""Samples per run of a coarse grid: so many that paths hardly violate limits between them."""
 PER_COEFFICIENT = 12
 """Samples that a spline coefficient needs for a coarse grid to see its shape."""
 OFTEN = 50

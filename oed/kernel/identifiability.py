@@ -1,6 +1,6 @@
-"""Can the parameters be told apart at all? Asked before a search, and answered in words.
+"""Are the parameters identifiable at all? Asked before a search, and answered in words.
 
-A combination of parameters that no drive tells is a null vector of the information of several random
+A combination of parameters that no drive identifies is a null vector of the information of several random
 drives together, the start states and all nuisances eliminated.
 """
 
@@ -23,7 +23,7 @@ from oed.kernel.problem import Estimation, Problem
 Array = npt.NDArray[np.float64]
 
 DRIVES = 6
-"""Random drives whose information is added up: what none of them tells, no drive does."""
+"""Random drives whose information is added up: what none of them identifies, no drive does."""
 STEP = 0.01
 """Change of the first parameter, relative to its nominal value, by which a combination is described."""
 NEGLIGIBLE = 1e-5
@@ -32,7 +32,7 @@ NEGLIGIBLE = 1e-5
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """A combination of parameters that no drive tells.
+    """A combination of parameters that no drive identifies.
 
     Attributes:
         changes: of the parameters, SI, that together change nothing that is measured.
@@ -54,16 +54,16 @@ class Ambiguity:
             for name in names
         ]
         return (
-            f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart: changing "
+            f"{', '.join(names[:-1])} and {names[-1]} cannot be identified separately: changing "
             f"{', '.join(phrases[:-1])} and {phrases[-1]} together changes nothing that is measured"
         )
 
 
 def require_identifiable(problem: Problem) -> None:
-    """Refuse a problem whose parameters no drive tells apart.
+    """Refuse a problem whose parameters no drive identifies.
 
     Raises:
-        ProblemError: names every combination that cannot be told, and what to do.
+        ProblemError: names every combination that is not identifiable, and what to do.
     """
     found = ambiguities(problem)
     if not found:
@@ -74,22 +74,22 @@ def require_identifiable(problem: Problem) -> None:
 
 
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
-    """Every combination of parameters that no drive of the design space tells, of those that the criterion
-    judges; () if all is told that it asks about.
+    """Every combination of parameters that no drive of the space identifies, of those that the criterion
+    judges; () if all is identifiable that it asks about.
 
-    Drives of many samples are tried on fewer: as many readings of the same splines tell the same apart.
+    Drives of many samples are tried on fewer: as many readings of the same splines identify the same.
     """
     own = as_well_read(problem)
     if own is not problem:
         with contextlib.suppress(NotFinite):
-            found = _untold(own, drives)
-            # Long steps may lead a robot's further states astray.
+            found = _hidden(own, drives)
+            # Long steps may lead a system's further states astray.
             if not found or len(problem.system.states) == problem.system.chosen_states:
                 return found
-    return _untold(problem, drives)
+    return _hidden(problem, drives)
 
 
-def _untold(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
+def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     rng = np.random.default_rng(0)
     found = _informed(problem, [_random_drive(problem, rng) for _ in range(drives)])
     pairs = [
@@ -103,7 +103,7 @@ def _untold(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
 
 
 def _informed(problem: Problem, drives: Sequence[Trajectory]) -> list[dict[str, SquareRoot]]:
-    # Of those that are finite: a robot at its fastest may go beyond all bounds. Where none is, why not.
+    # Of those that are finite: a system at its fastest may go beyond all bounds. Where none is, why not.
     found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
     for drive in drives:
         try:

@@ -146,11 +146,11 @@ class Problem(Renamed):
 
     @cached_property
     def objective(self) -> Criterion:
-        """The criterion, told which parameters it judges."""
-        return self.told(self.criterion)
+        """The criterion of the parameters that it judges."""
+        return self.judging(self.criterion)
 
-    def told(self, criterion: Criterion) -> Criterion:
-        """Any criterion of the same scaling and subset, told which parameters it judges."""
+    def judging(self, criterion: Criterion) -> Criterion:
+        """Any criterion of the same scaling and subset, of the parameters that it judges."""
         return criterion.about(self._subject)
 
     @cached_property
@@ -292,7 +292,7 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
     """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none.
 
     Args:
-        prior: what is known beforehand.
+        prior: of the parameters.
         block: of readings.
         names: p of its parameters.
     """

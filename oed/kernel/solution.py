@@ -56,14 +56,14 @@ _SENTENCES = {
     Status.SCORED: "Scored as given; nothing was optimised.",
     Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
     Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
-    Status.SINGULAR: "No drive found tells all parameters apart that the criterion asks about; "
+    Status.SINGULAR: "No drive found makes all parameters identifiable that the criterion asks about; "
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
 }
 
 
 NOMINAL = "nominal"
-"""Name of a robust study's search without any reserve."""
+"""Name of a robust study's search without any back-off."""
 BEST_YET = "This is the best design found until then."
 NOTHING_YET = "No design had been found by then."
 
@@ -126,8 +126,8 @@ class Solution(Renamed):
     @property
     def message(self) -> str:
         """The status in words, with what is special to this search."""
-        told = "" if self.violation is None else self.violation.sentence
-        return " ".join(filter(None, [self.status.sentence, self.detail, told]))
+        said = "" if self.violation is None else self.violation.sentence
+        return " ".join(filter(None, [self.status.sentence, self.detail, said]))
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

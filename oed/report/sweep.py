@@ -101,7 +101,7 @@ def _summary_row(found: StoredSweep, one: SweptPoint) -> tuple[Cell, ...]:
 
 
 def charted(found: StoredSweep, quantity: str, values: Mapping[str, float | None]) -> Chart | None:
-    """Values by the points' folders over the key that tells most; None where they cannot be drawn.
+    """Values by the points' folders over the key that changes most; None where they cannot be drawn.
 
     That is the numeric key of most values, or that of most words where none is numeric.
     """

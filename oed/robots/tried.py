@@ -113,7 +113,7 @@ def _try_criterion(criterion: Criterion, problem: Problem) -> None:
     if criterion.kind in [one.model_fields["kind"].default for one in CRITERIA]:
         raise ValueError(f"kind: expected a name of its own, got {criterion.kind!r}, which is another one's")
     sizes = [len(one.judged) for one in problem.any_estimations]
-    about = problem.told(criterion)
+    about = problem.judging(criterion)
     value = np.asarray(about.value([np.eye(size) for size in sizes]), dtype=float)
     if value.shape != () or np.isnan(value):
         raise ValueError(f"value: expected one number for one matrix of each block, got {written(value)}")

@@ -298,7 +298,7 @@ def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -
         same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
         # The same information serves every criterion that sees the parameters alike.
         value = (
-            float(problem.told(criterion).judge(list(evaluation.square_roots.values())))
+            float(problem.judging(criterion).judge(list(evaluation.square_roots.values())))
             if same
             else evaluate(replace(problem, criterion=criterion), trajectory).objective
         )

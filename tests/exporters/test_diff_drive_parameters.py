@@ -236,8 +236,8 @@ class TestExport:
             export(folder, "ros2_yaml")
 
     def test_what_slips_is_said(self):
-        assert "effective track of turning on the spot" in comment(diff_drive_parameters(SKID))
-        assert "effective track of turning on the spot" in comment(diff_drive_parameters(ICR))
+        assert "effective track of turning in place" in comment(diff_drive_parameters(SKID))
+        assert "effective track of turning in place" in comment(diff_drive_parameters(ICR))
 
     def test_no_text_breaks_out_of_the_comment(self):
         text = diff_drive_parameters(DIFFERENTIAL, about=["Study: two\nlines: [\n"])

@@ -208,7 +208,7 @@ class TestSlipLaws:
         assert names_of(posed_problem(model=SKID)) == [
             ("wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner")
         ]
-        with pytest.raises(ProblemError, match="slip_outer and slip_inner cannot be told apart"):
+        with pytest.raises(ProblemError, match="slip_outer and slip_inner cannot be identified separately"):
             require_identifiable(posed_problem(model=SKID))
 
     @pytest.mark.parametrize(
@@ -423,7 +423,7 @@ class TestWords:
     def test_a_common_factor(self):
         (found,) = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO))
         assert str(found) == (
-            "wheel_radius_right, wheel_radius_left and track cannot be told apart: changing "
+            "wheel_radius_right, wheel_radius_left and track cannot be identified separately: changing "
             "wheel_radius_right by +1 %, wheel_radius_left by +1 % and track by +1 % together "
             "changes nothing that is measured"
         )
@@ -433,7 +433,7 @@ class TestWords:
         # A slip of -5 % that becomes -3.95 % is 21 % smaller.
         (found,) = ambiguities(posed_problem(model=SlipOfEachSide()))
         assert str(found) == (
-            "radius, slip_right and slip_left cannot be told apart: changing radius by +1 %, "
+            "radius, slip_right and slip_left cannot be identified separately: changing radius by +1 %, "
             "slip_right by +9 % and slip_left by -21 % together changes nothing that is measured"
         )
 
@@ -634,7 +634,7 @@ class TestSolve:
 
     @pytest.mark.parametrize("solver", [Untouched(), Ipopt(), None], ids=["any", "ipopt", "default"])
     def test_it_is_refused_before(self, solver: Solver | None):
-        with pytest.raises(ProblemError, match="cannot be told apart"):
+        with pytest.raises(ProblemError, match="cannot be identified separately"):
             oed.solve(posed_problem(model=SKID), solver)
 
     def test_what_can_be_told_is_searched(self):
@@ -645,7 +645,7 @@ class TestSolve:
         alone = E(subset=("track",))
         with pytest.raises(AssertionError, match="the search has begun"):
             oed.solve(posed_problem(model=SKID), Untouched(criterion=alone))
-        with pytest.raises(ProblemError, match="cannot be told apart"):
+        with pytest.raises(ProblemError, match="cannot be identified separately"):
             oed.solve(posed_problem(model=SKID, criterion=alone), Untouched(criterion=D()))
 
 

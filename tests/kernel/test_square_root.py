@@ -324,7 +324,7 @@ def test_what_no_drive_tells_is_said_by_every_criterion(criterion: Criterion):
     assert solution.status is Status.SINGULAR
     assert (solution.trajectory, solution.evaluation) == (None, None)
     assert solution.message.startswith(
-        "No drive found tells all parameters apart that the criterion asks about"
+        "No drive found makes all parameters identifiable that the criterion asks about"
     )
 
 

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 BAD = 0.3
 """Share of the motion that may be left unexplained before a wiring fault is looked for."""
 BETTER = 0.3
-"""A suspicion is raised where it leaves at most this share of what is left otherwise."""
+"""Crossed wires are suspected where they leave at most this share of what is left otherwise."""
 SIZES = (0.75, 0.85, 1.0, 1.15, 1.35)
 """Factors of a wheel's size that are tried before a fault is looked for."""
 BARELY = {"turn": 0.02, "distance": 0.01}

@@ -30,7 +30,7 @@ class Excess:
     Attributes:
         size: of the limit.
         sensitive: whether the rows look at sensitivities.
-        per_metre: what the rows change by at most per metre that the mean speed of a period tells.
+        per_metre: what the rows change by at most per metre that the mean speed of a period says.
         by_splines: whether they look at the inputs' splines between the middles of the periods.
     """
 
@@ -48,7 +48,7 @@ class Excess:
         Args:
             rows_of: an instant's.
             system: that is driven.
-            per_metre: what the rows change by at most per metre that the mean speed of a period tells.
+            per_metre: what the rows change by at most per metre that the mean speed of a period says.
             sensitive: whether the rows look at sensitivities.
             run: of which run the instants are.
 

@@ -188,8 +188,8 @@ def gap_of(size: float, found: Array) -> Array:
 
 
 def change_per_metre(limit: PathLimit, system: System) -> float:
-    """What a limit's rows change by at most per metre that the system's mean speed tells of a period.
+    """What a limit's rows change by at most per metre that the system's mean speed says of a period.
 
-    Infinite for systems that may go farther within a period than their mean velocity tells.
+    Infinite for systems that may go farther within a period than their mean velocity says.
     """
     return limit.per_metre if system.as_far_as_velocity else np.inf

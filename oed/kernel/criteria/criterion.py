@@ -130,7 +130,7 @@ class Criterion(Component, ABC):
         return value - (1.0 - share) * abs(value)
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
-        """How many repetitions of the best design tell as much as one of this; `size` parameters in all.
+        """How many repetitions of the best design inform as one of this does; `size` parameters in all.
 
         None where repeating a design does not change the criterion.
 

@@ -127,8 +127,8 @@ class Prediction(RootCriterion):
 
     def deviation(self, value: float, size: int) -> str:
         """That of a prediction."""
-        told = deviation_text(math.sqrt(-value), UNITS_BY_NAME.get(self.quantity, ""))
-        return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {told}"
+        text = deviation_text(math.sqrt(-value), UNITS_BY_NAME.get(self.quantity, ""))
+        return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {text}"
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's variance to this one's."""

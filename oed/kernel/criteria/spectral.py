@@ -74,9 +74,9 @@ class ModifiedE(RootCriterion):
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """-lambda_max / lambda_min, minus infinity where some combination is not identifiable."""
-        told = self.identifiable(information)
-        ratios = [root.largest / np.where(told, root.smallest, 1.0) for root in information]
-        return np.where(told, -np.max(ratios, axis=0), -np.inf)
+        known = self.identifiable(information)
+        ratios = [root.largest / np.where(known, root.smallest, 1.0) for root in information]
+        return np.where(known, -np.max(ratios, axis=0), -np.inf)
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -k with I <= s_b F_b <= k I for every block b."""

@@ -81,5 +81,5 @@ class A(RootCriterion):
 
 def _mean(criterion: Criterion, name: str, deviation: float, size: int) -> str:
     # Of one parameter, or of parameters in different units, a mean says nothing.
-    told = criterion.scaling == "relative" and size > 1
-    return f"the {name} is {quantity(100 * deviation, '%')}" if told else ""
+    relative = criterion.scaling == "relative" and size > 1
+    return f"the {name} is {quantity(100 * deviation, '%')}" if relative else ""

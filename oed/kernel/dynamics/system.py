@@ -171,7 +171,7 @@ class System(ABC):
 
     @property
     def as_far_as_velocity(self) -> bool:
-        """Whether within a period it goes no farther than its mean velocity tells, wherever it turns."""
+        """Whether within a period it goes no farther than its mean velocity says, wherever it turns."""
         return False
 
     @property

@@ -41,14 +41,14 @@ def noise_text(whitening: Expression, units: Sequence[str]) -> str:
     inverse = np.linalg.inv(np.asarray(ca.evalf(whitening), dtype=float))
     covariance = inverse @ inverse.T
     sizes = np.sqrt(np.diag(covariance))
-    told = deviations_text(*dict.fromkeys(_sizes(sizes, units)))
+    text = deviations_text(*dict.fromkeys(_sizes(sizes, units)))
     shared = covariance / np.outer(sizes, sizes) - np.eye(len(sizes))
-    return f"correlated noise ({told})" if np.abs(shared).max() > UNCORRELATED else told
+    return f"correlated noise ({text})" if np.abs(shared).max() > UNCORRELATED else text
 
 
-def deviations_text(*told: str) -> str:
+def deviations_text(*sizes: str) -> str:
     """Standard deviations, each in words: `a standard deviation of 5 cm`."""
-    text = listing(told)
+    text = listing(sizes)
     return f"standard deviations of {text}" if " and " in text else f"a standard deviation of {text}"
 
 

@@ -95,7 +95,7 @@ def square_root(
 def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list[int]:
     # Columns of parameters that, changed by as much as they are, change the readings by less than the largest
     # change of another is rounded by, whether that is to be estimated or known: motions that cancel, as of a
-    # robot that goes sideways, leave that much. And columns whose entries are sums that cancel themselves.
+    # system that goes sideways, leave that much. And columns whose entries are sums that cancel themselves.
     sizes = scale_factors(block, "relative")
     lengths = np.linalg.norm(jacobian[:, : len(sizes)], axis=0)
     lost = (lengths * sizes <= FAINT * (lengths * sizes).max(initial=0.0)) & (sizes > 0)
@@ -123,7 +123,7 @@ def _columns(block: Block, names: Sequence[str]) -> list[int]:
 
 
 def _known(block: Block, width: int, prior: Array | None) -> Array:
-    # What is known beforehand as further rows: of the parameters, and of nuisances with a deviation.
+    # Priors as further rows: of the parameters, and of nuisances with a deviation.
     first = width - len(block.nuisances)
     deviations = [(first + index, each.deviation) for index, each in enumerate(block.nuisances)]
     own = [np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None]

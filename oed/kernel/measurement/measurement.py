@@ -35,7 +35,7 @@ class Nuisance:
         name: "start.x", "gyroscope.bias", ...
         nominal: value designed for, SI.
         unit: SI unit.
-        deviation: standard deviation known beforehand, SI; None where nothing is known.
+        deviation: standard deviation of its prior, SI; None where there is none.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Block:
         information: on chosen unknowns, by their indices among these, the others known: W' K^-1 W of their
             columns, with the noise's covariance noise^2 K.
         noise: standard deviation that the information is still to be divided by, None where not known.
-        nuisances: what is estimated along.
+        nuisances: the nuisance parameters.
         raw: whether `scaling: none` leaves the noise out, as the paper does.
         sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
         summed: (1, p) of every parameter's column the most that its entries are if nothing cancels: sums of

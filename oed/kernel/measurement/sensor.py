@@ -93,7 +93,7 @@ class Sensor(Measurement):
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Constants of the sensor's own that are estimated along."""
+        """Constants of the sensor's own that are nuisance parameters."""
         return ()
 
     @property

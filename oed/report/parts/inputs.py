@@ -54,7 +54,7 @@ class Group:
 
     @property
     def short_names(self) -> list[str]:
-        """What tells the inputs apart: `right` and `left`."""
+        """What distinguishes the inputs: `right` and `left`."""
         return [words(one).removeprefix("wheel speed ").removeprefix("steering angle ") for one in self.names]
 
     def own_bounds(self, record: Record) -> dict[str, Bounds]:

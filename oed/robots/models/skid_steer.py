@@ -26,7 +26,7 @@ class SkidSteer(TwoSidedGeometry, Model):
 
     The outer side is the one farther from the turn's centre: the one whose wheels turn faster, whatever
     the direction of travel. The two sides exchange roles over `slip_transition` [rad/s] of difference, as
-    tanh, so that derivatives exist; on a straight and in a spin on the spot both have the mean slip.
+    tanh, so that derivatives exist; on a straight and in a spin in place both have the mean slip.
     """
 
     kind: Literal["skid_steer"] = "skid_steer"

@@ -16,7 +16,7 @@ from oed.kernel.measurement.sensor import Moment, Sensor, Start
 
 
 class PosePrior(Component):
-    """How well the initial pose is known beforehand: standard deviations [m, rad].
+    """A prior of the initial pose: standard deviations [m, rad].
 
     `heading` is that of a trailer's angle as well; of a yaw rate that lags nothing is taken to be known.
     """

@@ -26,7 +26,7 @@ class Motion:
         times: (n,) [s], from 0.
         wheel_angles: turned since then by the right and the left wheels, as encoders on the motors see them,
             (n, 2) [rad]; of two wheels on a side the mean.
-        poses: x, y, heading of the robot's origin, (n, 3); headings run on.
+        poses: x, y, heading of the robot's origin, (n, 3); headings unwrapped.
         wheel_speeds: commanded, right and left, each held for `period`, (N, 2) [rad/s].
         period: [s].
     """
