@@ -12,7 +12,7 @@ import numpy.typing as npt
 from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_on, gap
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.joint import joint_bounds
-from oed.bounds.motion import largest_rates, unslipped
+from oed.bounds.reach import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory

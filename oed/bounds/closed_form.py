@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
-from oed.bounds.motion import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
+from oed.bounds.reach import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
 from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.models.model import robot_of

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
-from oed.bounds.motion import coefficient_rows, room, scales_lengths, top_speeds
+from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
 from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor

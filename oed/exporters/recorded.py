@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.records.record import Record
-from oed.records.stored.result import Drive
+from oed.records.stored.result import StoredDrive
 
 Array = npt.NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def _turned(vectors: Array, angles: Array) -> Array:
     return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def motions_of(record: Record, drive: Drive, period: float) -> list[RecordedMotion]:
+def motions_of(record: Record, drive: StoredDrive, period: float) -> list[RecordedMotion]:
     """The motion in every run of a drive.
 
     Args:

@@ -17,11 +17,11 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.records.record import FILE, Record
 from oed.records.recorded_study import recorded_study
-from oed.records.stored.result import Drive, Result
+from oed.records.stored.result import Result, StoredDrive
 from oed.robots.models import PythonRobot
 from oed.robots.models.model import robot_of
 
-MOST = 1_000_000
+MOST_COMMANDS = 1_000_000
 """Commands of one run; more are a mistyped rate."""
 
 
@@ -97,7 +97,7 @@ class Request:
         return self._drive.trajectory
 
     @property
-    def _drive(self) -> Drive:
+    def _drive(self) -> StoredDrive:
         drive = self.entry.drive
         if drive is None:
             names = ", ".join(one.name for one in self.record.results if one.drive is not None)
@@ -113,9 +113,9 @@ class Request:
             UserMistake: a rate that makes too many commands.
         """
         drive = self.trajectory
-        if self.rate is not None and self.rate * drive.duration / drive.runs > MOST:
-            text = f"{self.rate:g} Hz would be more than {MOST} commands in {drive.duration / drive.runs:g} s"
-            raise UserMistake(f"rate: {text}")
+        if self.rate is not None and self.rate * drive.duration / drive.runs > MOST_COMMANDS:
+            text = f"more than {MOST_COMMANDS} commands in {drive.duration / drive.runs:g} s"
+            raise UserMistake(f"rate: {self.rate:g} Hz would be {text}")
         model = self.vehicle.model
         if model is not None:
             return modelled(model.system(self.record.study.trajectory.integration), drive, self.rate)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from oed.exporters.recorded import motions_of
 from oed.foundation.errors import FileFlaw, RecordError
 from oed.records.record import FILE, Record
-from oed.records.stored.result import Drive
+from oed.records.stored.result import StoredDrive
 from oed.robots.models import Input, Model, moves_sideways
 
 POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
@@ -42,7 +42,7 @@ def vehicle_of(model: Model) -> Vehicle:
     return Vehicle(model.inputs, model.states, model.state_units, moves_sideways(model), model)
 
 
-def recorded_vehicle(record: Record, drive: Drive) -> Vehicle:
+def recorded_vehicle(record: Record, drive: StoredDrive) -> Vehicle:
     """A robot as its record has it.
 
     Raises:

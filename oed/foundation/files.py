@@ -18,7 +18,7 @@ LEADS_OUT = "a link that leads out of the folder"
 """What is wrong with a link."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What is wrong with a place that was a good one when the work began."""
-MOST = 256 * 2**20
+MOST_FILE_BYTES = 256 * 2**20
 """Bytes of a file that is read; the largest records have a hundredth of it."""
 PIECE = 2**16
 """Bytes that are read at once of a file of unknown size."""
@@ -26,7 +26,7 @@ SPECIAL = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 """What is neither a file nor a folder, in words; the rest are devices."""
 
 
-def read_bytes(file: str | Path, most: int = MOST) -> bytes:
+def read_bytes(file: str | Path, most: int = MOST_FILE_BYTES) -> bytes:
     """What a file holds. What is none is not even opened: pipes wait for ever, and devices never end.
 
     Raises:
@@ -51,7 +51,7 @@ def read_bytes(file: str | Path, most: int = MOST) -> bytes:
     return data
 
 
-def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST) -> str:
+def read_text(file: str | Path, encoding: str = "utf-8", most: int = MOST_FILE_BYTES) -> str:
     """The text that a file holds; every line ends in a line feed.
 
     Args:
@@ -70,7 +70,7 @@ def text_of(
     file: str | Path,
     refusal: type[FileError],
     encoding: str = "utf-8",
-    most: int = MOST,
+    most: int = MOST_FILE_BYTES,
     absent: str = "no such file",
 ) -> str:
     """The text that a file holds, or an error in words.

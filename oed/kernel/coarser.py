@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from oed.kernel.problem import Problem
 
-MOST = 600
+MOST_SEARCHED = 600
 """Samples per run up to which all of them are searched on."""
 USUAL = 400
 """Samples per run of a coarse grid: so many that paths hardly violate limits between them."""
@@ -24,7 +24,7 @@ def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
     """
     space, multiple = problem.design, problem.measurement.grid_multiple
     usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
-    if wanted is None and space.samples <= usual * MOST // USUAL:
+    if wanted is None and space.samples <= usual * MOST_SEARCHED // USUAL:
         return space.samples
     return -(-usual // multiple) * multiple
 

@@ -13,10 +13,10 @@ from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
-from oed.logs.drive import Drive, to_logs
+from oed.logs.drive import RecordedDrive, to_logs
 from oed.logs.form import LogForm
+from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.log import Finding, Log
-from oed.logs.motion import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.series import Gathered, Series
 from oed.logs.tables.columns import Short
 
@@ -130,7 +130,9 @@ class BagForm(LogForm):
             raise LogError(flaws)
         return series, turned
 
-    def _drive(self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series) -> Drive:
+    def _drive(
+        self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series
+    ) -> RecordedDrive:
         times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
         if not len(times):
             text = "the joints of the inputs were logged one after the other, not at the same time"
@@ -139,7 +141,7 @@ class BagForm(LogForm):
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
         wraps = sum(turned.wraps for _, turned in inputs)
         text = f"joint angles began anew {wraps} times; unwrapped"
-        return Drive(
+        return RecordedDrive(
             name=file.stem,
             names=model.input_names,
             inputs=Series(str(file), first.clock, times, values, lines, "message"),

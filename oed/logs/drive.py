@@ -25,7 +25,7 @@ STILL = 1e-3
 
 
 @dataclass(frozen=True)
-class Drive:
+class RecordedDrive:
     """One drive as it is in a file, in SI.
 
     Attributes:
@@ -59,7 +59,7 @@ class Drive:
         """Index of a quantity in the poses."""
         return self.quantities.index(quantity) if quantity in self.quantities else None
 
-    def with_found(self, *found: Finding | None) -> Drive:
+    def with_found(self, *found: Finding | None) -> RecordedDrive:
         """The drive with more findings."""
         return replace(self, found=(*self.found, *(one for one in found if one is not None)))
 
@@ -79,7 +79,7 @@ class Handling:
     skip_stationary: bool = False
 
 
-def to_log(drive: Drive, handling: Handling) -> Log:
+def to_log(drive: RecordedDrive, handling: Handling) -> Log:
     """Check a drive and make it a log.
 
     Raises:
@@ -102,7 +102,7 @@ def to_log(drive: Drive, handling: Handling) -> Log:
     return replace(_log(_with_poses_checked(_with_running_heading(drive))), gap=handling.gap)
 
 
-def _clock_flaws(drive: Drive) -> Iterator[FileFlaw]:
+def _clock_flaws(drive: RecordedDrive) -> Iterator[FileFlaw]:
     yield from _too_few(drive)
     yield from drive.inputs.clock_flaws()
     if not drive.one_clock:
@@ -113,7 +113,7 @@ def _clock_flaws(drive: Drive) -> Iterator[FileFlaw]:
     yield from drive.inputs.too_large(drive.names)
 
 
-def _too_few(drive: Drive) -> Iterator[FileFlaw]:
+def _too_few(drive: RecordedDrive) -> Iterator[FileFlaw]:
     for series, what in ((drive.inputs, "inputs"), (drive.poses, "poses")):
         if len(series) < FEWEST:
             line = int(series.lines[0]) if len(series) and series.counted == "line" else 0
@@ -131,7 +131,7 @@ def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
         yield poses.flaw(0, poses.clock, text)
 
 
-def _without_held(drive: Drive) -> Drive:
+def _without_held(drive: RecordedDrive) -> RecordedDrive:
     poses = drive.poses
     changed = np.concatenate([[True], np.any(np.diff(poses.values, axis=0) != 0, axis=1)])
     # What the wheels have turned since the pose last changed.
@@ -152,7 +152,7 @@ def _without_held(drive: Drive) -> Drive:
     return replace(drive, poses=kept).with_found(findings.held(kept, int(stale.sum()), len(poses)))
 
 
-def _without_standing(drive: Drive) -> Drive:
+def _without_standing(drive: RecordedDrive) -> RecordedDrive:
     first, last = findings.moving_span(drive.inputs, drive.driven)
     times = drive.inputs.times
     start, end = times[first] - MARGIN, times[last] + MARGIN
@@ -165,7 +165,7 @@ def _without_standing(drive: Drive) -> Drive:
     return replace(drive, inputs=from_start, poses=poses)
 
 
-def _with_gaps_found(drive: Drive, gap: float | None) -> Drive:
+def _with_gaps_found(drive: RecordedDrive, gap: float | None) -> RecordedDrive:
     bridged = bool(drive.bridged.all())
     same = np.array_equal(drive.inputs.times, drive.poses.times)
     inputs = findings.gap(drive.inputs, gap, "rows" if same else "inputs", doubtful=not bridged)
@@ -173,7 +173,7 @@ def _with_gaps_found(drive: Drive, gap: float | None) -> Drive:
     return drive.with_found(inputs, poses, findings.little_overlap(drive.inputs, drive.poses))
 
 
-def _with_running_heading(drive: Drive) -> Drive:
+def _with_running_heading(drive: RecordedDrive) -> RecordedDrive:
     place = drive.place("heading")
     if place is None:
         return drive
@@ -185,7 +185,7 @@ def _with_running_heading(drive: Drive) -> Drive:
     return replace(drive, poses=drive.poses.with_values(values)).with_found(found)
 
 
-def _with_poses_checked(drive: Drive) -> Drive:
+def _with_poses_checked(drive: RecordedDrive) -> RecordedDrive:
     x, y, heading = (drive.place(name) for name in ("x", "y", "heading"))
     poses = drive.poses
     positions = None if x is None or y is None else findings.pose_jump(poses, poses.values[:, [x, y]])
@@ -193,7 +193,7 @@ def _with_poses_checked(drive: Drive) -> Drive:
     return drive.with_found(positions, turns)
 
 
-def _log(drive: Drive) -> Log:
+def _log(drive: RecordedDrive) -> Log:
     return Log(
         name=drive.name,
         file=drive.inputs.file,
@@ -206,7 +206,7 @@ def _log(drive: Drive) -> Log:
     )
 
 
-def to_logs(drives: list[Drive], handling: Handling) -> list[Log]:
+def to_logs(drives: list[RecordedDrive], handling: Handling) -> list[Log]:
     """The logs of a file's drives.
 
     Raises:

@@ -26,7 +26,7 @@ from oed.optimize.population import Population
 from oed.optimize.solver import Context, Solver
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_drives, start_bounds
+from oed.optimize.transcription.starting_points import random_drives, start_bounds
 
 Array = npt.NDArray[np.float64]
 

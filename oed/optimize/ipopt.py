@@ -23,7 +23,7 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, S
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.local import Local, Settings, local_search, surely_better
 from oed.optimize.solver import Context, Solver
-from oed.optimize.transcription.starts import (
+from oed.optimize.transcription.starting_points import (
     SCREENED,
     Screening,
     perturbed,

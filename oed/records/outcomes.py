@@ -10,7 +10,7 @@ from oed.bounds import LOOSE, Certificate, gap
 from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.solution import Solution
 from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
-from oed.records.stored.result import NUMBERS, Covariance, Drive, Margin, Result
+from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.simulation import Simulated
 from oed.simulation import Validation
 
@@ -47,7 +47,7 @@ def result_of(
         # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
         drive=None
         if trajectory is None or evaluation is None
-        else Drive.of(trajectory, poses=evaluation.states),
+        else StoredDrive.of(trajectory, poses=evaluation.states),
         criteria=criteria or {},
     )
 

@@ -16,7 +16,7 @@ from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
 from oed.study.yaml_source import Source
 
-MOST = 200
+MOST_EXPLAINED = 200
 """Mistakes that are explained; where there are more, the file is hardly a study."""
 
 
@@ -32,7 +32,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     """
     reasons: dict[tuple[int, int, str], list[str]] = {}
     details = error.errors(include_url=False)
-    for detail in details[:MOST]:
+    for detail in details[:MOST_EXPLAINED]:
         place = _place(detail, source)
         texts = reasons.setdefault((place.line, place.column, place.key), [])
         text = sentence(detail, root)
@@ -40,8 +40,8 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
     left = [
-        _place(detail, source, f"and {len(details) - MOST} more mistakes")
-        for detail in details[MOST : MOST + 1]
+        _place(detail, source, f"and {len(details) - MOST_EXPLAINED} more mistakes")
+        for detail in details[MOST_EXPLAINED : MOST_EXPLAINED + 1]
     ]
     above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
     return [

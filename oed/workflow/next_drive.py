@@ -25,7 +25,7 @@ from oed.records.stored.estimate import Estimated
 from oed.robots.models import MODELS
 from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
-from oed.study.yaml_source import parse_yaml
+from oed.study.yaml_source import plain_source
 from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
@@ -251,7 +251,8 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     _stretch(data["trajectory"], duration)
     data.pop("validation", None)
     data.pop("physics", None)
-    return read_study(parse_yaml(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), STUDY))
+    text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+    return read_study(plain_source(STUDY, text, data))
 
 
 def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> None:

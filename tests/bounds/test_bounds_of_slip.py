@@ -10,7 +10,7 @@ from builders import RADIUS, TRACK, problem_of
 from test_soundness import check
 
 from oed.bounds import NOTHING, bound
-from oed.bounds.motion import coefficient_rows, grip, scales_lengths, top_speeds
+from oed.bounds.reach import coefficient_rows, grip, scales_lengths, top_speeds
 from oed.kernel.criteria import E
 from oed.kernel.problem import Problem
 from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed

@@ -12,7 +12,7 @@ from builders import ACCELERATION, BOX, SPEED, problem_of, random_drive
 from drives import KINDS, wanted_speeds, within_limits
 
 from oed.bounds import LATTICE, bound
-from oed.bounds.motion import largest_rates, room
+from oed.bounds.reach import largest_rates, room
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate

@@ -19,7 +19,7 @@ from oed.estimation import CalibrationOptions
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.prediction.layout import Layout, cut
+from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.setup.unknowns import Unknowns
 from oed.kernel.criteria import E
 from oed.logs.log import Log
@@ -312,7 +312,7 @@ def search_of(
 ) -> JointSearch:
     """A search over segments of logs, without anything known beforehand and without clocks unless told."""
     own = unknowns or unknowns_of()
-    layout: Layout = cut(logs, seconds, [0.0] * len(logs))
+    layout: SegmentLayout = cut(logs, seconds, [0.0] * len(logs))
     usual = {"offsets": np.zeros(len(layout.clocks)), "grows": False}
     return JointSearch(layout, own, **{**usual, **keys})
 

@@ -12,7 +12,7 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 
 from oed.estimation.methods import Nonlinear, Regression
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -150,7 +150,7 @@ class TestNonlinear:
 
     def test_a_run_is_a_segment(self):
         drive, readings = drive_of(), np.arange(8.0).reshape(2, 4)
-        layout = Layout.of_drive(drive, readings)
+        layout = SegmentLayout.of_drive(drive, readings)
         assert (layout.count, layout.periods, layout.quantities) == (2, 20, ())
         np.testing.assert_array_equal(layout.readings[..., 0], readings)
         assert layout.valid.all()

@@ -31,7 +31,7 @@ from windowed import gls
 
 from oed.cli.terminal.console import print_estimate
 from oed.estimation import Alternative, Comparison, DeadReckoning, HeldOut, calibrate
-from oed.estimation.assessment.likelihood import Likelihood, Readings, inflation
+from oed.estimation.assessment.likelihood import FittedReadings, Likelihood, inflation
 from oed.estimation.assessment.model_scores import SLIGHT, Compared, scored
 from oed.foundation.errors import ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
@@ -122,7 +122,7 @@ class TestLikelihood:
 
     def test_of_constant_noise_is_that_of_normal_residuals(self):
         fit = fit_of(self.LOGS)
-        readings = Readings.of([fit])
+        readings = FittedReadings.of([fit])
         assert readings.count == pytest.approx(fit.layout.valid.sum() * 3 - 6)
         found = readings.likelihood(fit, options(noise="constant"))
         wanted = 0.0
@@ -138,7 +138,7 @@ class TestLikelihood:
     def test_of_stated_noise_is_as_stated(self):
         specified = fit_of(self.LOGS).noises
         fit = fit_of(self.LOGS, specified=specified)
-        readings = Readings.of([fit])
+        readings = FittedReadings.of([fit])
         found = readings.likelihood(fit, options(noise="stated"))
         sizes = np.array([specified["position"].at_rest] * 2 + [specified["heading"].at_rest])
         rest = fit.residuals[fit.layout.valid] / sizes
@@ -151,20 +151,20 @@ class TestLikelihood:
         logs = several(2, seconds=6.0, noise=NOISE, per_yaw_rate=(0.01, 0.02))
         growing, constant = (fit_of(logs, grows=grows) for grows in (True, False))
         assert growing.noises["heading"].per_yaw_rate > 0
-        both = Readings.of([constant, growing])
+        both = FittedReadings.of([constant, growing])
         assert both.growth == {"position": [1], "heading": [1]}
-        found, alone = (one.likelihood(constant, options()) for one in (both, Readings.of([constant])))
+        found, alone = (one.likelihood(constant, options()) for one in (both, FittedReadings.of([constant])))
         assert found.each.sum() > alone.each.sum() + 10
         assert found.unknowns == pytest.approx(alone.unknowns + 2)
 
     def test_of_windows_is_that_of_all_together(self):
         fit = gls(several(3, seconds=12.0, noise=NOISE))
-        found = Readings.of([fit]).likelihood(fit, options(noise="stated"))
+        found = FittedReadings.of([fit]).likelihood(fit, options(noise="stated"))
         # Whitened residuals are those of a normal distribution times the volume.
         white = fit.white[fit.layout.valid]
         wanted = norm.logpdf(white).sum() - fit.volumes.sum() / 2
         assert found.each.sum() == pytest.approx(wanted)
-        scaled = Readings.of([fit]).likelihood(fit, options(noise="estimated"))
+        scaled = FittedReadings.of([fit]).likelihood(fit, options(noise="estimated"))
         assert scaled.each.sum() >= found.each.sum()
 
     def test_states_that_others_do_not_have_are_counted(self):
@@ -173,7 +173,7 @@ class TestLikelihood:
         true = truth_of(lagging, **TRUTH, yaw_lag=0.2)
         logs = [log_of(course(lagging, true, seconds=4.0, seed=k), noise=NOISE, name=f"{k}") for k in (0, 1)]
         wide = fit_of(logs, unknowns_of(lagging), seconds=1.0)
-        found = Readings.of([narrow]).likelihood(wide, options(noise="constant"))
+        found = FittedReadings.of([narrow]).likelihood(wide, options(noise="constant"))
         assert found.starts == pytest.approx(wide.layout.count, rel=0.2)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated import ROBOT, XYH, course, log_of, search_of, several
 
-from oed.estimation.prediction.layout import Layout, cut, stretches
+from oed.estimation.prediction.layout import SegmentLayout, cut, stretches
 from oed.logs.log import Log
 
 DRIVE = course(seconds=12.0)
@@ -23,12 +23,12 @@ def without(log: Log, first: float, last: float) -> Log:
     return replace(log, pose_times=log.pose_times[kept], poses=log.poses[kept])
 
 
-def parts(layout: Layout) -> list[np.ndarray]:
+def parts(layout: SegmentLayout) -> list[np.ndarray]:
     """Times of each segment."""
     return [times[valid] for times, valid in zip(layout.times, layout.valid, strict=True)]
 
 
-def ends(layout: Layout) -> np.ndarray:
+def ends(layout: SegmentLayout) -> np.ndarray:
     """When each segment begins and ends."""
     return np.array([(part[0], part[-1]) for part in parts(layout)])
 

@@ -25,7 +25,7 @@ from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
 from oed.optimize import population
 from oed.optimize.population import Population
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_drives
+from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
 from oed.workflow.sweep import parse_axis, sweep
 

@@ -20,7 +20,7 @@ from oed.optimize.local import LocalSearch, Settings
 from oed.optimize.solver import Context
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome
-from oed.optimize.transcription.starts import starting_points
+from oed.optimize.transcription.starting_points import starting_points
 from oed.robots.sensors import Displacements, Poses
 
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from builders import problem_of
 
-from oed.kernel.coarser import MOST, USUAL, coarse_samples
+from oed.kernel.coarser import MOST_SEARCHED, USUAL, coarse_samples
 from oed.kernel.criteria import D, E
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
 from oed.optimize.transcription.coarse import Grid
-from oed.optimize.transcription.starts import random_drives
+from oed.optimize.transcription.starting_points import random_drives
 from oed.robots.sensors import Displacements, Poses, Several, YawRate
 from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
@@ -43,7 +43,13 @@ def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("samples", "segments", "expected"),
-    [(200, 10, 200), (MOST, 10, MOST), (1000, 10, USUAL), (20000, "samples", USUAL), (5000, 7, 406)],
+    [
+        (200, 10, 200),
+        (MOST_SEARCHED, 10, MOST_SEARCHED),
+        (1000, 10, USUAL),
+        (20000, "samples", USUAL),
+        (5000, 7, 406),
+    ],
 )
 def test_segments_of_a_coarse_grid_are_equally_long(samples: int, segments, expected: int):
     space = DesignSpace(duration=20, samples=samples)

@@ -12,7 +12,7 @@ from builders import ACCELERATION, BOX, SPEED, problem_of
 from oed.kernel.problem import Problem
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_drives
+from oed.optimize.transcription.starting_points import random_drives
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements
 

@@ -20,7 +20,7 @@ from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Asked, asked_of, needs_of
 from oed.optimize.terms.pieces import Pieces, divisible
 from oed.optimize.terms.unrolled import Unrolled
@@ -262,7 +262,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
 small_problem = partial(problem_of, **SPACE)
 
 
-def short(problem: Problem) -> Layout:
+def short(problem: Problem) -> PieceLayout:
     """The layout of the shortest pieces, so that there are several."""
     layout = divisible(problem)
     assert layout is not None

@@ -16,7 +16,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_starts, start_bounds
+from oed.optimize.transcription.starting_points import random_starts, start_bounds
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.space import DesignSpace, StartPose
 

@@ -12,7 +12,7 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import perturbed, random_drives, start_bounds, starting_points
+from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds, starting_points
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.space import DesignSpace
 

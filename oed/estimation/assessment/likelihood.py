@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 Way = Literal["blocks", "correlations"]
 
 LAGS = 300
-"""Readings later up to which correlations are summed, where they do not vanish before."""
+"""FittedReadings later up to which correlations are summed, where they do not vanish before."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Likelihood:
 
 
 @dataclass(frozen=True)
-class Readings:
+class FittedReadings:
     """What all models are judged by.
 
     Attributes:
@@ -55,7 +55,7 @@ class Readings:
     growth: Mapping[str, Sequence[int]]
 
     @classmethod
-    def of(cls, fits: Sequence[Fit]) -> Readings:
+    def of(cls, fits: Sequence[Fit]) -> FittedReadings:
         """As the segments of the model with the fewest states have them."""
         fit = min(fits, key=lambda one: one.starts.shape[1])
         identified = _identified(fit)
@@ -72,7 +72,7 @@ class Readings:
 
     @property
     def count(self) -> float:
-        """Readings less the states of segments' starts, n."""
+        """FittedReadings less the states of segments' starts, n."""
         return float(self.shares.sum())
 
     def likelihood(self, fit: Fit, options: CalibrationOptions) -> Likelihood:
@@ -160,7 +160,7 @@ def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:
 
 
 def _lasting(fit: Fit, places: Sequence[int]) -> float:
-    # Readings that count as one: the sum of correlations until they vanish.
+    # FittedReadings that count as one: the sum of correlations until they vanish.
     values, _ = correlations(fit, list(places), LAGS)
     gone = np.flatnonzero(values <= 0)
     return 1 + 2 * float(values[: gone[0] if len(gone) else len(values)].sum())

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.cross_validation import cross_validated
-from oed.estimation.assessment.likelihood import Readings, inflation
+from oed.estimation.assessment.likelihood import FittedReadings, inflation
 from oed.estimation.assessment.model_scores import Compared, Comparison, scored
 from oed.estimation.assessment.weak_directions import not_identified
 from oed.estimation.methods.fit import Fit
@@ -89,7 +89,7 @@ class ModelSelection:
     def _scored(self, models: Sequence[Compared], fit: Fit, alike: Fitting) -> Comparison:
         block = None if alike.options.block == "auto" else float(alike.options.block)
         fits = [one.fit for one in models if one.fit is not None] or [fit]
-        readings = Readings.of(fits)
+        readings = FittedReadings.of(fits)
         judged = [self._judged(one, readings, alike) for one in models]
         # Of the most likely model the residuals are nearest to noise.
         able = [one for one in judged if not one.reason and one.likelihood is not None] or judged[:1]
@@ -97,7 +97,7 @@ class ModelSelection:
         reference = fit if nearest.fit is None else nearest.fit
         return scored(judged, readings.count, *inflation(reference, block))
 
-    def _judged(self, one: Compared, readings: Readings, alike: Fitting) -> Compared:
+    def _judged(self, one: Compared, readings: FittedReadings, alike: Fitting) -> Compared:
         if one.fit is None:
             return one
         fit, options = one.fit, alike.options

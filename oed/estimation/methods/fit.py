@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.knowledge import inverse_of_sum
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Unknowns
 from oed.robots.sensors.logged import Noise
 
@@ -50,7 +50,7 @@ class Fit:
     values: Array
     offsets: Array
     starts: Array
-    layout: Layout
+    layout: SegmentLayout
     residuals: Array
     white: Array
     weights: Array

@@ -17,7 +17,7 @@ from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segment_length import Segmenting, longest_without_drift
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows, usual_seconds
-from oed.estimation.prediction.layout import Layout, cut
+from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import group_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
@@ -115,10 +115,10 @@ class Fitting:
         logs, offsets = prepared.logs, prepared.offsets
         last: list[Array] = []
 
-        def layout(seconds: float) -> Layout:
+        def layout(seconds: float) -> SegmentLayout:
             return cut(logs, seconds, prepared.clocks)
 
-        def fit(segments: Layout) -> Fit:
+        def fit(segments: SegmentLayout) -> Fit:
             found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
             last.append(found.values)
             return found
@@ -143,7 +143,7 @@ class Fitting:
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
         return TwoStage(windows, known, specified).fit()
 
-    def _search(self, layout: Layout, unknowns: Unknowns, offsets: Array) -> JointSearch:
+    def _search(self, layout: SegmentLayout, unknowns: Unknowns, offsets: Array) -> JointSearch:
         return JointSearch(
             layout,
             unknowns,

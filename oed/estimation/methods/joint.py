@@ -19,7 +19,7 @@ from oed.estimation.methods.gauss_newton import FLAT, Found, LeastSquares, Rows,
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.estimation.prediction.drive_readings import DriveReadings
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
@@ -61,7 +61,7 @@ class JointSearch:
         drive: what sensors read of a designed drive, whose noise is specified; None of logs.
     """
 
-    layout: Layout
+    layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
     loss: Loss = "linear"

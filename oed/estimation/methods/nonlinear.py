@@ -15,7 +15,7 @@ from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.losses import loss_moments
 from oed.estimation.prediction.drive_readings import DriveReadings
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import ProblemError
@@ -61,9 +61,9 @@ class Nonlinear(Estimator):
         self._unknowns = _unknowns(problem, trajectory, starts, own)
         self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
         self._known = self._before([*starts, *own], estimation.prior)
-        layout, none = Layout.of_drive(trajectory, self._readings.by_run(self.predicted())), np.zeros(0)
+        layout = SegmentLayout.of_drive(trajectory, self._readings.by_run(self.predicted()))
         self._search = JointSearch(
-            layout, self._unknowns, none, loss, known=self._known, drive=self._readings
+            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
         )
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.noise import LEAST, groups, places_of
 
 SHORTEST = 1.0
@@ -37,7 +37,9 @@ class Segmenting:
     drifts: bool
 
 
-def longest_without_drift(layout: Callable[[float], Layout], fit: Callable[[Layout], Fit]) -> Segmenting:
+def longest_without_drift(
+    layout: Callable[[float], SegmentLayout], fit: Callable[[SegmentLayout], Fit]
+) -> Segmenting:
     """The longest segments whose residuals are hardly larger than those of the shortest.
 
     Args:
@@ -72,7 +74,7 @@ def spread(fit: Fit) -> dict[str, float]:
     return found
 
 
-def _lengths(whole: Layout) -> Iterator[float]:
+def _lengths(whole: SegmentLayout) -> Iterator[float]:
     steps = whole.steps[whole.steps > 0]
     seconds = max(SHORTEST, FEWEST * float(np.median(steps)))
     longest = float((whole.times[:, -1] - whole.times[:, 0]).max())

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.segment_length import FEWEST
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import PLACE, Unknowns
@@ -37,12 +37,12 @@ TINY = 1e-9
 """Standard deviation that noise is taken to have at least [m, rad]."""
 
 
-def usual_seconds(layout: Layout) -> float:
+def usual_seconds(layout: SegmentLayout) -> float:
     """The length of windows where none is given [s], for logs of such steps."""
     return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))
 
 
-def require_windows(layout: Layout, unknowns: Unknowns, method: Method) -> None:
+def require_windows(layout: SegmentLayout, unknowns: Unknowns, method: Method) -> None:
     """Raise ProblemError unless windows show whole motions that nothing but the inputs and the poses at their
     ends tell, and more of them than there are unknowns.
     """
@@ -91,7 +91,7 @@ class Windows:
         offsets: of the clocks, as far as known, (clocks,) [s].
     """
 
-    layout: Layout
+    layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
 
@@ -134,7 +134,7 @@ class Windows:
         return np.hypot(ahead, left), np.abs(turning)
 
     @cached_property
-    def as_readings(self) -> Layout:
+    def as_readings(self) -> SegmentLayout:
         """The windows as segments of two readings, of which the last one is the motion."""
         layout, order = self.layout, [READ.index(name) for name in self.layout.quantities]
         motions = self.measured[:, order]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.setup.unknowns import Unknowns
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -79,7 +79,7 @@ class DriveReadings:
     @cached_property
     def _driven(self) -> tuple[Array, Array]:
         # Inputs of every run (runs, n, inputs), and how long each is held [s], (runs, n).
-        drive = Layout.of_drive(self.trajectory, np.zeros((self.trajectory.runs, 0)))
+        drive = SegmentLayout.of_drive(self.trajectory, np.zeros((self.trajectory.runs, 0)))
         return drive.inputs(np.zeros(0)), drive.steps
 
     @cached_property

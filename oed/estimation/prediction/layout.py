@@ -32,7 +32,7 @@ GAP = 5.0
 
 
 @dataclass(frozen=True)
-class Layout:
+class SegmentLayout:
     """Segments of drives, padded to equal length.
 
     Attributes:
@@ -54,7 +54,7 @@ class Layout:
     held: Array | None = None
 
     @classmethod
-    def of_drive(cls, trajectory: Trajectory, readings: Array) -> Layout:
+    def of_drive(cls, trajectory: Trajectory, readings: Array) -> SegmentLayout:
         """A designed drive, whose runs are the segments.
 
         Args:
@@ -160,7 +160,7 @@ def _means(turned: Array, steps: Array) -> Array:
     return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
 
 
-def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Layout:
+def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> SegmentLayout:
     """Logs cut into segments of about `seconds` each; infinite for whole logs.
 
     Args:
@@ -191,7 +191,7 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Layout
         readings[row] = logs[number].poses[padded]
         valid[row, : len(part)] = True
     owner = np.array([number for number, _ in pieces])
-    return Layout(tuple(logs), owner, times, readings, valid, seconds)
+    return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
 
 
 def stretches(log: Log, offset: float) -> list[Indices]:

@@ -8,9 +8,9 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.further_starts import first_starts, further_starts
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import SegmentReadings
-from oed.estimation.prediction.starts import first_starts, further_starts
 from oed.estimation.setup.unknowns import Unknowns
 
 Array = npt.NDArray[np.float64]
@@ -27,13 +27,13 @@ class LoggedReadings:
         quantities: that are read.
     """
 
-    layout: Layout
+    layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
     quantities: tuple[str, ...]
 
     @classmethod
-    def of(cls, layout: Layout, unknowns: Unknowns, offsets: Array) -> LoggedReadings:
+    def of(cls, layout: SegmentLayout, unknowns: Unknowns, offsets: Array) -> LoggedReadings:
         """Those that the logs hold."""
         return cls(layout, unknowns, offsets, layout.quantities)
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.layout import Layout, cut
+from oed.estimation.prediction.further_starts import further_starts
+from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.prediction.segments import SegmentReadings
-from oed.estimation.prediction.starts import further_starts
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
@@ -37,7 +37,7 @@ class Moves:
     """
 
     robot: Model
-    layout: Layout
+    layout: SegmentLayout
 
     @classmethod
     def of(cls, robot: Model, logs: Sequence[Log]) -> Moves:

@@ -19,7 +19,7 @@ from oed.logs.log import Log
 
 Indices = npt.NDArray[np.intp]
 
-MOST = 100_000
+MOST_POSES = 100_000
 """Poses of all logs together that a fit takes."""
 BRIEF = 0.02
 """Longest time that poses are averaged over [s]. Means of poses on an arc lie inside it, by (Omega T)^2 / 24
@@ -32,7 +32,7 @@ PIECES, LEAST = 10, 500
 """Pieces of a log that are used where not all of it is, and poses that each of them has at least."""
 
 
-def thinned(logs: Sequence[Log], most: int = MOST) -> tuple[Log, ...]:
+def thinned(logs: Sequence[Log], most: int = MOST_POSES) -> tuple[Log, ...]:
     """Logs with at most about `most` poses together; each says what was done to it."""
     count = _poses(logs)
     each = _averaged_each(logs, math.ceil(count / most))

@@ -171,7 +171,7 @@ class Sensor(Measurement):
 
 
 @dataclass(frozen=True)
-class Readings:
+class SensorReadings:
     """One sensor's readings of a drive, as expressions.
 
     Attributes:
@@ -188,7 +188,7 @@ class Readings:
     white_jacobian: Expression
 
 
-def readings(sensor: Sensor, drive: Drive) -> Readings:
+def readings(sensor: Sensor, drive: Drive) -> SensorReadings:
     """What `sensor` reads of `drive`, its nuisances at their nominal values."""
     samples, runs = drive.samples, range(drive.runs)
     own = sensor.columns(samples)
@@ -213,7 +213,7 @@ def readings(sensor: Sensor, drive: Drive) -> Readings:
     if whole is not None:
         weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
         white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
-    return Readings(
+    return SensorReadings(
         ca.vec(response),
         _by_run(transposed, drive).T,
         whitening,
@@ -301,7 +301,7 @@ class JointReadings:
         nuisances: of all sensors, their names made unique.
     """
 
-    each: tuple[Readings, ...]
+    each: tuple[SensorReadings, ...]
     nuisances: tuple[Nuisance, ...]
     leading: int
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
-from oed.logs.drive import FEWEST, MARGIN, Drive
+from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
 from oed.logs.series import Gathered, Mask, Rows, Series
 from oed.logs.tables.sheet import Sheet, distinct_rows
 
 
-def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Drive]:
+def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[RecordedDrive]:
     """Every run of a table, and every stretch of it that is kept.
 
     Args:
@@ -29,7 +29,7 @@ def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Dri
         LogError: empty cells where numbers are needed, clocks that do not rise, counters that jump.
     """
     stem, gathered = Path(sheet.inputs.series.file).stem, Gathered()
-    drives: list[Drive] = []
+    drives: list[RecordedDrive] = []
     runs = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
     for label, rows in runs:
         run = _Run(sheet, model, stem if label is None else f"{stem}[{label}]", label, rows, len(runs))
@@ -64,7 +64,7 @@ class _Run:
         self.rows = distinct_rows(sheet.inputs.table, sheet.inputs.series.times, rows)
         self.repeated = len(rows) - len(self.rows)
 
-    def drives(self, gap: float | None) -> list[Drive]:
+    def drives(self, gap: float | None) -> list[RecordedDrive]:
         """The run whole, or the stretches of it that are kept."""
         if not self.sheet.kept[self.rows].any():
             return []
@@ -120,7 +120,7 @@ class _Run:
         block.require_filled(series, rows)
         return series.without_repeats() if self.sheet.own_clock else series
 
-    def _stretches(self, whole: Drive, gap: float | None) -> list[Drive]:
+    def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
         # What is not kept for a while is not driven across: what comes after it is a drive of its own.
         kept = self.rows[self.sheet.kept[self.rows]]
         if len(kept) == len(self.rows) or len(whole.inputs) < FEWEST:
@@ -158,7 +158,7 @@ def _with_inputs(values: np.typing.NDArray[np.float64], rows: Rows, first: bool,
     return np.asarray(rows[wanted])
 
 
-def _integrated(inputs: Series, sheet: Sheet, model: System) -> Drive:
+def _integrated(inputs: Series, sheet: Sheet, model: System) -> RecordedDrive:
     flaws = inputs.clock_flaws()
     if not len(inputs):
         turned = []
@@ -171,7 +171,7 @@ def _integrated(inputs: Series, sheet: Sheet, model: System) -> Drive:
     values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
     wraps = sum(one.wraps for one in turned)
     found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
-    return Drive(
+    return RecordedDrive(
         name="",
         names=model.input_names,
         inputs=inputs.with_values(values),
@@ -188,7 +188,7 @@ def _within(series: Series, start: float, end: float) -> Series:
     return series.rows((series.times >= start) & (series.times <= end))
 
 
-def _cut(drive: Drive, start: float, end: float, name: str) -> Drive:
+def _cut(drive: RecordedDrive, start: float, end: float, name: str) -> RecordedDrive:
     inputs = _within(drive.inputs, start, end)
     inputs = inputs.with_values(inputs.values - inputs.values[:1])
     return replace(drive, name=name, inputs=inputs, poses=_within(drive.poses, start, end))

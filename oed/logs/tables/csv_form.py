@@ -17,7 +17,7 @@ from oed.logs.tables.columns import Column, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
 from oed.logs.tables.pose_columns import PoseColumns
-from oed.logs.tables.sheet import Layout, Wanted, read_sheet
+from oed.logs.tables.sheet import SheetLayout, Wanted, read_sheet
 from oed.logs.tables.table import DELIMITERS, read_table
 
 
@@ -61,6 +61,6 @@ class CsvForm(LogForm):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
         delimiter = DELIMITERS.get(self.delimiter or "", self.delimiter)
         table = read_table(file, delimiter, self.header)
-        layout = Layout(self.time, self.inputs, self.poses, self.runs, self.keep)
+        layout = SheetLayout(self.time, self.inputs, self.poses, self.runs, self.keep)
         drives = drives_in(read_sheet(table, layout, model), model, self.gap)
         return to_logs(drives, self.handling(self.poses.held))

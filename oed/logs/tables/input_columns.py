@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.system import Input, System
-from oed.logs.motion import Held, Turned, counted, held_integral, summed
+from oed.logs.integrals import Held, Turned, counted, held_integral, summed
 from oed.logs.series import Series
 from oed.logs.tables.columns import Column, Short, unit_factor, unit_reason
 

@@ -24,7 +24,7 @@ RUN = "run"
 
 
 @dataclass(frozen=True)
-class Layout:
+class SheetLayout:
     """Which columns of a table are what.
 
     Attributes:
@@ -43,7 +43,7 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class Block:
+class ColumnBlock:
     """Some columns of a table on one clock.
 
     Attributes:
@@ -88,8 +88,8 @@ class Sheet:
         cut_off: whether the table breaks off in its last line.
     """
 
-    inputs: Block
-    poses: Block
+    inputs: ColumnBlock
+    poses: ColumnBlock
     quantities: tuple[str, ...]
     columns: tuple[InputColumn, ...]
     same_rows: bool
@@ -98,7 +98,7 @@ class Sheet:
     cut_off: bool
 
 
-def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
+def read_sheet(table: Table, layout: SheetLayout, model: System) -> Sheet:
     """Find the columns and read them.
 
     Args:
@@ -131,7 +131,9 @@ def read_sheet(table: Table, layout: Layout, model: System) -> Sheet:
     )
 
 
-def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None) -> Block:
+def _read_block(
+    table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None
+) -> ColumnBlock:
     gathered = Gathered()
     clock = gathered.take(lambda: _read(table, time, "time"))
     read = [gathered.take(partial(_read, table, column, name)) for name, column in columns.items()]
@@ -147,7 +149,7 @@ def _read_block(table: Table, time: TimeColumn, columns: Mapping[str, Column], r
     gathered.raise_any()
     assert clock is not None
     series = _series(table, time, clock, [numbers for _, numbers in found])
-    return Block(table, series, clock[0], tuple(place for place, _ in found), labels)
+    return ColumnBlock(table, series, clock[0], tuple(place for place, _ in found), labels)
 
 
 def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: Sequence[Array]) -> Series:
@@ -174,8 +176,8 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 
 def _read_poses(
-    table: Table, beside: Path | None, layout: Layout, model: System
-) -> tuple[tuple[str, ...], Block]:
+    table: Table, beside: Path | None, layout: SheetLayout, model: System
+) -> tuple[tuple[str, ...], ColumnBlock]:
     poses, runs = layout.poses, layout.runs
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses)
@@ -190,9 +192,9 @@ def _read_poses(
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
 
 
-def _read_tum(file: Path, poses: PoseColumns) -> Block:
+def _read_tum(file: Path, poses: PoseColumns) -> ColumnBlock:
     factor = 1.0 if poses.time is None else poses.time.factor
-    return Block(None, read_tum(file, tuple(poses.columns), factor))
+    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor))
 
 
 def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:

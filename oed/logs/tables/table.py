@@ -27,7 +27,7 @@ COMMENT, QUOTE = ("#", "%"), '"'
 LARGEST = 1e30
 """No number of a robot is larger, in any unit; what is stands for a missing one."""
 
-MOST = 2**30
+MOST_LOG_BYTES = 2**30
 """Bytes of a log: days of driving."""
 
 NAMES = 40
@@ -184,7 +184,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
         LogError: no such file, not text, or nothing in it.
     """
     # Spreadsheets begin a file with a byte-order mark.
-    texts = text_of(file, LogError, "utf-8-sig", MOST).splitlines()
+    texts = text_of(file, LogError, "utf-8-sig", MOST_LOG_BYTES).splitlines()
     # Most lines begin with a digit, which is enough to know that they are rows.
     kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
     if not kept:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.cell import Cell
-from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.layout import PieceLayout
 
 Array = npt.NDArray[np.float64]
 Pattern = npt.NDArray[np.bool_]
@@ -37,7 +37,7 @@ class Kernel:
         informed: which of the cell's entries of information are not always 0.
     """
 
-    def __init__(self, cell: Cell, layout: Layout, every: Sequence[int]) -> None:
+    def __init__(self, cell: Cell, layout: PieceLayout, every: Sequence[int]) -> None:
         """Take the parts; every so many samples each sensor reads."""
         self.cell, self.layout = cell, layout
         self.states, self.inputs = cell.states, layout.inputs

@@ -17,7 +17,7 @@ Places = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Layout:
+class PieceLayout:
     """Pieces of `samples` samples; those of several runs follow each other.
 
     Attributes:
@@ -83,7 +83,9 @@ class Layout:
         return np.asarray((offsets[None, :, None] + runs[:, None, :]).reshape(self.count, -1))
 
 
-def best_layout(space: Space, inputs: int, *, multiple: int = 1, divisor: int | None = None) -> Layout | None:
+def best_layout(
+    space: Space, inputs: int, *, multiple: int = 1, divisor: int | None = None
+) -> PieceLayout | None:
     """The layout of least work whose pieces are of a multiple of `multiple` samples and divide `divisor`.
 
     None where no piece is both short and long enough.
@@ -95,7 +97,7 @@ def best_layout(space: Space, inputs: int, *, multiple: int = 1, divisor: int | 
         divisor: of which the samples of a piece are a divisor.
     """
     fitting = [
-        Layout(space, count, inputs)
+        PieceLayout(space, count, inputs)
         for count in range(LEAST, MOST + 1)
         if (divisor or space.samples) % count == 0 and count % multiple == 0
     ]
@@ -108,7 +110,7 @@ _OVERHEAD = 70.0
 """Work of a piece besides that of its samples, in the units of `_work`."""
 
 
-def _work(layout: Layout) -> float:
+def _work(layout: PieceLayout) -> float:
     # A piece costs its samples times the squared number of what acts in it, and something of its own.
     size = layout.inputs * layout.window + 3
     unknowns: int = layout.inputs * layout.held.shape[1]

@@ -15,7 +15,7 @@ from oed.optimize.terms.base import without_zeros
 from oed.optimize.terms.condensing import Condensing
 from oed.optimize.terms.ending import Ending
 from oed.optimize.terms.kernel import Kernel
-from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.piece_rows import PieceRows
 from oed.optimize.terms.totals import Sum
@@ -38,7 +38,7 @@ class Plan:
     """
 
     problem: Problem
-    layout: Layout
+    layout: PieceLayout
     kernel: Kernel
     link: Link
     total: Sum

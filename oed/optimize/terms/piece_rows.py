@@ -15,7 +15,7 @@ from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import RowBounds, small_drive
 from oed.optimize.terms.cell import Cell
-from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Needs
 
 Array = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ class PieceRows:
     """
 
     def __init__(
-        self, problem: Problem, layout: Layout, cell: Cell, unknowns: Expression, needs: Needs
+        self, problem: Problem, layout: PieceLayout, cell: Cell, unknowns: Expression, needs: Needs
     ) -> None:
         """Find the order.
 

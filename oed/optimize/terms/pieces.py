@@ -16,7 +16,7 @@ from oed.optimize.terms.base import RowBounds, Terms
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.cell import Cell, estimated
 from oed.optimize.terms.kernel import Kernel
-from oed.optimize.terms.layout import Layout, best_layout
+from oed.optimize.terms.layout import PieceLayout, best_layout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import Plan, Sweep
@@ -26,7 +26,7 @@ from oed.optimize.terms.whole_rows import Formulas, WholeRows
 from oed.optimize.terms.whole_sweep import WholeSweep
 
 
-def divisible(problem: Problem) -> Layout | None:
+def divisible(problem: Problem) -> PieceLayout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
     That is so for robust limits and other systems, noise that readings share over time, segments of unequal
@@ -43,7 +43,7 @@ def divisible(problem: Problem) -> Layout | None:
 class Pieces(Terms):
     """Information and limit rows put together from pieces of the drive."""
 
-    def __init__(self, problem: Problem, layout: Layout, refine: int = 1) -> None:
+    def __init__(self, problem: Problem, layout: PieceLayout, refine: int = 1) -> None:
         """Write a piece and what joins the pieces; functions are compiled when first used."""
         super().__init__(problem, refine)
         needs = self._needs = needs_of(problem, self.coefficients, refine)

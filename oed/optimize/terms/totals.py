@@ -16,7 +16,7 @@ from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, symmetric, upper_half
 from oed.optimize.terms.cell import cuts_of, estimated
-from oed.optimize.terms.layout import Layout
+from oed.optimize.terms.layout import PieceLayout
 
 Places = npt.NDArray[np.int64]
 Reader = Callable[[Sequence[int]], Expression]
@@ -33,7 +33,7 @@ class Totals:
         groups: how many there are.
     """
 
-    def __init__(self, problem: Problem, layout: Layout) -> None:
+    def __init__(self, problem: Problem, layout: PieceLayout) -> None:
         """Sort the pieces."""
         self.problem, self._layout = problem, layout
         self.sensors, self._cuts = problem.measurement.joint_sensors, cuts_of(problem)

@@ -25,7 +25,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import stacks, symmetric_all, upper_half
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starts import random_drives
+from oed.optimize.transcription.starting_points import random_drives
 
 Array = npt.NDArray[np.float64]
 

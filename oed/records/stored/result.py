@@ -44,7 +44,7 @@ SINGULAR = 1e-9
 """Share of the largest eigenvalue below which the smallest one counts as 0, in records that do not say so."""
 
 
-class Drive(Stored):
+class StoredDrive(Stored):
     """A drive's exact splines, and its poses at the samples."""
 
     degree: Annotated[int, Field(ge=0, le=DEGREE)]
@@ -184,7 +184,7 @@ class Result(Stored):
     history: list[Progress] = Field(default_factory=list)
     seed: Seed | None = None
     trajectory: Name | None
-    drive: Drive | None
+    drive: StoredDrive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
 
     @property

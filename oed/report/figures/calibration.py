@@ -8,7 +8,7 @@ import numpy as np
 
 from oed.records.stored.estimate import ReckonedPath
 from oed.report.figures import spec
-from oed.report.figures.residuals import Readings, Residuals
+from oed.report.figures.residuals import Residuals, ResidualSeries
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Array, Look, mark, stroke
 
 SHADES = (FIRST, "#8fa9c2")
@@ -76,7 +76,7 @@ def thinned(x: Array, y: Array, most: int = MOST_DOTS) -> tuple[Array, Array]:
     return x[kept], y[kept]
 
 
-def _begins(logs: Sequence[Readings]) -> list[float]:
+def _begins(logs: Sequence[ResidualSeries]) -> list[float]:
     # Where on a common axis of time each log begins, its times counted from its own beginning.
     ends = np.array([log.end for log in logs])
     gap = GAP * ends.sum() / max(len(logs) - 1, 1)
@@ -84,7 +84,7 @@ def _begins(logs: Sequence[Readings]) -> list[float]:
 
 
 def _over_time(
-    name: str, logs: Sequence[Readings], one: Residuals, limit: float, *, first: bool, last: bool
+    name: str, logs: Sequence[ResidualSeries], one: Residuals, limit: float, *, first: bool, last: bool
 ) -> spec.Panel:
     placed = list(zip(_begins(logs), logs, strict=True))
     shades, parts = SHADES[: len(logs)], list[spec.Part]()

@@ -25,7 +25,7 @@ POSITION = {"x", "y"}
 
 
 @dataclass(frozen=True)
-class Readings:
+class ResidualSeries:
     """Residuals of one quantity in one log: times [s], values in the figure's unit, speeds [m/s] and yaw
     rates [rad/s].
     """
@@ -56,7 +56,7 @@ class Residuals:
 
     about: str
     unit: str
-    quantities: Mapping[str, Sequence[Readings]]
+    quantities: Mapping[str, Sequence[ResidualSeries]]
     at_rest: float | None
     per_speed: float
     per_yaw_rate: float
@@ -69,13 +69,13 @@ class Residuals:
         return max(len(logs) for logs in self.quantities.values()) <= MOST_NUMBERS
 
     @property
-    def everything(self) -> Readings:
+    def everything(self) -> ResidualSeries:
         """All readings one after the other."""
         parts = [part for logs in self.quantities.values() for part in logs]
         columns = zip(
             *((part.times, part.values, part.speeds, part.yaw_rates) for part in parts), strict=True
         )
-        return Readings(*map(np.concatenate, columns))
+        return ResidualSeries(*map(np.concatenate, columns))
 
     def size(self, speeds: Array, yaw_rates: Array) -> Array:
         """The noise at those speeds and yaw rates; all residuals' size where none is known."""
@@ -136,7 +136,7 @@ def _group(record: EstimateRecord, about: str, group: Sequence[StoredResiduals])
     noise = next((one for one in noises if one.about == about), FoundNoise(about=about))
     unknown = Correlations(about=about, values=[])
     tested = next((one for one in record.correlations if one.about == about), unknown)
-    quantities: dict[str, list[Readings]] = {}
+    quantities: dict[str, list[ResidualSeries]] = {}
     for one in group:
         quantities.setdefault(words(one.quantity), []).append(_readings(one, factor))
     return Residuals(
@@ -151,9 +151,9 @@ def _group(record: EstimateRecord, about: str, group: Sequence[StoredResiduals])
     )
 
 
-def _readings(one: StoredResiduals, factor: float) -> Readings:
+def _readings(one: StoredResiduals, factor: float) -> ResidualSeries:
     columns = np.array([one.t, one.value, one.speed], dtype=float)
     turning = np.array(one.yaw_rate or np.zeros(len(one.t)), dtype=float)
     known = np.isfinite(columns).all(axis=0)
     times, values, speeds = columns[:, known]
-    return Readings(times, values * factor, speeds, np.abs(np.nan_to_num(turning[known])))
+    return ResidualSeries(times, values * factor, speeds, np.abs(np.nan_to_num(turning[known])))

@@ -140,7 +140,7 @@ LANE = 0.72
 ROW = 0.34
 """Height of a drive's lane [inch]."""
 MILLIMETRES = 1e3
-MOST = 1e3
+FARTHEST_ERROR = 1e3
 """Times the smallest error that are shown; what is larger stands at the edge."""
 PLANNED = stroke(INK, 0.9, 4, (3, 2))
 
@@ -149,7 +149,9 @@ def errors(floors: Sequence[StoredFloor], fits: Sequence[str]) -> spec.Plot:
     """One panel per floor, all on one scale: a lane per drive, in it a mark with its interval per fit."""
     drives = list(dict.fromkeys(one.drive for one in floors[0].errors))
     tables = [_errors(floor, drives, fits) for floor in floors]
-    most = MOST * min((float(np.nanmin(one)) for one in tables if np.isfinite(one).any()), default=1.0)
+    most = FARTHEST_ERROR * min(
+        (float(np.nanmin(one)) for one in tables if np.isfinite(one).any()), default=1.0
+    )
     lanes = spec.Axis(ends=(len(drives) - 0.5, -0.5), ticks=tuple(enumerate(drives)), grid=False)
     x = spec.Axis("held-out error", "mm", logarithmic=True, most=1)
     panels = [

@@ -15,7 +15,7 @@ from oed.foundation.shown import shown, written
 from oed.kernel.dynamics.system import Input, Parameter, follows_state, stepper
 from oed.robots.models.model import Model, nominal_coefficients
 
-MOST = 200
+MOST_NAMES = 200
 """Inputs, states or parameters of a robot, and its coefficients; real ones have a tenth of it."""
 POSE, POSE_UNITS = ("x", "y", "heading"), ("m", "m", "rad")
 """What every robot's states begin with."""
@@ -120,8 +120,8 @@ def _require(entries: Any, kind: type, what: str, expected: str, least: int = 1)
     # Counted first: to look at far too many takes long.
     if not isinstance(entries, tuple | list) or len(entries) < least:
         raise ValueError(f"{what}: expected a tuple of {expected}, got {written(entries)}")
-    if len(entries) > MOST:
-        raise ValueError(f"{what}: expected at most {MOST}, got {len(entries)}")
+    if len(entries) > MOST_NAMES:
+        raise ValueError(f"{what}: expected at most {MOST_NAMES}, got {len(entries)}")
     if not all(isinstance(entry, kind) for entry in entries):
         raise ValueError(f"{what}: expected a tuple of {expected}, got {written(entries)}")
 

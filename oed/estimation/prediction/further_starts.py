@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.layout import Layout
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import SegmentReadings
 from oed.estimation.setup.unknowns import PLACE
 from oed.kernel.dynamics.system import follows_state
@@ -20,7 +20,7 @@ SETTLED = 100.0
 
 
 def first_starts(
-    robot: Model, layout: Layout, paths: Callable[[Array], Array], place: Array, further: Array
+    robot: Model, layout: SegmentLayout, paths: Callable[[Array], Array], place: Array, further: Array
 ) -> Array:
     """States (S, states) at which the segments begin, near enough for a search to start from.
 
@@ -49,7 +49,7 @@ def first_starts(
 
 def further_starts(
     robot: Model,
-    layout: Layout,
+    layout: SegmentLayout,
     offsets: Array,
     parameters: Array,
     inputs: Array | None = None,
