@@ -227,6 +227,43 @@ def test_every_public_name_is_documented(module: str):
     assert not list(undocumented(MODULES[module].body, module))
 
 
+def functions(module: str) -> Iterator[ast.FunctionDef]:
+    """Public functions of a module, and methods of its classes."""
+    for body in (
+        MODULES[module].body,
+        *(c.body for c in MODULES[module].body if isinstance(c, ast.ClassDef)),
+    ):
+        for node in body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                yield node
+
+
+def says_arguments(node: ast.FunctionDef) -> bool:
+    return "Args:" in (ast.get_docstring(node) or "")
+
+
+def test_functions_of_three_arguments_say_what_each_is():
+    """Or have the name of a method that says it: that of the class they inherit from."""
+    said = {node.name for module in MODULES for node in functions(module) if says_arguments(node)}
+    said |= {"find_spec"}  # Python's own
+    silent = [
+        f"{module}.{node.name}"
+        for module in MODULES
+        for node in functions(module)
+        if node.name not in said
+        and len({arg.arg for arg in (*node.args.args, *node.args.kwonlyargs)} - {"self", "cls"}) >= 3
+    ]
+    assert not silent
+
+
+@every_module
+def test_docstrings_stand_alone(module: str):
+    starts = ("The same", "Their units", "Likewise", "Ditto")
+    nodes = [node for node in ast.walk(MODULES[module]) if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    leaning = [node.name for node in nodes if (ast.get_docstring(node) or "").startswith(starts)]
+    assert not leaning
+
+
 @pytest.mark.parametrize("stub", sorted(PACKAGE.rglob("*.pyi")), ids=module_name)
 def test_every_public_name_exists(stub: Path):
     package = importlib.import_module(module_name(stub))

@@ -211,7 +211,13 @@ class LatticeBound:
     limits: SpeedLimits
 
     def of_others(self, limits: SpeedLimits, weights: Array, constant: Array) -> float:
-        """A bound of slightly other limits and weights, by the same parts: any Z is valid for those too."""
+        """A bound of slightly other limits and weights, by the same parts: any Z is valid for those too.
+
+        Args:
+            limits: of the speeds.
+            weights: of the rows.
+            constant: that is added.
+        """
         # Parts that left out what is the same the other way round need limits of which that is true.
         own = limits.both_ways if self.limits.symmetric else limits
         program = LatticeProgram(own, weights)

@@ -21,7 +21,13 @@ MOST_WORK = 1.5e10
 
 
 def too_fine(low: float, high: float, steps: Array) -> bool:
-    """Whether the positions' lattice is so fine that the dynamic programming takes too long."""
+    """Whether the positions' lattice is so fine that the dynamic programming takes too long.
+
+    Args:
+        low: smallest x.
+        high: largest x.
+        steps: largest change in each period, (N,).
+    """
     positions = 3 * (high - low) / float(np.max(steps))
     return positions * 2 * SUM_STEPS * len(steps) * 7 > MOST_WORK
 

@@ -92,7 +92,13 @@ def commands(problem: Problem, trajectory: Trajectory, rate: float | None = None
 
 
 def modelled(model: Model, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
-    """The same of a robot's drive, its poses integrated by a rule."""
+    """The commands of every run of a robot's drive, its poses integrated by its rule.
+
+    Args:
+        model: the robot, with its integration rule.
+        trajectory: the drive.
+        rate: of the commands [Hz]; by default one command per period.
+    """
     chosen = 1 / trajectory.period if rate is None else rate
     return tuple(_of_run(model, run, chosen) for run in trajectory.each)
 

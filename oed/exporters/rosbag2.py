@@ -76,7 +76,13 @@ class _Messages:
         return self.make("std_msgs/msg/Header", time, frame)
 
     def vector(self, x: float, y: float, z: float) -> Any:
-        """A vector."""
+        """A vector.
+
+        Args:
+            x: coordinate.
+            y: coordinate.
+            z: coordinate.
+        """
         return self.make("geometry_msgs/msg/Vector3", x, y, z)
 
     def command(self, stamp: int, twist: list[float]) -> Any:
@@ -88,7 +94,14 @@ class _Messages:
         return self.make(TOPICS[COMMAND], self.header(stamp, BODY), body)
 
     def joints(self, stamp: int, names: list[str], positions: Any, velocities: Any) -> Any:
-        """The joints' states, without efforts."""
+        """The joints' states, without efforts.
+
+        Args:
+            stamp: time of the message.
+            names: of the joints.
+            positions: [rad].
+            velocities: [rad/s].
+        """
         return self.make(TOPICS[JOINTS], self.header(stamp, ""), names, positions, velocities, np.zeros(0))
 
     def pose(self, stamp: int, state: list[float]) -> Any:

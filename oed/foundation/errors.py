@@ -48,7 +48,13 @@ class ProblemError(UserMistake):
 
     @classmethod
     def about(cls, key: tuple[str | int, ...], message: str) -> Self:
-        """An error of one flaw, by its key in a study."""
+        """An error of one flaw, by its key in a study.
+
+        Args:
+            file: its name.
+            message: what is wrong.
+            key: that names it.
+        """
         return cls([Flaw(key, message)])
 
 

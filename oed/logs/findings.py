@@ -101,7 +101,13 @@ def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None
 
 
 def held(kept: Series, stale: int, rows: int) -> Finding:
-    """Poses left out as held values of a slower sensor."""
+    """Poses left out as held values of a slower sensor.
+
+    Args:
+        kept: poses that are new.
+        stale: how many repeat.
+        rows: poses in all.
+    """
     period = float(np.median(np.diff(kept.times)))
     text = (
         f"{stale} of {rows} poses ({100 * stale / rows:.0f} %) repeat the one before while the wheels turn, "

@@ -253,7 +253,16 @@ class LocalSearch:
         backoff: Array | None = None,
         after: Outcome | None = None,
     ) -> Outcome:
-        """One call of Ipopt from a start, with the grid's corrections."""
+        """One call of Ipopt from a start, with the grid's corrections.
+
+        Args:
+            program: that is solved.
+            unknowns: z to begin at.
+            corrections: of the grid.
+            floors: of the program.
+            backoff: share of its size by which each limit is tightened.
+            after: the solve that it goes on from.
+        """
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
         return program.solve(

@@ -29,6 +29,11 @@ def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> st
     """The CSV text of a trajectory whose poses at the samples are `poses` (N + runs, states).
 
     Several runs follow each other, told apart by a first column `run`, each on its own clock.
+
+    Args:
+        problem: that names inputs and states.
+        trajectory: the drive.
+        poses: at the samples, (N + runs, states).
     """
     buffer, runs = io.StringIO(), trajectory.runs
     writer = csv.writer(buffer, lineterminator="\n")
@@ -52,6 +57,12 @@ def _time_text(time: float) -> str:
 
 def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
     """Write a trajectory CSV.
+
+    Args:
+        path: of the file.
+        problem: that names inputs and states.
+        trajectory: the drive.
+        poses: at the samples, (N + runs, states).
 
     Raises:
         UserMistake, Failure: as `write_text` does.

@@ -123,7 +123,13 @@ def embedded(gif: Path) -> str:
 
 
 def inline_svg(svg: str, name: str, alt: str) -> Markup:
-    """An SVG file's text as an element of a page, its ids made unique to the figure."""
+    """An SVG file's text as an element of a page, its ids made unique to the figure.
+
+    Args:
+        svg: the file's text.
+        name: of the figure.
+        alt: what it shows, for those who do not see it.
+    """
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
     label = f'<svg role="img" aria-label="{escape(alt)}"'

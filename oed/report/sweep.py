@@ -104,6 +104,11 @@ def charted(found: StoredSweep, quantity: str, values: Mapping[str, float | None
     """Values by the points' folders over the key that changes most; None where they cannot be drawn.
 
     That is the numeric key of most values, or that of most words where none is numeric.
+
+    Args:
+        found: the sweep.
+        quantity: that is drawn.
+        values: by the points' folders.
     """
     keys = found.varied
     if not keys or all(value is None for value in values.values()):

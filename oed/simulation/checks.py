@@ -31,7 +31,13 @@ class Check:
 
 
 def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
-    """All tests of errors (R, p) against their predicted covariance (p, p), at joint level `alpha`."""
+    """All tests of errors (R, p) against their predicted covariance (p, p), at joint level `alpha`.
+
+    Args:
+        errors: of the estimates (R, p).
+        covariance: that is predicted (p, p).
+        alpha: joint level of all tests.
+    """
     return check_tally(Tally.of(errors, covariance), alpha)
 
 

@@ -110,6 +110,11 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     A CSV with the columns `t` and the robot's inputs is a path; another file is a log where the study says
     how logs are read, or it is a bag.
 
+    Args:
+        study: that scores it.
+        file: of the path, or logs.
+        designs: folder of a record it is compared with.
+
     Raises:
         PathFileError: a path that cannot be read.
         LogError: a log that cannot be read, or in which the robot never moves.

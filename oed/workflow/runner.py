@@ -168,6 +168,13 @@ def search(
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
     ended them early, with what had been found by then. `found` gets all solutions after each search.
 
+    Args:
+        study: with its solvers.
+        seed: of every random draw.
+        workers: processes, or a cluster.
+        progress: informed how far the work is.
+        found: solutions so far, which are added to.
+
     Raises:
         StudyError: parameters that no drive makes identifiable.
     """
@@ -226,6 +233,17 @@ def record(
     """The record of solutions, written to `out` where given, with their trajectories.
 
     Without `out` it names the trajectories' files where `named`: somebody else writes them.
+
+    Args:
+        study: that was run.
+        solutions: of its searches and baselines.
+        seed: of every random draw.
+        out: folder to write to.
+        named: the name of the study file.
+        certificate: an upper bound.
+        validation: simulated experiments.
+        physics: a trial on a simulated robot.
+        interrupted: whether the run was.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
     made = StudyRecord.of(

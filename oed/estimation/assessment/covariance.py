@@ -131,6 +131,12 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     [Kunsch, The jackknife and the bootstrap for general stationary observations, 1989]. Each replicate is
     the step that the curvature of all logs takes with its own scores: a few blocks that happen to say little
     of a parameter would throw steps of their own curvature anywhere.
+
+    Args:
+        fit: of the logs.
+        blocks: that the logs are cut into.
+        replicates: how many logs are drawn.
+        rng: of the draws.
     """
     sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
     scores = _sums(fit.scores, blocks.ranges)

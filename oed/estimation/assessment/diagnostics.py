@@ -68,6 +68,11 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
     a third of what there is in a row, and how many pairs of the first lag there are.
 
     What a segment's start takes out of white readings correlates their residuals: that is made good.
+
+    Args:
+        fit: of the logs.
+        places: of the readings of one quantity.
+        lags: how many.
     """
     z, valid = _in_turn(fit, places)
     left = np.ones(z.shape) if fit.motions else np.clip(fit.redundancy[..., places], 0.0, 1.0)

@@ -27,7 +27,14 @@ def estimator_flaws(
     heading: Heading = "known",
     loss: Loss = "linear",
 ) -> list[Flaw]:
-    """What keeps the estimator `name` (the usual one by default) from a measurement; [] if nothing."""
+    """What keeps the estimator `name` (the usual one by default) from a measurement; [] if nothing.
+
+    Args:
+        measurement: of a study.
+        name: of an estimator.
+        heading: how headings are known.
+        loss: of the residuals.
+    """
     chosen = name or usual_estimator(measurement)
     if isinstance(measurement, Displacements):
         if chosen not in METHODS:

@@ -45,6 +45,11 @@ def usual_seconds(layout: SegmentLayout) -> float:
 def require_windows(layout: SegmentLayout, unknowns: Unknowns, method: Method) -> None:
     """Raise ProblemError unless windows show whole motions that nothing but the inputs and the poses at their
     ends tell, and more of them than there are unknowns.
+
+    Args:
+        layout: of the logs.
+        unknowns: that are fitted.
+        method: that fits them, for the message.
     """
     robot = unknowns.robot
     if follows_state(robot):
@@ -264,6 +269,12 @@ def _start_slopes(place: Array) -> Array:
 
 
 def pose_variances(noises: Mapping[str, Noise], speeds: Array, yaw_rates: Array) -> Array:
-    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is specified."""
+    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is specified.
+
+    Args:
+        noises: by quantity.
+        speeds: [m/s], (...).
+        yaw_rates: [rad/s], (...).
+    """
     position, heading = (noises[name].deviation(speeds, yaw_rates) ** 2 for name in ("position", "heading"))
     return np.stack([position, position, heading], axis=-1)

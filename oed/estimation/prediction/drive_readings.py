@@ -48,7 +48,13 @@ class DriveReadings:
         return np.zeros((self.trajectory.runs, 0))
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
-        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone."""
+        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone.
+
+        Args:
+            values: of the unknowns.
+            starts: start states of the runs.
+            readings: of the runs, (runs, M).
+        """
         still = np.zeros(readings.shape[:2])
         return still, still
 

@@ -67,7 +67,13 @@ class LoggedReadings:
         return first_starts(robot, layout, partial(self, values), place, further)
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
-        """Speeds [m/s], 0 where positions are not read, and yaw rates [rad/s] at readings (S, n + 1, k)."""
+        """Speeds [m/s], 0 where positions are not read, and yaw rates [rad/s] at readings (S, n + 1, k).
+
+        Args:
+            values: of the unknowns.
+            starts: start states of the segments.
+            readings: of the segments, (S, n + 1, ...).
+        """
         places = [index for index, name in enumerate(self.quantities) if name in ("x", "y")]
         still = np.zeros(readings.shape[:2])
         speeds = self.layout.rates(readings[..., places]) if len(places) == 2 else still

@@ -46,7 +46,14 @@ class SegmentReadings:
 
     @classmethod
     def logged(cls, model: Model, quantities: Sequence[str], count: int, periods: int) -> SegmentReadings:
-        """What logs hold of segments: the model's states of those names, at all n + 1 times."""
+        """What logs hold of segments: the model's states of those names, at all n + 1 times.
+
+        Args:
+            model: the robot.
+            quantities: names of its states.
+            count: segments.
+            periods: of each, n.
+        """
         return cls(model, LoggedStates.of(model, quantities), count, periods)
 
     def __call__(
@@ -70,6 +77,13 @@ class SegmentReadings:
         """The readings, and their derivatives (S, K, q, p + states + k).
 
         The columns are the parameters, the segment's own start, the sensor's nuisances.
+
+        Args:
+            starts: start states (S, states).
+            inputs: held (S, n, inputs).
+            times: periods (S, n) [s].
+            parameters: values (p,).
+            nuisances: values (k,).
         """
         function = self._function("slopes")
         found, slopes = direct_call(function, starts, inputs, times, parameters, nuisances)
@@ -79,7 +93,15 @@ class SegmentReadings:
     def whitening(
         self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
     ) -> Array:
-        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
+        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise.
+
+        Args:
+            starts: start states (S, states).
+            inputs: held (S, n, inputs).
+            times: periods (S, n) [s].
+            parameters: values (p,).
+            nuisances: values (k,).
+        """
         (found,) = direct_call(self._function("whitening"), starts, inputs, times, parameters, nuisances)
         return self._by_segment(found, self._size).swapaxes(-1, -2)
 

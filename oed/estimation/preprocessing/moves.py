@@ -148,6 +148,11 @@ def unexplained(
     The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves ahead
     and to the left are those of a sensor anywhere on the robot, turned by less than a right angle; with
     `any_side` by any angle.
+
+    Args:
+        measured: moves.
+        predicted: moves.
+        any_side: whether the sensor may be turned by any angle.
     """
     found: dict[str, float] = {}
     for name in ("turn", "distance"):

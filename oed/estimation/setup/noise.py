@@ -59,7 +59,14 @@ def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, No
 def deviations(
     noises: Mapping[str, Noise], quantities: Sequence[str], speeds: Array, yaw_rates: Array
 ) -> Array:
-    """Standard deviations (..., quantities) of readings at `speeds` and `yaw_rates` (...)."""
+    """Standard deviations (..., quantities) of readings at `speeds` and `yaw_rates` (...).
+
+    Args:
+        noises: by quantity.
+        quantities: that are read.
+        speeds: [m/s], (...).
+        yaw_rates: [rad/s], (...).
+    """
     every = [noises[group_of(name)].deviation(speeds, yaw_rates) for name in quantities]
     return np.stack(every, axis=-1)
 

@@ -59,6 +59,12 @@ def run_tasks(
     What `take` raises, and KeyboardInterrupt, reaches the caller; the workers' unfinished tasks are given up.
     Those of a worker that dies are done again by others.
 
+    Args:
+        function: of a task.
+        tasks: of any number.
+        workers: processes, a cluster, or a number of processes.
+        take: called with the place of a task and its result.
+
     Raises:
         Failure: workers die whatever they are given, or the cluster is gone.
     """

@@ -103,7 +103,14 @@ def number(value: Expression) -> Interval:
 
 
 def known(bound: Expression, first: Expression, second: Expression, else_: float) -> Expression:
-    """A bound that is the least or largest of two, where both are numbers: these leave out what is none."""
+    """A bound that is the least or largest of two, where both are numbers: these leave out what is none.
+
+    Args:
+        bound: least or largest of both.
+        first: an end.
+        second: another end.
+        else_: what there is where one is no number.
+    """
     return ca.if_else(ca.logic_and(first <= INFINITE, second <= INFINITE), bound, else_)
 
 

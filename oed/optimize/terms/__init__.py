@@ -27,6 +27,11 @@ def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) 
     where its drives can be cut into them, else unrolled.
 
     Values alone, without derivatives, are found faster by unrolled ones.
+
+    Args:
+        problem: whose terms they are.
+        refine: points of the path per sample.
+        differentiated: whether derivatives are wanted.
     """
     criterion = problem.criterion
     same = (

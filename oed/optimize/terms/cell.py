@@ -163,7 +163,13 @@ def estimated(problem: Problem) -> list[int]:
 
 
 def read_end(problem: Problem, held: Expression, state: Expression) -> Expression:
-    """Information of the readings at a run's last instant, in a state, `held` (inputs,) until then."""
+    """Information of the readings at a run's last instant, in a state, `held` (inputs,) until then.
+
+    Args:
+        problem: that measures.
+        held: inputs until then, (inputs,).
+        state: at that instant, (states,).
+    """
     sensors = problem.measurement.joint_sensors
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))

@@ -39,7 +39,13 @@ class Condensing:
         self.count = each * runs
 
     def along(self, begin: Expression, following: Expression, width: int) -> Expression:
-        """What each piece begins with: blocks of `width` columns that runs begin and pieces end with."""
+        """What each piece begins with: blocks of `width` columns that runs begin and pieces end with.
+
+        Args:
+            begin: blocks that runs begin with.
+            following: blocks that pieces end with.
+            width: columns of a block.
+        """
         if self.each == 1:
             return begin
         kept = width * (self.each - 1)
@@ -95,7 +101,13 @@ class Condensing:
         return step.mapaccum(self.each).map(self.runs)
 
     def passed(self, slopes: Expression, packed: Packed, entries: Expression) -> Expression:
-        """Derivatives (size, k) by z, through their begin, of what has derivatives (k, states) by it."""
+        """Derivatives (size, k) by z, through their begin, of what has derivatives (k, states) by it.
+
+        Args:
+            slopes: of what the pieces begin with, by z.
+            packed: which entries there are.
+            entries: of the derivatives, piece by piece.
+        """
         if packed.pattern.nnz() == 0:
             return ca.MX(self.size, packed.pattern.size1() * self.count)
         slope = ca.MX.sym("slope", self.size, self.link.width)
@@ -107,6 +119,11 @@ class Condensing:
         """Weights (states,) of every piece's end: those of the runs' ends `last`, and what later pieces add.
 
         `added` are the weights that each piece's own outputs give its begin.
+
+        Args:
+            last: of the runs' ends.
+            onward: derivatives of what is handed on.
+            added: by each piece itself.
         """
         width = self.link.width
         weight, more = ca.SX.sym("weight", width), ca.SX.sym("more", width)

@@ -112,6 +112,11 @@ def _on_splines(problem: Problem, limit: Limit, coefficients: Expression) -> Row
 def asked_of(problem: Problem, limit: Limit, refine: int = 1) -> Asked | None:
     """How a limit on instants is asked of a drive with so many points of the path per sample; None of a limit
     whose rows are not those of its instants by themselves.
+
+    Args:
+        problem: whose drives they are.
+        limit: on instants.
+        refine: points of the path per sample.
     """
     if limit.looks_at != "state":
         return None

@@ -174,7 +174,13 @@ class PieceRows:
         return replace(rows, lower=lower, upper=upper), places.ravel()
 
     def values(self, z: Expression, first: Expression, rows: Expression) -> Expression:
-        """All rows, from those of the first instants (first, runs) and of the pieces (rows, pieces)."""
+        """All rows, from those of the first instants (first, runs) and of the pieces (rows, pieces).
+
+        Args:
+            z: the unknowns.
+            first: rows of the first instants (first, runs).
+            rows: of the pieces (rows, pieces).
+        """
         own = ca.DM(self._pool.slope) @ z + ca.DM(self._pool.constant)
         return ca.vertcat(own, ca.vec(first), ca.vec(rows))[self._source.tolist()]
 

@@ -168,7 +168,13 @@ class Sum:
         return ca.sum2(self.square.map(self.totals.groups)(groups))
 
     def sums_slopes(self, groups: Expression, slopes: Expression, size: int) -> Expression:
-        """Derivatives (size, count) of the sums by z, from the entries' `slopes` (size * added, groups)."""
+        """Derivatives (size, count) of the sums by z, from the entries' `slopes` (size * added, groups).
+
+        Args:
+            groups: entries of each group.
+            slopes: theirs by z.
+            size: of z.
+        """
         if self.square is None:
             return ca.reshape(slopes, size, self.count)
         return self._wide(slopes, size) @ self.square_slope.map(self.totals.groups)(groups).T
@@ -181,7 +187,13 @@ class Sum:
         return own, bent
 
     def bent(self, slopes: Expression, bent: Expression, size: int) -> Expression:
-        """Second derivatives (size, size) by z that squaring adds."""
+        """Second derivatives (size, size) by z that squaring adds.
+
+        Args:
+            slopes: of the groups by z.
+            bent: weights of the squares.
+            size: of z.
+        """
         slope, matrix = ca.SX.sym("slope", size, self.added), ca.SX.sym("bent", self.added, self.added)
         half = ca.Function("half", [slope, matrix], [ca.densify(slope @ matrix)])
         wide = self._wide(slopes, size)

@@ -182,13 +182,25 @@ class WholeRows:
         return picked(self.formulas.values(self._given(z, states)), self._kept)
 
     def slopes(self, z: Expression, states: Expression, slopes: Expression) -> Expression:
-        """Derivatives (rows, size) of the rows by z, sparse, from those of the states."""
+        """Derivatives (rows, size) of the rows by z, sparse, from those of the states.
+
+        Args:
+            z: the unknowns.
+            states: at the samples.
+            slopes: of the states by z.
+        """
         along = self.formulas.along.map("along", "serial", z.shape[0], [0], [])
         dense = along(self._given(z, states), self._given_slopes(slopes))
         return picked(ca.project(dense, self._pattern), self._kept)
 
     def weights(self, z: Expression, states: Expression, weights: Expression) -> Expression:
-        """Weights that those of the rows give the states."""
+        """Weights that those of the rows give the states.
+
+        Args:
+            z: the unknowns.
+            states: at the samples.
+            weights: of the rows.
+        """
         gradient = self.formulas.gradient(self._given(z, states), self._spread(weights))
         count, needed = states.shape[0], np.array(self.formulas.needed, dtype=int)
         own = np.flatnonzero(needed < count)
@@ -199,7 +211,14 @@ class WholeRows:
     def curvature(
         self, z: Expression, states: Expression, slopes: Expression, weights: Expression
     ) -> Expression:
-        """Second derivatives (size, size) by z of the weighted rows, besides those of the states."""
+        """Second derivatives (size, size) by z of the weighted rows, besides those of the states.
+
+        Args:
+            z: the unknowns.
+            states: at the samples.
+            slopes: of the states by z.
+            weights: of the rows.
+        """
         bent = self.formulas.bent.map("bent", "serial", z.shape[0], [0, 1], [])
         across = self._given_slopes(slopes)
         return across.T @ bent(self._given(z, states), self._spread(weights), across)

@@ -137,6 +137,15 @@ class Program:
 
         With `after` the start is where that solve ended, whose multipliers are a beginning; where they lead
         nowhere, it is solved without them.
+
+        Args:
+            unknowns: z to begin at.
+            auxiliary: the auxiliary unknowns to begin at.
+            floors: least values of the floors.
+            backoff: share of its size by which each limit is tightened.
+            auxiliary_lower: bounds of these.
+            auxiliary_upper: bounds of these.
+            after: the solve that it goes on from.
         """
         shares = np.zeros(len(self.design.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)

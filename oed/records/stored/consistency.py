@@ -79,7 +79,13 @@ def _values(one: Result, own: str) -> Iterator[tuple[str, str, float | None]]:
 
 
 def possible(kind: str, value: float, size: int) -> bool:
-    """Whether a criterion of `size` parameters can have a value: variances are negative, logarithms small."""
+    """Whether a criterion of `size` parameters can have a value: variances are negative, logarithms small.
+
+    Args:
+        kind: of the criterion.
+        value: of it.
+        size: parameters judged.
+    """
     if kind == "D":
         return abs(value) <= LARGEST_LOGARITHM * size
     return value <= 0 or kind not in ("A", "G", "I", "modified_E")

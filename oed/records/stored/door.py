@@ -86,6 +86,11 @@ def _whole(text: str) -> int:
 def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     """Data as what it is to be.
 
+    Args:
+        kind: what it is to be.
+        data: as the file has it.
+        path: of the file.
+
     Raises:
         RecordError: names the file and the key of everything that is missing or something else.
     """

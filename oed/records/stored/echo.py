@@ -31,7 +31,7 @@ def read_echo(data: Any, file: Path) -> StudyFile:
 
 
 def checked_echo(data: Any, file: Path) -> dict[str, Any]:
-    """The same as plain data, defaults filled in.
+    """A record's study as plain data, defaults filled in.
 
     Raises:
         RecordError: as `read_echo` does.

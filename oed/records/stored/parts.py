@@ -165,6 +165,12 @@ Interval = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
 def require_table(what: str, rows: Sequence[Sequence[Any]], count: int | None, width: int | None) -> None:
     """Refuse what is no table of so many rows and columns, None for any number.
 
+    Args:
+        what: its name.
+        rows: of the table.
+        count: of rows.
+        width: columns of each.
+
     Raises:
         ValueError: says what was expected.
     """
@@ -191,6 +197,11 @@ def require_alike(count: int, **lists: Sequence[Any]) -> None:
 def require_known(what: str, names: Iterable[str], known: Iterable[str]) -> None:
     """Refuse names that nothing has.
 
+    Args:
+        what: what names them.
+        names: that are used.
+        known: that there are.
+
     Raises:
         ValueError: names the first, and those that there are.
     """
@@ -215,6 +226,12 @@ def require_pairs(
     what: str, table: Iterable[tuple[str, str]], one: Sequence[str], other: Sequence[str]
 ) -> None:
     """Refuse a table by pairs of names in which one is missing.
+
+    Args:
+        what: its name.
+        table: by pairs.
+        one: names of the first.
+        other: names of the second.
 
     Raises:
         ValueError: names the pair.

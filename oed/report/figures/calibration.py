@@ -69,7 +69,13 @@ def _within(x: Array, y: Array, limit: float, colour: str, most: int = MOST_DOTS
 
 
 def thinned(x: Array, y: Array, most: int = MOST_DOTS) -> tuple[Array, Array]:
-    """So many of the points, at random but always the same: regular ones would meet the logs' own rhythm."""
+    """So many of the points, at random but always the same: regular ones would meet the logs' own rhythm.
+
+    Args:
+        x: of the points.
+        y: of the points.
+        most: points that are kept.
+    """
     if len(x) <= most:
         return x, y
     kept = np.sort(np.random.default_rng(0).choice(len(x), most, replace=False))

@@ -182,7 +182,13 @@ def paths_of(record: Record, results: Sequence[Result]) -> list[Path]:
 
 
 def path_of(record: Record, result: Result, sideways: bool | None = None) -> Path:
-    """The path of a result that has a drive; `sideways` where that is known of its robot already."""
+    """The path of a result that has a drive; `sideways` where that is known of its robot already.
+
+    Args:
+        record: that has the result.
+        result: with a drive.
+        sideways: whether its robot goes sideways, where that is known.
+    """
     drive = result.drive
     assert drive is not None
     across = moves_sideways(record) if sideways is None else sideways
@@ -209,7 +215,13 @@ def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
 
 
 def view_of(record: Record, results: Sequence[Result], room: Room) -> Box:
-    """A view on drives, workspace and obstacles, with a margin."""
+    """A view on drives, workspace and obstacles, with a margin.
+
+    Args:
+        record: that has the results.
+        results: whose drives are seen.
+        room: with walls and obstacles.
+    """
     paths = [run.points for one in results for run in path_of(record, one, sideways=False).runs]
     shapes = [*room.shapes, *([] if room.area is None else [room.area])]
     box = Box.around([Box.of(*paths).padded(room.body_radius), *shapes])

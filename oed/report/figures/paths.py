@@ -54,7 +54,13 @@ NUMBER: Look = {"fontweight": "bold", "color": INK, "bbox": HALO, "zorder": 7}
 
 
 def arrow(forward: bool, angle: float = 0.0, scale: float = 1.0) -> Look:
-    """A direction arrow: filled where the robot drives forwards, hollow where backwards."""
+    """A direction arrow: filled where the robot drives forwards, hollow where backwards.
+
+    Args:
+        forward: whether the robot drives ahead.
+        angle: of the direction [rad].
+        scale: size of the arrow.
+    """
     return mark(replace(ARROW, angle=angle), 7 * scale, INK if forward else "white", 0.9, 4)
 
 

@@ -29,7 +29,14 @@ SECOND, THIRD = "#e07b00", "#5a9a3c"
 def stroke(
     color: str, width: float, order: float | None = None, dashes: Sequence[float] = ()
 ) -> dict[str, Any]:
-    """The look of a line of a width [points]; what is of a higher order covers it."""
+    """The look of a line of a width [points]; what is of a higher order covers it.
+
+    Args:
+        color: of the line.
+        width: [points].
+        order: what is of a higher one covers it.
+        dashes: of the line.
+    """
     drawn = {"color": color, "linewidth": width, "linestyle": (0, tuple(dashes)) if dashes else "-"}
     return drawn if order is None else {**drawn, "zorder": order}
 
@@ -37,7 +44,16 @@ def stroke(
 def mark(
     shape: str | Glyph, size: float, face: str, edge: float, order: float = 2, rim: str = INK
 ) -> dict[str, Any]:
-    """The look of a mark of a size with a rim of a width [points]; what is of a higher order covers it."""
+    """The look of a mark of a size with a rim of a width [points]; what is of a higher order covers it.
+
+    Args:
+        shape: of the mark.
+        size: [points].
+        face: its colour.
+        edge: its rim's colour.
+        order: what is of a higher one covers it.
+        rim: width [points].
+    """
     drawn = {"marker": shape, "markersize": size, "markerfacecolor": face, "linestyle": "none"}
     return {**drawn, "markeredgecolor": rim, "markeredgewidth": edge, "zorder": order}
 

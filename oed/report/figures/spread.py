@@ -90,7 +90,13 @@ class _Cloud:
 
 
 def clouds(drives: Sequence[Simulated], titles: Sequence[str], pair: Sequence[Estimated]) -> spec.Plot:
-    """One panel per drive, all on one scale: simulated estimates, the truth and their 95 % ellipses."""
+    """One panel per drive, all on one scale: simulated estimates, the truth and their 95 % ellipses.
+
+    Args:
+        drives: with simulated estimates.
+        titles: of the panels.
+        pair: the parameters of both axes.
+    """
     drawn = [_Cloud.of(one, pair) for one in drives]
     columns, (x, y) = min(len(drawn), 2), _reach(drawn, pair[0].unit == pair[1].unit)
     reach, equal = 1.25 * np.array([x, y]), x == y

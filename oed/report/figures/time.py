@@ -24,7 +24,14 @@ Search = tuple[str, Sequence[tuple[float, float]]]
 
 
 def series(drives: Sequence[Series], group: Group, labels: Sequence[str], bounds: Ends | None) -> spec.Plot:
-    """One panel per drive: its inputs or their rates over time, between their bounds."""
+    """One panel per drive: its inputs or their rates over time, between their bounds.
+
+    Args:
+        drives: that are drawn.
+        group: of inputs.
+        labels: of the inputs.
+        bounds: of their values.
+    """
     columns = 1 if len(drives) == 1 else 2
     several = any(one.breaks for one in drives)
     ends = _ends(drives, bounds)

@@ -131,6 +131,11 @@ def _chosen(record: Record, source: Record | str | Path, names: Sequence[str]) -
 def driven_result(record: Record, name: str | None, place: Path) -> Result:
     """The result of that name, the best for None, which has a drive.
 
+    Args:
+        record: that has the results.
+        name: of one; the best for None.
+        place: where the mistake would be, for errors.
+
     Raises:
         RecordError: there is none; names those that there are, and the file.
     """
@@ -156,7 +161,13 @@ def _digest(record: Record, names: Sequence[str]) -> str:
 
 
 def with_film(section: Section, record: Record, folder: Path) -> Section:
-    """A section whose drives are played, with the film of them that lies in `folder`, or how to make one."""
+    """A section whose drives are played, with the film of them that lies in `folder`, or how to make one.
+
+    Args:
+        section: whose drives are played.
+        record: that has them.
+        folder: where films lie.
+    """
     if section.animation is None:
         return section
     file = folder / NAME

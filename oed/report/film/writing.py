@@ -104,6 +104,12 @@ def write_frames(
 def film_rate(seconds: float, file: Path, fps: float | None, usual: float = FPS) -> float:
     """Frames a second of a film that lasts so long [s]: those asked for, or as suits its length.
 
+    Args:
+        seconds: that the film lasts.
+        file: it is written to.
+        fps: frames a second asked for.
+        usual: frames a second otherwise.
+
     Raises:
         UserMistake: more frames than its format takes, before any is made.
     """
@@ -120,7 +126,14 @@ def film_rate(seconds: float, file: Path, fps: float | None, usual: float = FPS)
 
 
 def heard(frames: Iterable[Frame], total: int, file: Path, progress: Progress | None) -> Iterator[Frame]:
-    """Frames of a film, of which a listener hears one by one."""
+    """Frames of a film, of which a listener hears one by one.
+
+    Args:
+        frames: of the film.
+        total: how many.
+        file: it is written to.
+        progress: the listener.
+    """
     listener = Silent() if progress is None else progress
     listener.begin(f"frames of {file.name}", total)
     for frame in frames:
@@ -164,6 +177,13 @@ def write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | 
 
     Frames that are alike become one that is shown for longer. Delays are rounded so that the film as a whole
     keeps its time.
+
+    Args:
+        frames: pictures of one size.
+        file: to write.
+        fps: frames a second.
+        colours: an image with all colours that there are.
+        comment: that the file keeps.
     """
     film = _Film(frames, fps, colours)
     first = next(film)
@@ -197,7 +217,15 @@ class _Film(Iterator["Image"]):
 
 
 def write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
-    """Write frames, by ffmpeg, as an MP4 that plays everywhere; returns their number. See `write_frames`."""
+    """Write frames, by ffmpeg, as an MP4 that plays everywhere; returns their number. See `write_frames`.
+
+    Args:
+        frames: pictures of one size.
+        file: to write.
+        fps: frames a second.
+        colours: an image with all colours that there are.
+        comment: that the file keeps.
+    """
     del colours
     images = iter(frames)
     first = next(images)

@@ -53,7 +53,13 @@ def decimals_of(error: float | None) -> int | None:
 
 
 def to_error(value: float | None, error: float | None, factor: float = 1.0) -> str:
-    """A number rounded to its error's second digit, both [SI] shown times a factor."""
+    """A number rounded to its error's second digit, both [SI] shown times a factor.
+
+    Args:
+        value: [SI].
+        error: its standard error [SI].
+        factor: to the unit shown.
+    """
     if value is None:
         return MISSING
     decimals = decimals_of(None if error is None else error * factor)
@@ -76,14 +82,27 @@ def shown_unit(unit: str | None) -> str:
 
 
 def span_text(low: float | None, high: float | None, error: float | None, factor: float) -> str:
-    """`41.83 to 41.88`."""
+    """`41.83 to 41.88`.
+
+    Args:
+        low: [SI].
+        high: [SI].
+        error: standard error [SI].
+        factor: to the unit shown.
+    """
     if low is None or high is None:
         return MISSING
     return f"{to_error(low, error, factor)} to {to_error(high, error, factor)}"
 
 
 def size_text(size: float, unit: str, digits: int = 3) -> str:
-    """A size [SI] in the unit that suits it: `45.2 mm`."""
+    """A size [SI] in the unit that suits it: `45.2 mm`.
+
+    Args:
+        size: [SI].
+        unit: SI unit.
+        digits: that are shown.
+    """
     shown, factor = unit_for([size], unit)
     return quantity(size * factor, shown, digits)
 
@@ -94,6 +113,11 @@ def sized(title: str, sizes: Iterable[float | None], unit: str) -> tuple[Column,
     Returns:
         column: it.
         factor: from SI, for its cells.
+
+    Args:
+        title: of the column.
+        sizes: [SI].
+        unit: SI unit.
     """
     known = [size for size in sizes if size is not None]
     shown, factor = unit_for(known, unit)

@@ -60,7 +60,13 @@ class Table:
 
     @classmethod
     def of(cls, items: Iterable[object], columns: Iterable[Column | None], caption: str = "") -> Table:
-        """A row for each item; a column that is None is left out."""
+        """A row for each item; a column that is None is left out.
+
+        Args:
+            items: one for each row.
+            columns: that are shown; None is left out.
+            caption: of the table.
+        """
         shown = tuple(one for one in columns if one is not None)
         return cls(shown, tuple(tuple(one.cell(item) for one in shown) for item in items), caption)
 

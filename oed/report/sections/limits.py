@@ -69,7 +69,7 @@ class _Room:
 
     @property
     def state(self) -> str:
-        """The same of the table of one drive."""
+        """How the limit stands, in the table of one drive."""
         if not self.margin.satisfied or self.met:
             return "met" if self.margin.satisfied else "exceeded"
         state = "active" if self.margin.active else "satisfied with room"

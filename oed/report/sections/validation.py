@@ -147,6 +147,12 @@ def clouds(
     """A figure for each pair of parameters: the design by every estimator first, then other drives.
 
     All panels of a figure are on one scale.
+
+    Args:
+        record: that has the simulations.
+        every: all simulations.
+        chosen: those that are drawn.
+        several: whether there are several estimators.
     """
     others = [
         one

@@ -181,7 +181,7 @@ class PhysicsRobot(TwoSidedGeometry, ABC):
         return np.array([[1.0, support.ahead, support.left] for support in self.supports]).T
 
     def changed(self, **values: Any) -> Self:
-        """The same robot with other values of some fields, checked.
+        """This robot with other values of some fields, checked.
 
         Raises:
             ValueError: no such field, or a value that the robot cannot have.
@@ -189,7 +189,14 @@ class PhysicsRobot(TwoSidedGeometry, ABC):
         return type(self).model_validate({**self.model_dump(exclude_none=True), **values})
 
     def wheel(self, name: str, ahead: float, left: float, place: int) -> Support:
-        """A driven wheel, the `place`-th of the robot, that stands `left` of the middle [m]."""
+        """A driven wheel, the `place`-th of the robot, that stands `left` of the middle [m].
+
+        Args:
+            name: of the wheel.
+            ahead: of the origin [m].
+            left: of the middle [m].
+            place: of the wheel among all.
+        """
         grip = self.grips[place] if place < len(self.grips) else 1.0
         # A wide wheel that slides resists turning as if at the root mean square of its rows' places.
         scrub = self.wheel_width / sqrt(12)

@@ -84,7 +84,13 @@ class Floor:
         }
 
     def median(self, name: Literal["along", "misfit"], row: int, column: int) -> float:
-        """Over the repeats, of a drive and a fit by their numbers."""
+        """Over the repeats, of a drive and a fit by their numbers.
+
+        Args:
+            name: which number.
+            row: of the drive.
+            column: of the fit.
+        """
         return float(np.median([np.median(getattr(one, name)[row, column]) for one in self.found]))
 
     def scatter(self, drive: str, fit: str) -> tuple[Array, Interval]:

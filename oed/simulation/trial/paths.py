@@ -47,7 +47,13 @@ def drive_flaw(problem: Problem, name: str) -> str:
 
 
 def held_out_drives(problem: Problem, count: int, seed: int) -> tuple[Trajectory, ...]:
-    """Random drives as large as the limits allow, other than any that is calibrated from."""
+    """Random drives as large as the limits allow, other than any that is calibrated from.
+
+    Args:
+        problem: whose limits they keep.
+        count: of drives.
+        seed: of the draws.
+    """
     return tuple(_largest(problem, RANDOM, seed + HELD_OUT * (index + 1)) for index in range(count))
 
 

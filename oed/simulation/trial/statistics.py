@@ -52,7 +52,7 @@ class Repeats:
 
     @cached_property
     def resampled(self) -> Array:
-        """The same of every resample, (resamples, drives, fits)."""
+        """Medians of every resample, (resamples, drives, fits)."""
         return np.asarray(np.median(self.errors[self.picks], axis=1))
 
     def median(self, drive: int, fit: int) -> Interval:
