@@ -56,12 +56,14 @@ class Solver:
         return {"iter_count": 0}
 
 
+@pytest.mark.slow
 def test_plain_programs_are_compared_with_searches_on_as_many_samples(shown, searched):
     assert searched[0] == SAMPLES
     (compared,) = [one for one in shown if "shooting" in one.against]
     assert compared.what == f"segment form, N = {SAMPLES}: an Ipopt iteration"
 
 
+@pytest.mark.slow
 def test_what_a_coarse_grid_brings_has_a_row_of_its_own(shown, searched):
     assert searched[-2:] == [SAMPLES, 400]
     (saved,) = [one for one in shown if "on a grid of" in one.what]

@@ -101,11 +101,13 @@ def found(built: Path) -> dict[str, Any]:
     return told
 
 
+@pytest.mark.slow
 def test_every_part_is_shown():
     titles = "robot, sensor, limit, criterion, solver, upper bound, baseline, section of the report"
     assert [title.partition(" ")[2] for title in PARTS] == titles.split(", ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", PARTS)
 def test_a_part_is_a_file_and_a_name(title: str):
     files = re.findall(r"^\+\+\+ b/(.*)$", PARTS[title], flags=re.MULTILINE)
@@ -118,17 +120,20 @@ def test_a_part_is_a_file_and_a_name(title: str):
     assert max(map(len, added)) <= 111
 
 
+@pytest.mark.slow
 def test_the_robot_sensor_and_criterion_make_a_study(found: dict[str, Any]):
     assert found["sensors"] == ["poses", "compass"]
     assert found["objective"] == pytest.approx(found["first"])
     assert found["objective"] > 0
 
 
+@pytest.mark.slow
 def test_the_solver_and_the_baseline_have_results(found: dict[str, Any]):
     assert set(found["results"]) == {"twice", "triangle", "triangle_same_length"}
     assert found["results"]["twice"]
 
 
+@pytest.mark.slow
 def test_the_limit_holds_and_the_section_tells_what_it_limits(found: dict[str, Any]):
     assert found["turned"]["twice"] == pytest.approx(4 - found["turning"], abs=1e-2)
     assert found["turning"] > -4e-3
@@ -137,11 +142,13 @@ def test_the_limit_holds_and_the_section_tells_what_it_limits(found: dict[str, A
     assert found["turned"]["triangle"] > 4
 
 
+@pytest.mark.slow
 def test_the_bound_is_one(found: dict[str, Any]):
     assert found["method"] == "no turn is faster than the wheels allow"
     assert 0.5 * found["bound"] < found["found"] <= found["bound"]
 
 
+@pytest.mark.slow
 def test_the_house_drawn_is_the_house():
     rows = re.findall(r"^\| `(\w+)/` \| (.+) \| (.+) \|$", PAGE, flags=re.MULTILINE)
     assert [name for name, _, _ in rows] == list(reversed(HOUSE))
@@ -149,6 +156,7 @@ def test_the_house_drawn_is_the_house():
         assert ([] if allowed == "–" else allowed.split(", ")) == HOUSE[name].split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", re.findall(r"`make (\w+)`", PAGE))
 def test_make_targets_exist(target: str):
     subprocess.run(["make", "-n", target], cwd=ROOT, check=True, capture_output=True)

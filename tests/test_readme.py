@@ -127,6 +127,7 @@ def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
     assert [limit.name for limit in problem.limits] == ["wheel_speed", "strip"]
 
 
+@pytest.mark.slow
 def test_the_estimate_shown_is_that_of_the_shipped_log():
     (text,) = [block for block in blocks("text") if block.startswith("parameter")]
     study = load_study(PROBLEMS / "room_robot.yaml")

@@ -66,6 +66,7 @@ def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
     assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
 
 
+@pytest.mark.slow
 def test_no_effects_leave_the_differential_drives_bounds():
     slip, plain = slip_problem(), slip_problem()
     plain = problem_of(**{**vars_of(plain), "model": DifferentialDrive(**SIZES)})

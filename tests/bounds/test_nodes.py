@@ -42,6 +42,7 @@ def test_a_slow_machine_gives_the_same_certificate(monkeypatch: pytest.MonkeyPat
     np.testing.assert_array_equal(slow.drive.coefficients, quick.drive.coefficients)
 
 
+@pytest.mark.slow
 def test_nodes_end_a_search_and_more_of_them_lower_the_bound():
     found = [lattice_bound(HARD, np.ones(2), NOTHING, nodes=nodes) for nodes in (1, 6, 20)]
     # A branching makes up to four at a time.

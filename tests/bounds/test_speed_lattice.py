@@ -124,6 +124,7 @@ def test_a_time_limit_leaves_a_gap() -> None:
     assert found.upper / found.lower - 1 < 0.06
 
 
+@pytest.mark.slow
 def test_no_time_at_all_still_gives_a_bound() -> None:
     allowed = limits(30, ends=1.0)
     hurried = lattice_bound(allowed, BOTH, NOTHING, time_limit=0.0)

@@ -86,6 +86,7 @@ class TestThinned:
         assert nine["position"].at_rest == pytest.approx(one["position"].at_rest / 3)
 
 
+@pytest.mark.slow
 def test_averages_tell_what_all_poses_tell():
     # Of independent noise: the same estimates within a share of their standard errors, which are the same.
     log, chosen = fast(5.0), options(segment="log", covariance="information", clock_offset=False)

@@ -109,6 +109,7 @@ def test_cosine_and_sine():
     np.testing.assert_allclose(sine[small], np.sin(angles[small]), rtol=1e-15, atol=1e-300)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_replicates(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("oed.simulation.tally.KEPT", 1000)
     problem, drive = make(10, samples=200)

@@ -366,6 +366,7 @@ def test_the_same_robot_is_equal_whatever_its_start_and_its_inputs_order(method:
     assert set(found.favourites) == {"differential_drive", "same"}
 
 
+@pytest.mark.slow
 def test_a_record_holds_it():
     logs = several(3, seconds=3.0, noise=NOISE)
     icr = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.1, y_icr_right=-0.1)

@@ -80,6 +80,7 @@ class TestClocks:
         log = log_of(DRIVE, rows=np.array([0, 200, 400]))
         assert clock_offsets(moves_of(log)) == pytest.approx([0.0])
 
+    @pytest.mark.slow
     def test_the_fit_refines_them_and_says_so(self):
         log = log_of(course(), noise=NOISE, offset=0.534)
         found = calibrate(logged_problem(), [log], options(segment="log"))

@@ -17,6 +17,7 @@ from oed.workflow.saving import save_estimate
 from oed.workflow.studies import load_study
 
 
+@pytest.mark.slow
 def test_it_is_what_its_simulation_writes():
     # Poses differ in their last digit where a machine adds up otherwise.
     made, shipped = text().splitlines(), FILE.read_text(encoding="utf-8").splitlines()
@@ -33,6 +34,7 @@ def found():
     return estimate(load_study(STUDY), [FILE])
 
 
+@pytest.mark.slow
 def test_it_tells_the_truth(found):
     for entry in found.parameters:
         low, high = entry.interval
@@ -40,6 +42,7 @@ def test_it_tells_the_truth(found):
         assert entry.standard_error < 0.0005 * entry.value
 
 
+@pytest.mark.slow
 def test_it_tells_where_the_target_sits_and_how_far_the_clocks_are_apart(found):
     nuisances = {entry["name"]: entry for entry in found.data["nuisances"]}
     truth = dict(zip(("sensor_x", "sensor_y", "sensor_heading"), SITS, strict=True))
@@ -47,11 +50,13 @@ def test_it_tells_where_the_target_sits_and_how_far_the_clocks_are_apart(found):
         assert abs(nuisances[name]["value"] - value) < 4 * nuisances[name]["standard_error"]
 
 
+@pytest.mark.slow
 def test_what_was_wrapped_is_named(found):
     names = {one["name"] for one in found.data["logs"][0]["findings"]}
     assert {"counter_wrapped", "wrapped_heading", "stationary_start", "clock_offset"} <= names
 
 
+@pytest.mark.slow
 def test_a_study_out_of_a_record_estimates_the_same(found):
     study = load_study(STUDY)
     again = recorded_study(Record({"study": json.loads(json.dumps(study.echo()))}))

@@ -158,6 +158,7 @@ class TestStarts:
         assert max(left.values()) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_windows_do_not_tell_how_they_begin(method: str):
     with pytest.raises(ProblemError, match=r"the yaw_rate that a window of skid_steer_slip begins with"):

@@ -152,6 +152,7 @@ def test_what_the_drive_does_not_tell_stays_nominal():
     assert fit.values[:2].mean() == pytest.approx(TRUE[:2].mean(), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_thousand_windows_are_no_burden():
     log = log_of(course(seconds=1000, period=0.25), noise=(0.001, 0.005))
     fit = gls([log], seconds=1.0)

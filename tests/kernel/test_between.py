@@ -98,6 +98,7 @@ def test_an_arc_outside_the_room_is_seen(rule: str):
     assert margin(narrower, drive, "workspace").margin == pytest.approx(-0.003, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.2, 0.7, 1.3])
 def test_the_edge_of_a_turned_room_is_exact(angle: float):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -191,6 +192,7 @@ def lagging_motion(drive: Trajectory) -> np.ndarray:
     return np.concatenate(found)
 
 
+@pytest.mark.slow
 def test_limits_are_on_the_motion_that_a_lagging_robot_has():
     limits = (
         YawRate(bounds=0.8),

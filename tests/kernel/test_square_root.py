@@ -328,6 +328,7 @@ def test_what_no_drive_tells_is_said_by_every_criterion(criterion: Criterion):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["omni_three", "mecanum"])
 @pytest.mark.parametrize("path", ["straight", "sideways_straight", "sideways_square"])
 def test_motions_that_cancel_to_rounding_tell_nothing(kind: str, path: str):

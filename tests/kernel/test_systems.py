@@ -151,6 +151,7 @@ class TestLag:
             drive = problem.design.trajectory(shape[:, None], problem.fixed_starts)
             assert own >= oed.evaluate(problem, drive).objective - 1e-6
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("solver", [oed.Ipopt(starts=2), oed.Genetic(population=20, generations=10)])
     def test_limits_on_states_hold_at_all_times(self, solver):
         problem = lag_problem(limits=(Voltage(bounds=(0.0, 1.0)), Brim(height=1.2)))
@@ -168,6 +169,7 @@ class TestLag:
         assert found.trajectory.starts.shape == (1, 1)
         assert found.evaluation.objective >= fixed.evaluation.objective - 1e-6
 
+    @pytest.mark.slow
     def test_several_runs(self):
         problem = lag_problem(design=space(runs=2, start=((0.0,), (1.0,))))
         found = oed.solve(problem, oed.Ipopt(starts=2), seed=0)

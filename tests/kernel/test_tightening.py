@@ -109,6 +109,7 @@ def test_what_cannot_be_uncertain_so_is_said():
         problem_of(uncertainty=Unknown(constant="mass"))
 
 
+@pytest.mark.slow
 def test_a_search_keeps_the_back_off():
     problem = tight_problem(robust=Fixed(distance=0.3), design=oed.DesignSpace(duration=6, samples=12))
     found = oed.solve(problem, oed.Ipopt(starts=1), seed=0)

@@ -75,6 +75,7 @@ def test_the_sign_turns_everything_round(ticks: np.ndarray, sign: int):
     np.testing.assert_array_equal(read(ticks, sign=sign).integrals, sign * read(ticks).integrals)
 
 
+@pytest.mark.slow
 @FEW
 @given(ticks=drives(), data=st.data())
 def test_what_lies_between_two_rows_does_not_depend_on_where_the_log_is_cut(

@@ -103,6 +103,7 @@ def drives(problem: Problem) -> tuple[LocalSearch, Any, Any, Any]:
     return search, poor, good, outside
 
 
+@pytest.mark.slow
 def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPatch):
     problem = small()
     search, poor, good, outside = drives(problem)
@@ -143,6 +144,7 @@ def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pyte
     np.testing.assert_array_equal(search.maximise(good).unknowns, good)
 
 
+@pytest.mark.slow
 def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     search, _, _, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
@@ -234,6 +236,7 @@ def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: p
     np.testing.assert_array_equal(search.maximise(poor).unknowns, good)
 
 
+@pytest.mark.slow
 def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: pytest.MonkeyPatch):
     problem, settle = small(), LocalSearch.second_stage
     plain = solve(problem, QUICK, seed=0, workers=1)

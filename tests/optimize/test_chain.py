@@ -92,6 +92,7 @@ def check(chain: ChainRule, point: np.ndarray) -> None:
     np.testing.assert_allclose(upper, np.triu(expected), rtol=1e-4, atol=size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS.keys())
 def test_derivatives_are_finite_differences(overrides: dict):
     check(*make_chain(overrides))

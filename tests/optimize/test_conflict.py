@@ -47,18 +47,21 @@ def amount(description: str, name: str) -> float:
     return float(found.group(1))
 
 
+@pytest.mark.slow
 def test_conflicting_limits_are_named_with_units(description: str):
     assert description.startswith("These limits conflict")
     assert re.search(r"wheel_speed \(by at most \S+ rad/s\)", description)
     assert re.search(r"workspace \(by at most \S+ m\)", description)
 
 
+@pytest.mark.slow
 def test_amounts_are_no_more_than_what_is_certainly_enough(description: str):
     # Wheels that may rest need no room at all, and no drive reaches farther than its own length.
     assert 0 < amount(description, "wheel_speed") <= 3.0 + 1e-3
     assert 0 < amount(description, "workspace") <= 5 * 10 * 0.049
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["wheel_speed", "workspace"])
 def test_loosening_one_limit_by_its_amount_is_enough(description: str, name: str):
     loosened = 1.02 * amount(description, name) + 1e-3
@@ -74,5 +77,6 @@ def test_a_limit_that_is_not_in_the_way_is_not_named():
     assert "wheel_acceleration" not in description
 
 
+@pytest.mark.slow
 def test_limits_that_agree_do_not_conflict():
     assert describe(problem_of(limits=(SPEED, ACCELERATION, BOX))) == ""

@@ -422,6 +422,7 @@ def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
     assert_close(terms_of(problem).values(z)[0], Unrolled(problem).values(z)[0])
 
 
+@pytest.mark.slow
 def test_input_limits_alone_leave_no_rows_to_the_pieces():
     problem = small_problem(limits=input_limits, measurement=POSES)
     pieces, whole = terms_of(problem), Unrolled(problem)

@@ -54,6 +54,7 @@ class TestMotion:
         poses = np.column_stack([np.cos(angle), np.sin(angle), angle + 1.0])
         np.testing.assert_allclose(np.hypot(*motion(poses, 1.0).poses[:, :2].T), 1.0, rtol=1e-12)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("make", [crab, towing, omni])
     def test_it_passes_every_sample(self, make):
         entry = make().best
@@ -79,6 +80,7 @@ class TestCast:
 
 
 class TestStage:
+    @pytest.mark.slow
     @pytest.mark.parametrize("make", [steered, towing, omni], ids=["steered", "towing", "omni"])
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()

@@ -136,6 +136,7 @@ def test_means_are_of_the_logs_that_have_the_number():
     assert "heading error (RMS) from 2.29 deg to 1.15 deg" in text
 
 
+@pytest.mark.slow
 def test_hundreds_of_logs_stay_readable():
     data = many()
     for one in estimate_sections(read(data)):

@@ -69,6 +69,7 @@ def test_every_kind_of_shape_has_an_outline() -> None:
         )
 
 
+@pytest.mark.slow
 def test_polygon_and_obstacles_are_drawn_in_every_panel() -> None:
     record = sample_rooms.crab()
     figure = drawn(record)
@@ -83,6 +84,7 @@ def test_polygon_and_obstacles_are_drawn_in_every_panel() -> None:
     assert "obstacle" in legend(figure)
 
 
+@pytest.mark.slow
 def test_circular_workspace_is_drawn_and_seen_whole() -> None:
     figure = drawn(sample_rooms.steered())
     (circle,) = figure.axes[0].patches
@@ -138,6 +140,7 @@ def test_backwards_is_told_of_robots_that_only_drive_ahead() -> None:
     assert "backwards" in legend(drawn(record))
 
 
+@pytest.mark.slow
 def test_the_trailers_axle_is_a_thin_line_of_its_own() -> None:
     record = sample_rooms.towing()
     trailer = path_of(record, record.results[0]).runs[0].trailer
@@ -156,6 +159,7 @@ def test_the_trailers_axle_is_a_thin_line_of_its_own() -> None:
     assert figure.axes[0].get_xlim()[0] < trailer[:, 0].min()
 
 
+@pytest.mark.slow
 def test_legends_fit_their_figures() -> None:
     for make in ROOMS.values():
         figure = drawn(make())

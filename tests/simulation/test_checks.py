@@ -51,6 +51,7 @@ class TestRightCovariance:
         rejected = sum(not all(check.passed for check in checks) for checks in right_ones())
         assert rejected / SEEDS <= ALPHA + 3 * math.sqrt(ALPHA * (1 - ALPHA) / SEEDS)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", NAMES)
     def test_each_alone_rejects_rarely_enough(self, name: str):
         values = np.array(

@@ -134,6 +134,7 @@ class TestNegativeControls:
         checks = check_all(estimates - regression.true, factor * regression.covariance, 0.01)
         return all(check.passed for check in checks)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
     def test_five_per_cent(self, factor: float):
         # 4000 replicates see it nine times in ten, 10,000 always.

@@ -27,6 +27,7 @@ FITS = ["differential drive", "lag", "differential drive by two stage"]
 DRIVES = ["optimal for differential drive", "optimal for lag", "circle", "random"]
 
 
+@pytest.mark.slow
 def test_predictions_are_dead_reckoning_with_the_encoders():
     study = study_of()
     planned = paced_baseline(study.problem, "random", 5)

@@ -34,12 +34,14 @@ def test_a_slow_square_is_the_lap_to_the_left_at_half_the_speed():
     assert after.path_length == pytest.approx(before.path_length / 2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_other_paths_are_the_baselines():
     problem = study_of().problem
     (plain,) = baselines(problem, "circle")
     np.testing.assert_array_equal(paced_baseline(problem, "circle").inputs, plain.trajectory.inputs)
 
 
+@pytest.mark.slow
 def test_held_out_drives_are_none_that_is_calibrated_from():
     problem = study_of().problem
     drives = [paced_baseline(problem, "random", seed=3), *held_out_drives(problem, 4, seed=3)]

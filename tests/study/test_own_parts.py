@@ -73,6 +73,7 @@ def saved(folder: Path) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(folder: Path) -> None:
     fresh = run(load(folder), folder / "out", workers=1)
     best = fresh.best
@@ -97,6 +98,7 @@ def test_its_echo_is_the_same_study(folder: Path) -> None:
     assert again.echo() == study.echo()
 
 
+@pytest.mark.slow
 def test_no_code_is_run_to_report_again(folder: Path) -> None:
     place = saved(folder)
     assert main(["report", str(place)]) == 0
@@ -106,6 +108,7 @@ def test_no_code_is_run_to_report_again(folder: Path) -> None:
     assert "The criterion is log smallest, the logarithm of the smallest eigenvalue" in text
 
 
+@pytest.mark.slow
 def test_the_page_is_the_same_with_and_without_the_code(folder: Path) -> None:
     fresh = run(load(folder), folder / "out", workers=1)
     read = load_record(folder / "out")
@@ -114,6 +117,7 @@ def test_the_page_is_the_same_with_and_without_the_code(folder: Path) -> None:
         assert [table.rows for table in mine.tables] == [table.rows for table in other.tables]
 
 
+@pytest.mark.slow
 def test_code_is_run_for_who_trusts_it_only(folder: Path) -> None:
     place = saved(folder)
     record = load_record(place)
@@ -129,6 +133,7 @@ def test_code_is_run_for_who_trusts_it_only(folder: Path) -> None:
     assert (folder / "was_run").exists()
 
 
+@pytest.mark.slow
 def test_what_needs_the_code_says_so(folder: Path) -> None:
     (sensor,) = load_record(saved(folder)).study.measurement.joint_sensors[1:]
     assert isinstance(sensor, PythonSensor)
@@ -167,6 +172,7 @@ class TestFromPython:
             limits={"wheel_speed": 6, "own": [my_parts.Strip(half_width=0.3)]},
         )
 
+    @pytest.mark.slow
     def test_they_are_saved_and_reported_again(self, folder: Path) -> None:
         fresh = run(self.study(folder), folder / "out", workers=1)
         echo = fresh.data["study"]
@@ -183,6 +189,7 @@ class TestFromPython:
         assert again.criterion.subset == ("track",)
         assert again.limits[1].half_width == 0.3
 
+    @pytest.mark.slow
     def test_a_class_that_no_file_holds_is_saved_all_the_same(self, folder: Path) -> None:
         class Local(oed.E):
             kind: str = "local"

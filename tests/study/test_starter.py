@@ -73,6 +73,7 @@ def logged(study: Study, folder: Path) -> Path:
     return folder / "drive.csv"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "sensor"), [*((robot, "poses") for robot in robots()), ("tricycle", "positions")]
 )

@@ -487,6 +487,7 @@ class TestSchema:
             assert f'"{name}"' in text
 
 
+@pytest.mark.slow
 def test_mistakes_without_number_are_counted():
     flaws = flaws_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
     assert len(flaws) == 201

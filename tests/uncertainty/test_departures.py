@@ -219,6 +219,7 @@ class TestCounts:
 
 
 class TestDraws:
+    @pytest.mark.slow
     def test_the_same_seed_tells_the_same(self):
         problem, drive, found, _ = counted("box")
         again = violation_probability(problem, drive, draws=FEW, seed=0)

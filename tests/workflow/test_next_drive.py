@@ -47,6 +47,7 @@ def all_files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 class TestInterrupted:
     """The next drive of before stays; what there is of this one is kept beside it."""
 

@@ -125,6 +125,7 @@ class TestRecord:
         assert again.problem.robust == study.problem.robust
 
 
+@pytest.mark.slow
 class TestWhatIsAsked:
     def test_a_study_that_is_not_robust_has_none(self, tmp_path):
         study = saved_study(tmp_path, small(solvers="", baselines="[straight]"))

@@ -48,6 +48,7 @@ def result(record: Record, name: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 class TestRecord:
     def test_every_search_and_path_is_there(self, ran):
         _, record, _ = ran

@@ -139,6 +139,7 @@ def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
 
 
 class TestNoRoom:
+    @pytest.mark.slow
     def test_printed_all_the_same(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         write_study(tmp_path, TEXT)
@@ -228,6 +229,7 @@ class TestUnreadable:
         (place,) = re.findall(r"The results are in (\S+) instead", line)
         assert (Path(place) / "genetic.csv").is_file()
 
+    @pytest.mark.slow
     def test_the_largest_numbers_of_a_study_are_none(self, tmp_path: Path):
         text = TEXT.replace("10 rad/s", "1e10 rad/s").replace("20 rad/s^2", "1e11 rad/s^2")
         study = saved_study(tmp_path, text.replace("[-1 m, 1 m]", "[-1e11 m, 1e11 m]"))

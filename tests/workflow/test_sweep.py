@@ -92,6 +92,7 @@ def test_a_point_is_what_a_run_of_its_study_is(swept, tmp_path: Path):
     assert point.best.drive == alone.best.drive
 
 
+@pytest.mark.slow
 def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, runs: list[str]):
     folder, data = swept
     shutil.copytree(folder / "out", tmp_path / "out")
@@ -105,6 +106,7 @@ def test_what_is_there_is_kept_and_what_is_not_is_run(swept, tmp_path: Path, run
     assert runs[1:] == ["Small study (wheel_speed 5 rad/s)"]
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, data = swept
 
@@ -127,6 +129,7 @@ def all_files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_stays_until_another_is_finished(
     swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -154,6 +157,7 @@ def test_a_finished_sweep_stays_until_another_is_finished(
     assert {load_record(out / row["record"]).data["seed"] for row in whole.data["points"]} == {9}
 
 
+@pytest.mark.slow
 def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     class Killed(BaseException):
         pass
@@ -194,6 +198,7 @@ def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert [path.name for path in tmp_path.iterdir()] == ["out.interrupted"]
 
 
+@pytest.mark.slow
 def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, _ = swept
 

@@ -38,6 +38,7 @@ def path(solution: Solution) -> np.ndarray:
     return solution.evaluation.path
 
 
+@pytest.mark.slow
 class TestInTheFlagship:
     """The paper's robot in a 2 m box, started in its middle."""
 
@@ -188,6 +189,7 @@ class TestStudies:
         fitted = baselines(problem_of(), name, length=length)[1]
         assert fitted.evaluation.path_length == pytest.approx(length, rel=1e-3)
 
+    @pytest.mark.slow
     @every
     def test_a_free_start_is_the_middle_of_the_room(self, name: str):
         problem = problem_of(

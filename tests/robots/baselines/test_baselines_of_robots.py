@@ -271,6 +271,7 @@ class TestPatterns:
 
 
 class TestSpins:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", SPINNING)
     def test_of_a_tricycle(self, name: str):
         limits = (WheelSpeed(bounds=10), SteeringAngle(bounds=1.7), ACCELERATION, ROOM)
@@ -292,6 +293,7 @@ class TestSpins:
 
 
 class TestSideways:
+    @pytest.mark.slow
     def test_a_square_without_turning(self):
         (solution,) = baselines(robot_problem(MECANUM), "sideways_square")
         path = solution.evaluation.path
@@ -325,11 +327,13 @@ class TestSteering:
         needed = angle / rate
         assert needed <= self.standing(solution) <= needed + 2 * solution.trajectory.period
 
+    @pytest.mark.slow
     def test_takes_a_quarter_second_without_a_limit(self):
         solution = self.steered()
         period = solution.trajectory.period
         assert 0.25 <= self.standing(solution) <= 0.25 + 2 * period
 
+    @pytest.mark.slow
     def test_a_one_sided_rate(self):
         solution = self.steered(SteeringRate(bounds=(-0.1, 2.0)), name="figure_eight")
         assert solution.evaluation.feasible
@@ -337,6 +341,7 @@ class TestSteering:
         assert rates.min() == pytest.approx(-0.1, rel=0.1)
         assert rates.max() > 0.2
 
+    @pytest.mark.slow
     def test_keeps_its_angle_at_ends_that_need_no_rest(self):
         solution = self.steered(rest_to_rest=False)
         assert solution.evaluation.feasible
@@ -368,6 +373,7 @@ class TestSteering:
 
 
 class TestSizes:
+    @pytest.mark.slow
     @pytest.mark.parametrize("radius", [0.3, 1.2, 1.49])
     def test_a_turning_radius_leaves_an_interval_of_sizes(self, radius: float):
         limits = (*usual_limits(TWO_SIDED), TurningRadius(bounds=radius))

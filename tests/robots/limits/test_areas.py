@@ -137,6 +137,7 @@ def test_areas_move_turn_and_grow_with_their_points(outline, angle: float, scale
     np.testing.assert_allclose(slack_at(image_shelf, moved)[~inside], expected, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", ["differential", "tricycle", "mecanum"])
 def test_margins_along_a_drive(name: str, seed: int):

@@ -167,6 +167,7 @@ class TestLag:
             state = states[-1]
         return np.array(states)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("model", [LAG, FULL], ids=["lag", "all"])
     def test_heading_is_exact_and_position_of_second_order(self, model: Model):
         period, start, errors = 0.8, [0.1, -0.2, 0.4, 0.7], []

@@ -336,6 +336,7 @@ class TestSeveral:
         once, twice = told(sensor, inputs), told(Several(sensors=[sensor, sensor]), inputs)
         np.testing.assert_allclose(twice, 2 * once, rtol=1e-9, atol=1e-10 * np.trace(once))
 
+    @pytest.mark.slow
     @settings(max_examples=12)
     @given(
         chosen=st.lists(st.sampled_from(COMPATIBLE), min_size=2, max_size=3),
@@ -438,6 +439,7 @@ class TestInitialPose:
         )
         assert_close(there, here, sizes, 1e-8)
 
+    @pytest.mark.slow
     @settings(max_examples=15)
     @given(x=st.floats(-20, 20), y=st.floats(-20, 20), turn=st.floats(-7, 7))
     def test_nor_does_it_matter_to_ranges_when_the_beacons_come_along(self, x: float, y: float, turn: float):
