@@ -80,6 +80,7 @@ ATTRIBUTES = {
     "Calibration": {"left_out": "cross_validation", "untold": "weak_directions"},
     "Certificate": {"caps": "bounds"},
     "Evaluation": {"poses": "states"},
+    "Margin": {"kept": "satisfied"},
     "Problem": {"robot": "system", "judged_robots": "judged_systems", "told": "judging"},
     "Solution": {"leaving": "violation"},
     "Nonlinear": ESTIMATOR,

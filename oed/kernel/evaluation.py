@@ -33,7 +33,7 @@ TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
-class Margin:
+class Margin(Renamed):
     """How far a trajectory stays inside one limit.
 
     Attributes:
@@ -57,12 +57,12 @@ class Margin:
 
     @property
     def violation(self) -> float:
-        """Amount by which the limit is exceeded, 0 where it is kept."""
+        """Amount by which the limit is exceeded, 0 where it is satisfied."""
         return max(0.0, -self.margin)
 
     @property
-    def kept(self) -> bool:
-        """Whether the limit is kept, within `TOLERANCE` of its size."""
+    def satisfied(self) -> bool:
+        """Whether the limit is satisfied, within `TOLERANCE` of its size."""
         return self.violation <= TOLERANCE * self.size
 
 
@@ -150,7 +150,7 @@ class Evaluation(Renamed):
     @property
     def feasible(self) -> bool:
         """Whether every limit is kept."""
-        return all(margin.kept for margin in self.margins)
+        return all(margin.satisfied for margin in self.margins)
 
     @property
     def checked_at_points(self) -> tuple[str, ...]:
@@ -160,7 +160,7 @@ class Evaluation(Renamed):
     @property
     def violations(self) -> dict[str, float]:
         """Amount by which each limit that is not kept is exceeded, in its SI unit."""
-        return {margin.name: margin.violation for margin in self.margins if not margin.kept}
+        return {margin.name: margin.violation for margin in self.margins if not margin.satisfied}
 
 
 def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:

@@ -43,19 +43,19 @@ class Status(Enum):
 
 
 _SENTENCES = {
-    Status.CONVERGED: "Converged to a local optimum that keeps every limit.",
+    Status.CONVERGED: "Converged to a local optimum that satisfies every limit.",
     Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
     "raise max_iterations to go on.",
     Status.TIME_LIMIT: "Stopped at the time limit; raise time_limit to go on.",
     Status.INTERRUPTED: "Interrupted before the search was done.",
-    Status.SEARCHED: "Searched as long as asked; the best design found keeps every limit, "
+    Status.SEARCHED: "Searched as long as asked; the best design found satisfies every limit, "
     "but nothing says that it is an optimum.",
     Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
     "is returned; nothing says that it is an optimum: try more starts or another seed.",
     Status.SCORED: "Scored as given; nothing was optimised.",
     Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
-    Status.INFEASIBLE: "No drive that keeps every limit was found; loosen one of the limits named.",
+    Status.INFEASIBLE: "No drive that satisfies every limit was found; loosen one of the limits named.",
     Status.SINGULAR: "No drive found makes all parameters identifiable that the criterion asks about; "
     "allow more motion, more segments or another regressor.",
     Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",

@@ -59,7 +59,7 @@ def _parts_of(evaluation: Evaluation) -> dict[str, Any]:
             for block, covariance in evaluation.covariances.items()
         ],
         "margins": [
-            Margin.of(margin, limit=margin.name, satisfied=margin.kept) for margin in evaluation.margins
+            Margin.of(margin, limit=margin.name, satisfied=margin.satisfied) for margin in evaluation.margins
         ],
     }
 

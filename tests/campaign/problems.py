@@ -175,7 +175,7 @@ class _Judged:
         margins = {margin.name: margin for margin in self.said.margins}
         for one in self.limits:
             margin, rounding = margins[one.limit], self._rounding(one.limit)
-            if margin.kept:
+            if margin.satisfied:
                 right = one.amount <= TOLERANCE * min(one.size, margin.size) + rounding
                 text = f"{one.limit} exceeded by {one.amount:.4g} (size {one.size:.4g}), called kept"
                 yield Verdict(FEASIBLE, "" if right else text)

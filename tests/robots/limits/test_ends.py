@@ -203,7 +203,7 @@ def test_a_tolerance_is_a_distance_in_any_direction(direction: float, share: flo
     x, y, _ = fine_path(example, drive)[-1]
     place = {"x": x + 0.1 * np.cos(direction) * share, "y": y + 0.1 * np.sin(direction) * share}
     problem = limited(example, EndPosition(at=place, tolerance=0.1))
-    assert margin_of(problem, drive, "end_position").kept == kept
+    assert margin_of(problem, drive, "end_position").satisfied == kept
     assert margin_of(problem, drive, "end_position").margin == pytest.approx(0.1 - 0.1 * share, abs=1e-9)
 
 
@@ -214,7 +214,7 @@ def test_a_tolerance_is_an_angle_of_any_size(tolerance: float, share: float, kep
     drive = random_drive(limited(example), 1)
     *_, heading = fine_path(example, drive)[-1]
     problem = limited(example, EndHeading(at=heading + share * tolerance, tolerance=tolerance))
-    assert margin_of(problem, drive, "end_heading").kept == kept
+    assert margin_of(problem, drive, "end_heading").satisfied == kept
     assert margin_of(problem, drive, "end_heading").margin == pytest.approx((1 - share) * tolerance, abs=1e-7)
 
 

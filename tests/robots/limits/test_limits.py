@@ -156,7 +156,7 @@ def test_workspace_is_looked_at_between_the_samples():
 )
 def test_what_is_active_and_what_is_kept(margin: float, active: bool, kept: bool):
     found = Margin("wheel_speed", 10 * margin, 10.0, "rad/s")
-    assert (found.active, found.kept) == (active, kept)
+    assert (found.active, found.satisfied) == (active, kept)
     assert found.violation == max(0.0, -10 * margin)
 
 
