@@ -141,9 +141,11 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
         return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
     states = [state for state in model.states if state in table.header]
     given = states if len(states) == len(model.states) else []
-    times, flaws = _columns(table, ("t",), last_may_be_empty=False)
-    inputs, more = _columns(table, model.input_names, last_may_be_empty=True)
-    start, still_more = _columns(table.some([0]), given, last_may_be_empty=False)
+    last = len(table.rows) - 1
+    times, flaws = _columns(table, ("t",))
+    inputs, more = _columns(table, model.input_names, may_be_empty=range(last, last + 1))
+    # Only the start counts; but what is no number shows that the file is damaged.
+    starts, still_more = _columns(table, given, may_be_empty=range(1, last + 1), blanks=("", "nan"))
     flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, problem)
     if flaws:
         return flaws
@@ -152,7 +154,7 @@ def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
     if np.isnan(rows).any() or len(rows) < 2:
         text = f"expected numbers for {', '.join(model.input_names)} in at least two rows"
         return [table.flaw(-1 if np.isnan(rows).any() else 0, "", text)]
-    return _Run(rows, _period(table, times[:, 0]) * len(rows), start[0] if given else None)
+    return _Run(rows, _period(table, times[:, 0]) * len(rows), starts[0] if given else None)
 
 
 def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Problem) -> list[FileFlaw]:
@@ -232,15 +234,19 @@ def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequen
 
 
 def _columns(
-    table: _Table, columns: Sequence[str], *, last_may_be_empty: bool
+    table: _Table,
+    columns: Sequence[str],
+    *,
+    may_be_empty: range = range(0),
+    blanks: Sequence[str] = ("",),
 ) -> tuple[Array, list[FileFlaw]]:
-    # (rows, columns); not-a-number where the last row is empty.
+    # (rows, columns); not-a-number where a row that may be is empty.
     values, flaws = np.full((len(table.rows), len(columns)), math.nan), []
     for place, column in enumerate(columns):
         index = table.header.index(column)
         for number, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
             cell = row[index].strip() if index < len(row) else ""
-            if not cell and last_may_be_empty and number == len(table.rows) - 1:
+            if number in may_be_empty and cell.lower() in blanks:
                 continue
             value = _number(cell)
             if value is None:

@@ -132,8 +132,12 @@ class TestReading:
         assert (drive.duration, drive.samples) == (2.0, 2)
 
     def test_later_poses_are_not_read(self, tmp_path: Path):
-        drive = read(tmp_path, POSES, "0,1,2,0.3,-0.4,1.5", "1,3,4,,nan,?", "2,,,,,")
+        drive = read(tmp_path, POSES, "0,1,2,0.3,-0.4,1.5", "1,3,4,,nan,7", "2,,,,,")
         assert drive.start.tolist() == [0.3, -0.4, 1.5]
+
+    def test_but_what_is_no_number_in_them_shows_damage(self, tmp_path: Path):
+        with pytest.raises(PathFileError, match=r"expected a finite number, got '-0\.9837;58'"):
+            read(tmp_path, POSES, "0,1,2,0.3,-0.4,1.5", "1,3,4,-0.9837;58,0,0", "2,,,,,")
 
     def test_columns_in_any_order_and_others_among_them(self, tmp_path: Path):
         header = "battery, wheel_speed_left ,t,wheel_speed_right"
