@@ -175,7 +175,7 @@ def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], 
         errors = _finer(record, shown, name)
         title = f"error of {words(name)}" if errors else words(name)
         axes.append(spread.Estimated(name, title, *shown[name], errors))
-    titles = [f"{one.name}\n{words(one.estimator)}" if several else one.name for one in drawn]
+    titles = [f"{words(one.name)}\n{words(one.estimator)}" if several else words(one.name) for one in drawn]
     caption = SAY("caption", pair, any(one.errors for one in axes))
     figure = spread.clouds(drawn, titles, axes)
     return Picture(f"estimates_{pair[0]}_{pair[1]}", SAY("alt", pair), caption, figure)
