@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_on, gap
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.joint import joint_bounds
 from oed.bounds.reach import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
+from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
@@ -21,8 +21,6 @@ from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 from oed.robots.space import DesignSpace
-
-Array = npt.NDArray[np.float64]
 
 BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
-
-Array = npt.NDArray[np.float64]
 
 INFLATION = 1e-9
 """Share by which every bound is raised, far above what rounding can have taken from it."""

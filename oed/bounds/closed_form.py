@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
 from oed.bounds.reach import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
+from oed.foundation.arrays import Array, Places
 from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
-
-Array = npt.NDArray[np.float64]
 
 SPEEDS = "wheel speeds and accelerations within their limits"
 """An assumption, in words."""
@@ -61,7 +59,7 @@ def prior_matrix(problem: Problem, one: Estimation) -> Array:
     return np.asarray(known[:size, :size] * np.outer(one.scales, one.scales))
 
 
-def _edges(problem: Problem, measurement: Displacements) -> npt.NDArray[np.int64]:
+def _edges(problem: Problem, measurement: Displacements) -> Places:
     return measurement.segment_edges(problem.design.samples)
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.spread import largest_spread, too_fine
+from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
@@ -23,8 +23,6 @@ from oed.robots.models.model import robot_of
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.ranges import Ranges
 from oed.robots.sensors.yaw_rate import YawRate
-
-Array = npt.NDArray[np.float64]
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.system import follows_state, stepper
 from oed.kernel.dynamics.trajectory import middles
 from oed.kernel.problem import Problem
@@ -13,8 +13,6 @@ from oed.robots.limits.path_length import PathLength
 from oed.robots.limits.workspace import workspace_of
 from oed.robots.models.model import robot_of
 from oed.robots.models.skid_steer import SkidSteer
-
-Array = npt.NDArray[np.float64]
 
 
 def input_reach(problem: Problem) -> Array:

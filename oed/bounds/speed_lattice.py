@@ -16,10 +16,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array, Places
 
 DIRECTIONS = 96
 """Corners of the polygon inside which Z is sought; every Z inside is valid."""
@@ -151,7 +150,7 @@ class LatticeProgram:
         return np.asarray(self.scaled[:, rows, columns].T)
 
 
-def _neighbours(grid: Array, step: float) -> npt.NDArray[np.int64]:
+def _neighbours(grid: Array, step: float) -> Places:
     # (n, m): which values may follow each, the last one repeated where there are fewer.
     reach = step * (1 + 1e-9)
     low = np.searchsorted(grid, grid - reach, side="left")

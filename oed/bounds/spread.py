@@ -8,9 +8,8 @@ or minus a multiple of the largest step. The state is the position and the sum o
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array, Bools
 
 SUM_STEPS = 4000
 """Steps into which the range of the readings' sum is divided; the rounding is taken off the bound's side."""
@@ -32,9 +31,7 @@ def too_fine(low: float, high: float, steps: Array) -> bool:
     return positions * 2 * SUM_STEPS * len(steps) * 7 > MOST_WORK
 
 
-def largest_spread(
-    low: float, high: float, start: float | None, steps: Array, read: npt.NDArray[np.bool_]
-) -> float:
+def largest_spread(low: float, high: float, start: float | None, steps: Array, read: Bools) -> float:
     """At least the largest sum of (x_k - mean)^2 over the samples read.
 
     Args:

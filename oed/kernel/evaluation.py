@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
 from oed.kernel.between import Sight, most_exceeded
@@ -25,8 +25,6 @@ from oed.kernel.finiteness import require_finite
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
-
-Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import row_times
 from oed.kernel.problem import Problem
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 def require_finite(
@@ -48,7 +45,7 @@ def require_finite(
             raise NotFinite(Flaw(("measurement",), _sentence(problem, what, where, columns)))
 
 
-def _departure(problem: Problem, trajectory: Trajectory, inside: Flags, what: str) -> str:
+def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, what: str) -> str:
     # The earliest moment of any run.
     rows = np.array(np.split(inside, trajectory.runs))
     moments = np.flatnonzero(~rows.all(axis=(0, 2)))

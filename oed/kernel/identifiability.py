@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite, ProblemError
 from oed.kernel.coarser import as_well_read
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import full_information
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Estimation, Problem
-
-Array = npt.NDArray[np.float64]
 
 DRIVES = 6
 """Random drives whose information is added up: what none of them identifies, no drive does."""

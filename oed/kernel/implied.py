@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.limit import LinearBound
-
-Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9
 """By how much more than what a linear program finds an input may be, relative to it."""

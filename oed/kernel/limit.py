@@ -10,10 +10,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import counts_as_zero, parse_quantity
@@ -21,8 +21,6 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, label_of
-
-Array = npt.NDArray[np.float64]
 
 ROUNDED = 1e-3
 """Share of a magnitude's limit over which its corner at 0 is rounded."""

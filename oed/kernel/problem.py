@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.criteria import Criterion, Subject
@@ -31,8 +32,6 @@ from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,14 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.measurement.prior import Prior
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

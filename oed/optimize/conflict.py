@@ -6,12 +6,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Program
-
-Array = npt.NDArray[np.float64]
 
 NEGLIGIBLE = 1e-4
 """Relaxation, as a share of a limit's size, below which the limit counts as kept."""

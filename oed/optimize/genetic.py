@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.quantities import Duration
 from oed.kernel.evaluation import Evaluation, evaluate
@@ -27,8 +27,6 @@ from oed.optimize.solver import Context, Solver
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
-
-Array = npt.NDArray[np.float64]
 
 REFINE = 2
 """Path points per sample that the population is checked at; the best are re-scored at all times."""

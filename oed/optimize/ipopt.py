@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, ProblemError
 from oed.foundation.quantities import Duration
 from oed.foundation.work.parallel import Workers, run_tasks
@@ -31,8 +31,6 @@ from oed.optimize.transcription.starting_points import (
     screen,
     starting_points,
 )
-
-Array = npt.NDArray[np.float64]
 
 ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""

@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
@@ -24,8 +24,6 @@ from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.epigraph import objective_of
 from oed.optimize.transcription.program import Outcome, Program
 
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 Round: TypeAlias = tuple[Outcome, Evaluation]
 Stage = Literal["program", "second"]
 

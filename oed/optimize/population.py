@@ -6,13 +6,12 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.work.parallel import Workers, at_once, run_tasks
 from oed.kernel.problem import Problem
 from oed.optimize.transcription.design import DesignExpressions
 
-Array = npt.NDArray[np.float64]
 Scores = tuple[Array, Array]
 
 WORTH = 0.5

@@ -8,9 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
 from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.rollout import FINE, Drive, roll_out
@@ -21,8 +21,6 @@ from oed.kernel.problem import Problem
 from oed.kernel.violation import Violation
 from oed.uncertainty.uncertainty import given_spread
 
-Array = npt.NDArray[np.float64]
-
 LEVEL = 0.95
 """Confidence of the interval of a probability."""
 BATCH = 500
@@ -31,7 +29,6 @@ WORST = 4
 """Robots whose violations are largest, kept."""
 DECIDED = 0.999
 """Share of the tolerance that nobody needs to know the excess below of."""
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ def violation_probability(
     )
 
 
-def violated(problem: Problem, trajectory: Trajectory, values: Array) -> npt.NDArray[np.bool_]:
+def violated(problem: Problem, trajectory: Trajectory, values: Array) -> Bools:
     """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,).
 
     Args:

@@ -11,10 +11,10 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 import scipy
 from pydantic import Field, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
@@ -22,8 +22,6 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import ROUNDED, PathLimit, Rows
 from oed.kernel.tightening import Scenarios, Tightening, UncertainSystem
 from oed.uncertainty.uncertainty import Spread, given_spread, impossible, spread_of
-
-Array = npt.NDArray[np.float64]
 
 TIGHTER = 1.15
 """Factor on the back-off where draws have shown too many violations."""

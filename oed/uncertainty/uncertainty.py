@@ -9,16 +9,14 @@ from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
-
-Array = npt.NDArray[np.float64]
 
 STREAM = 11
 """Of simulated robots: their draws are independent of all others of a seed."""
@@ -144,7 +142,7 @@ class Spread:
     low: Array
     high: Array
     covariance: Array
-    uniform: npt.NDArray[np.bool_]
+    uniform: Bools
     system: System
     runs: int
     parameters: int

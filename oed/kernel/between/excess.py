@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.between.periods import Periods, Stretches
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
@@ -17,8 +17,6 @@ from oed.kernel.dynamics.intervals import ONE, Interval, number
 from oed.kernel.dynamics.rollout import Instant, instant_of
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
-
-Array = npt.NDArray[np.float64]
 
 AT_ONCE = 1024
 """Stretches bounded in one call."""

@@ -8,16 +8,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-
-Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
 
 NARROWEST = 1e-9
 """Share of a period below which a stretch is not cut any more: where rows change from one formula to another

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.between.excess import Excess
 from oed.kernel.between.periods import NARROWEST, Periods, Stretches, periods_of
 from oed.kernel.dynamics.enclosures import NotEnclosed
@@ -22,9 +22,6 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.problem import Problem
-
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 GAP = 1e-6
 """Share of a limit's size to which its largest excess is found."""

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
@@ -22,8 +22,6 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.information import Scaling, scaling_text
 from oed.kernel.measurement.matrices import solve_lower
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, FiniteFloat
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import UNITS_BY_NAME, Duration
@@ -27,9 +27,6 @@ from oed.kernel.criteria.criterion import (
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
-
 
 FAINT = 1e-8
 """Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).

@@ -7,14 +7,11 @@ from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import Epigraph, Factor, RootCriterion
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
-
 
 FAINTEST = 1e-3
 """Least eigenvalue, in the matrices' units (an optimiser's are typical ones), that modified E searches."""

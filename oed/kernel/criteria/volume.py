@@ -8,14 +8,12 @@ from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import quantity
 from oed.kernel.criteria.criterion import Criterion, Epigraph, RootCriterion, factored
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
 
 
 class D(RootCriterion):

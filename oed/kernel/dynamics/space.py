@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from oed.foundation.arrays import Array, Places
 from oed.foundation.component import Component
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory, held_jerks, held_rates, middles
-
-Array = npt.NDArray[np.float64]
 
 
 class Spline(Component):
@@ -116,7 +115,7 @@ class Space(Component, ABC):
         return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
 
     @property
-    def free_rows(self) -> npt.NDArray[np.int64]:
+    def free_rows(self) -> Places:
         """Indices of the coefficients that are free; the others are 0."""
         own = np.arange(self.spline.coefficients)
         own = own[1:-1] if self.rest_to_rest else own

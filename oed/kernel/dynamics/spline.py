@@ -14,10 +14,8 @@ from math import factorial
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-
+from oed.foundation.arrays import Array, Places
 
 ROUNDING = 1e-12
 """Share of the duration below which two times are one."""
@@ -34,7 +32,7 @@ class Band:
     """
 
     columns: int
-    first: npt.NDArray[np.int64]
+    first: Places
     entries: Array
 
     @property

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics import spline
-
-Array = npt.NDArray[np.float64]
 
 
 def middles(duration: float, samples: int) -> Array:

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
-
-Array = npt.NDArray[np.float64]
 
 ENDINGS = {1: "st", 2: "nd", 3: "rd"}
 UNCORRELATED = 1e-9

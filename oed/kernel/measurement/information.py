@@ -7,16 +7,15 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.matrices import eliminate
 from oed.kernel.measurement.measurement import Block
 from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
 
-Array = npt.NDArray[np.float64]
 Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Scaling = Literal["relative", "none"] | Mapping[str, Scale]
 SCALINGS = {"relative": "relative to their nominal values", "none": "in SI units"}

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.text import words
@@ -23,8 +23,6 @@ from oed.kernel.measurement.square_root import reduced
 
 if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar, Literal, Self, cast
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import UserMistake
 from oed.foundation.text import count, words
 from oed.kernel.dynamics.expression import Expression
@@ -25,9 +25,6 @@ from oed.kernel.dynamics.rollout import Drive, Named
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
-
-Array = npt.NDArray[np.float64]
-
 
 Start = Literal["unknown", "known"] | Mapping[str, float]
 """What is known of the start states: nothing, all, or standard deviations by their units."""

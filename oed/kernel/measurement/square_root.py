@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from oed.foundation.arrays import Array, Bools
 
 ULPS = 8.0
 """Units in the last place by which each row of a Jacobian may be off."""
@@ -123,12 +121,12 @@ class SquareRoot:
         return SquareRoot(self.sizes * scales, self.lengths, self.directions, self.rounding)
 
     @cached_property
-    def identifiable(self) -> Mask:
+    def identifiable(self) -> Bools:
         """Which directions are identifiable, (..., p)."""
         return np.asarray(self.lengths > self.rounding)
 
     @property
-    def complete(self) -> Mask:
+    def complete(self) -> Bools:
         """Whether every combination of the parameters is identifiable, (...)."""
         return np.asarray(self.identifiable.all(axis=-1))
 
@@ -192,7 +190,7 @@ class SquareRoot:
         np.einsum("...ii->...i", found)[hidden] = np.inf
         return np.asarray(found)
 
-    def hides(self, combinations: Array) -> Mask:
+    def hides(self, combinations: Array) -> Bools:
         """Whether combinations (q, p) of the parameters' changes are not identifiable, (..., q)."""
         units = combinations / _divisors(self.sizes)[..., None, :]
         along = np.abs(units @ self.directions)

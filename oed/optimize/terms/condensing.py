@@ -13,13 +13,11 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.packed import Packed
-
-Places = npt.NDArray[np.int64]
 
 
 class Condensing:

@@ -11,14 +11,11 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
-
-Array = npt.NDArray[np.float64]
-Pattern = npt.NDArray[np.bool_]
 
 
 class Kernel:
@@ -58,7 +55,7 @@ class Kernel:
         return self.cell.row_count * self.layout.samples
 
     @cached_property
-    def patterns(self) -> list[Pattern]:
+    def patterns(self) -> list[Bools]:
         """What depends on the start state: the end of what is handed on, information, the limit rows."""
         onward, gathered, rows = (np.array(ca.DM(one.pattern, 1.0)) != 0 for one in self.cell.slopes[:3])
         width, states = self.cell.width, self.states
@@ -217,7 +214,7 @@ def _shifted(begin: Expression, following: Expression, each: int) -> Expression:
     return ca.horzcat(begin, following)[:, order.tolist()]
 
 
-def _order(count: int, each: int) -> npt.NDArray[np.int64]:
+def _order(count: int, each: int) -> Places:
     # Where every part's begin stands among those of the sequences, and behind them the parts' ends.
     order = np.empty((count, each), dtype=np.int64)
     order[:, 0] = np.arange(count)

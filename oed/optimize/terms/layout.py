@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.trajectory import middles
-
-Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ from functools import cached_property
 
 import casadi as ca
 
+from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.carry import Carry
-from oed.optimize.terms.kernel import Kernel, Pattern
+from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.packed import Packed
 
 
@@ -173,7 +174,7 @@ class Link:
         return ca.Function("link_curvature", arguments, results)
 
 
-def _masked(transposed: Expression, pattern: Pattern) -> Expression:
+def _masked(transposed: Expression, pattern: Bools) -> Expression:
     # A matrix given transposed and dense, without the zeros by the start state that the pattern knows.
     whole = transposed.T
     places = ca.sparsify(ca.DM(pattern.astype(float))).sparsity()

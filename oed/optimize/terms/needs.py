@@ -12,15 +12,14 @@ from typing import TypeVar
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive
 
-Array = npt.NDArray[np.float64]
 Known = TypeVar("Known")
 
 

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import without_zeros
@@ -19,8 +19,6 @@ from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.piece_rows import PieceRows
 from oed.optimize.terms.totals import Sum
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

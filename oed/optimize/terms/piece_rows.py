@@ -8,8 +8,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
@@ -17,10 +17,6 @@ from oed.optimize.terms.base import RowBounds, small_drive
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Needs
-
-Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
-Moved = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -37,7 +33,7 @@ class Pool:
 
     slope: Array
     constant: Array
-    moved: Moved
+    moved: Bools
     of_first: int
     of_piece: int
 
@@ -100,7 +96,7 @@ class PieceRows:
     def _of_sample(self) -> int:
         return sum(rows.expression.shape[0] for rows in self._cell.rows)
 
-    def _moved_by_samples(self, of_first: int) -> tuple[Moved, Moved]:
+    def _moved_by_samples(self, of_first: int) -> tuple[Bools, Bools]:
         # Which unknowns move the first instants' rows, and all samples': passed on by the states.
         layout, states = self._layout, self._cell.states
         by_state, by_inputs = (np.array(ca.DM(part, 1.0)) != 0 for part in self._cell.depends)
@@ -121,7 +117,7 @@ class PieceRows:
                 moved, rows[piece, sample] = found[:states], found[states:]
         return first.reshape(-1, self._size), rows.reshape(-1, self._size)
 
-    def _moved_starts(self, run: int) -> Moved:
+    def _moved_starts(self, run: int) -> Bools:
         moved = np.zeros((self._cell.states, self._size), dtype=bool)
         if self._free:
             places = np.arange(self._chosen)

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.information import information
 from oed.kernel.measurement.sensor import start_nuisances
@@ -18,7 +18,6 @@ from oed.optimize.terms.base import small_drive, symmetric, upper_half
 from oed.optimize.terms.cell import cuts_of, estimated
 from oed.optimize.terms.layout import PieceLayout
 
-Places = npt.NDArray[np.int64]
 Reader = Callable[[Sequence[int]], Expression]
 
 

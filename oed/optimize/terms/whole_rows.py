@@ -13,15 +13,13 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.terms.base import RowBounds, Terms, without_zeros
 from oed.optimize.terms.needs import Asked, splines_of
-
-Moved = npt.NDArray[np.bool_]
 
 
 class SampleStates(Limit):
@@ -146,7 +144,7 @@ class WholeRows:
     """
 
     formulas: Formulas
-    moved: Moved
+    moved: Bools
 
     @cached_property
     def _pattern(self) -> ca.Sparsity:

@@ -6,14 +6,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.unrolled import OtherRobots
 from oed.optimize.transcription.design import DesignExpressions
 
-Array = npt.NDArray[np.float64]
 Interval = tuple[Array, Array]
 
 LINEAR_WEIGHT = 20.0

@@ -16,8 +16,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples, coarsened
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
@@ -26,8 +26,6 @@ from oed.kernel.problem import Problem
 from oed.optimize.terms.base import stacks, symmetric_all, upper_half
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
-
-Array = npt.NDArray[np.float64]
 
 
 class Grid:

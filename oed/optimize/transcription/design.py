@@ -7,8 +7,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
@@ -17,9 +17,6 @@ from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import RowBounds, Terms, stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 from oed.optimize.transcription.compiled import compiled
-
-Array = npt.NDArray[np.float64]
-
 
 UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""

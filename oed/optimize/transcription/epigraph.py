@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

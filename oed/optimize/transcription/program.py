@@ -12,15 +12,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.transcription.chain import ChainRule, Frame
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.interrupts import interrupts_kept
 from oed.optimize.transcription.threads import one_thread
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

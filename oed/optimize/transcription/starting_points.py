@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.optimize.transcription.design import DesignExpressions
-
-Array = npt.NDArray[np.float64]
 
 SCREENED = 2000
 """Random drives simulated to choose starts from."""
