@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +18,7 @@ from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
 from oed.kernel.between import Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
-from oed.kernel.dynamics.rollout import FINE, roll_out
+from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.finiteness import require_finite
 from oed.kernel.limit import Limit, Rows
@@ -28,6 +27,9 @@ from oed.kernel.problem import Problem
 
 TOLERANCE = 1e-3
 """A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
+
+EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
+"""What a drive's splines are among, as `roll_out` takes it."""
 
 
 @dataclass(frozen=True)
@@ -204,39 +206,13 @@ def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
-    def __init__(
-        self, problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
-    ) -> None:
+    def __init__(self, problem: Problem, samples: int, runs: int, *counts: int) -> None:
         system = problem.system
-        symbols: list[Any] = [
-            ca.MX.sym("inputs", samples, len(system.inputs)),
-            ca.MX.sym("start", runs, len(system.states)),
-            ca.MX.sym("parameters", len(system.parameters)),
-            ca.MX.sym("period"),
-            ca.MX.sym("values", values, len(system.inputs)),
-            ca.MX.sym("rates", rates, len(system.inputs)),
-            ca.MX.sym("jerks", jerks, len(system.inputs)),
-            ca.MX.sym("asked", asked, len(system.inputs)),
-        ]
-        names = (
-            "inputs",
-            "start",
-            "parameters",
-            "period",
-            "input_values",
-            "input_rates",
-            "input_jerks",
-            "motion_inputs",
-        )
-        arguments = dict(zip(names, symbols, strict=True))
+        extremes = [ca.MX.sym("extremes", count, len(system.inputs)) for count in counts]
+        given = dict(zip(EXTREMES, extremes, strict=True))
         if not _checked_at_points(problem):
-            arguments["motion_inputs"] = None
-        drive = roll_out(
-            system,
-            refine=FINE,
-            runs=runs,
-            **arguments,
-        )
+            given["motion_inputs"] = None
+        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **given)
         self.problem = problem
         self.estimations = problem.estimations(drive)
         self.rows: list[Rows] = problem.limit_rows(drive)
@@ -251,8 +227,9 @@ class _Scorer:
         ]
         self._edges = np.cumsum([0, *map(len, groups)])
         outputs = [output for group in groups for output in group]
-        self.function = ca.Function("score", symbols, [ca.densify(output) for output in outputs])
-        self._symbols = symbols[:4]
+        self.function = ca.Function(
+            "score", [*self._symbols, *extremes], [ca.densify(output) for output in outputs]
+        )
 
     @cached_property
     def _jacobians(self) -> ca.Function:
@@ -348,11 +325,7 @@ class _Scorer:
         )
 
 
-@lru_cache(maxsize=64)
-def _scorer(
-    problem: Problem, samples: int, runs: int, values: int, rates: int, jerks: int, asked: int
-) -> _Scorer:
-    return _Scorer(problem, samples, runs, values, rates, jerks, asked)
+_scorer = lru_cache(maxsize=64)(_Scorer)
 
 
 def _checked_at_points(problem: Problem) -> bool:

@@ -13,7 +13,7 @@ import scipy
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
 from oed.kernel.dynamics.enclosures import NotEnclosed
-from oed.kernel.dynamics.rollout import FINE, Drive, roll_out
+from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
@@ -107,7 +107,7 @@ def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
     starts = trajectory.starts + spread.shifts(values)
     return np.array(
         [
-            np.array(function(trajectory.inputs, trajectory.period, parameters, start))
+            np.array(function(trajectory.inputs, start, parameters, trajectory.period))
             for parameters, start in zip(spread.parameter_values(values), starts, strict=True)
         ]
     )
@@ -165,34 +165,11 @@ def _at_points(
     found = []
     for first in range(0, len(robots.parameters), BATCH):
         own = robots.chosen(slice(first, first + BATCH))
-        mapped = function.map("robots", "serial", len(own.parameters), [0, 1], [])
+        mapped = function.map("robots", "serial", len(own.parameters), [0, 3], [])
         begun = own.starts.transpose(1, 0, 2).reshape(trajectory.runs, -1)
-        found.append(np.array(mapped(trajectory.inputs, trajectory.period, own.parameters.T, begun)).T)
+        found.append(np.array(mapped(trajectory.inputs, begun, own.parameters.T, trajectory.period)).T)
     simulated = np.concatenate(found)
     return simulated[:, 0::2].copy(), simulated[:, 1::2]
-
-
-def _symbols(problem: Problem, samples: int, runs: int) -> list[ca.MX]:
-    system = given_spread(problem.uncertain_system).system
-    return [
-        ca.MX.sym("inputs", samples, len(system.inputs)),
-        ca.MX.sym("period"),
-        ca.MX.sym("parameters", len(system.parameters)),
-        ca.MX.sym("start", runs, len(system.states)),
-    ]
-
-
-def _drive(problem: Problem, symbols: list[ca.MX], runs: int, refine: int = 1) -> Drive:
-    inputs, period, parameters, start = symbols
-    return roll_out(
-        given_spread(problem.uncertain_system).system,
-        inputs=inputs,
-        start=start,
-        parameters=parameters,
-        period=period,
-        refine=refine,
-        runs=runs,
-    )
 
 
 @lru_cache(maxsize=8)
@@ -200,8 +177,8 @@ def _exceeded(
     problem: Problem, limits: tuple[PathLimit, ...], samples: int, runs: int, refine: int
 ) -> ca.Function:
     # Of every limit the excess at the points, and what it may be between: half a step further on.
-    symbols = _symbols(problem, samples, runs)
-    drive = _drive(problem, symbols, runs, refine)
+    system = given_spread(problem.uncertain_system).system
+    symbols, drive = any_drive(system, samples, runs, refine=refine)
     step = ca.mmax(drive.speeds) * drive.period / refine
     worst = []
     for limit in limits:
@@ -221,8 +198,8 @@ def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
 
 @lru_cache(maxsize=8)
 def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
-    symbols = _symbols(problem, samples, runs)
-    return ca.Function("poses", symbols, [_drive(problem, symbols, runs).states])
+    symbols, drive = any_drive(given_spread(problem.uncertain_system).system, samples, runs)
+    return ca.Function("poses", symbols, [drive.states])
 
 
 def _interval(count: int, draws: int) -> tuple[float, float]:

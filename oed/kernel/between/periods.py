@@ -12,7 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.direct_call import direct_call
-from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.rollout import any_drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 
@@ -158,7 +158,7 @@ def periods_of(
     count, states = len(parameters), len(system.states)
     function = _rolled(system, trajectory.samples, trajectory.runs, sensitive, count)
     begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period)
-    found, slopes = direct_call(function, trajectory.inputs.T, period, parameters, begun)
+    found, slopes = direct_call(function, trajectory.inputs.T, begun, parameters, period)
     table = found.reshape(count, states, trajectory.samples).transpose(0, 2, 1)
     width = len(system.parameters) + states if sensitive else 0
     wide = slopes.reshape(count * trajectory.samples, width, states)
@@ -175,15 +175,12 @@ def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
 
 @lru_cache(maxsize=16)
 def _rolled(system: System, samples: int, runs: int, sensitive: bool, count: int) -> ca.Function:
-    # (inputs, period, parameters, starts) -> states at the begin of every period, and their sensitivities, of
+    # (inputs, starts, parameters, period) -> states at the begin of every period, and their sensitivities, of
     # so many robots, side by side.
-    inputs, period = ca.MX.sym("inputs", samples, len(system.inputs)), ca.MX.sym("period")
-    parameters = ca.MX.sym("parameters", len(system.parameters))
-    start = ca.MX.sym("start", runs, len(system.states))
-    drive = roll_out(system, inputs=inputs, start=start, parameters=parameters, period=period, runs=runs)
+    symbols, drive = any_drive(system, samples, runs)
     states, width = len(system.states), len(system.parameters) + len(system.states)
     columns = (np.array(drive.begins)[:, None] * width + np.arange(width)).ravel().tolist()
     slopes = drive.sensitivities[:, columns] if sensitive else ca.MX(states, 0)
     results = [ca.densify(drive.states[drive.begins, :]), ca.densify(slopes)]
-    function = ca.Function("rolled", [inputs, period, parameters, start], results)
-    return function.map("systems", "serial", count, [0, 1], []) if count > 1 else function
+    function = ca.Function("rolled", symbols, results)
+    return function.map("systems", "serial", count, [0, 3], []) if count > 1 else function

@@ -6,14 +6,14 @@ The same code serves CasADi's SX (unrolled, for the optimiser) and MX (compact, 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, follows_state, mover, signaller, stepper
 
@@ -114,12 +114,11 @@ class Drive(Named):
         count, states = self.samples, len(self.system.states)
         begin = ca.horzcat(ca.DM(states, len(self.system.parameters)), ca.DM.eye(states))
         carry = carrier(self.system).mapaccum(count)
-        parameters, periods = ca.repmat(self.parameters, 1, count), ca.repmat(self.period, 1, count)
         begun, inputs = self.states[self.begins, :].T, self.inputs.T
         parts = []
         for run in range(self.runs):
             own = slice(run * count, (run + 1) * count)
-            parts += [begin, carry(begin, begun[:, own], inputs[:, own], parameters, periods)]
+            parts += [begin, carry(begin, begun[:, own], inputs[:, own], self.parameters, self.period)]
         return ca.horzcat(*parts)
 
     @cached_property
@@ -127,27 +126,9 @@ class Drive(Named):
         """Derivatives of every point of `path`, as `sensitivities` has those of samples:
         (states, G * (p + states)).
         """
-        if self.refine == 1:
-            return self.sensitivities
-        count, between, width = self.samples, self.refine - 1, self.columns
-        carry = carrier(self.system).map(count * between)
-        fractions = ca.DM(np.tile(np.arange(1, self.refine) / self.refine, count)).T
-        columns = np.repeat(np.arange(count), between).tolist()
-        repeated = ca.repmat(self.parameters, 1, count * between)
-        parts = []
-        for run in range(self.runs):
-            first = run * (count + 1)
-            known = self.sensitivities[:, first * width : (first + count + 1) * width]
-            begun = self.states[first : first + count, :].T
-            held = self.inputs[run * count : (run + 1) * count, :].T
-            wide = (np.array(columns)[:, None] * width + np.arange(width)).ravel().tolist()
-            inner = carry(
-                known[:, wide], begun[:, columns], held[:, columns], repeated, self.period * fractions
-            )
-            order = _interleaved(count, self.refine)
-            wide = (order[:, None] * width + np.arange(width)).ravel().tolist()
-            parts.append(ca.horzcat(known, inner)[:, wide])
-        return ca.horzcat(*parts)
+        begins = [self.sensitivities[:, _columns(np.array(self.begins), self.columns)]]
+        begins += [self.states[self.begins, :].T, self.inputs.T]
+        return _refined(self.sensitivities, carrier(self.system), begins, self)
 
     def again(self, parameters: Expression, start: Expression, system: System | None = None) -> Drive:
         """The drive that the same inputs give a system with other parameters (p,) from other starts
@@ -266,34 +247,33 @@ def roll_out(
         refine: path points per sample.
         runs: how many runs of equal length the periods are shared out to.
     """
-    each = inputs.shape[0] // runs
-    slices = [slice(run * each, (run + 1) * each) for run in range(runs)]
-    if states is None:
-        states = _stepped(system, [inputs[own, :].T for own in slices], start, parameters, period)
     count, held = inputs.shape[0], inputs.T
-    begun = ca.horzcat(*(part[:, :each] for part in states))
-    repeated, periods = ca.repmat(parameters, 1, count), ca.repmat(period, 1, count)
+    if states is None:
+        assert start is not None, "either a start or the states"
+        begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
+        step = stepper(system).mapaccum(count // runs)
+        each = zip(ca.horzsplit(begin), ca.horzsplit(held, count // runs), strict=True)
+        states = [ca.horzcat(first, step(first, own, parameters, period)) for first, own in each]
+    begun = ca.horzcat(*(part[:, :-1] for part in states))
     function = signaller(system)
-    found = function.map(count).call([begun, held, repeated, periods]) if function.n_out() else []
+    found = function.map(count).call([begun, held, parameters, period]) if function.n_out() else []
     signals = {name: one.T for name, one in zip(function.name_out(), found, strict=True)}
     if follows_state(system):
-        motion = _actual_motion(system, states, held, parameters)
+        # Where periods begin, then where they end: the inputs jump in between.
+        ends = ca.horzcat(*(part[:, 1:] for part in states))
+        motion = _motion(system, ca.horzcat(begun, ends), ca.horzcat(held, held), parameters)
     elif motion_inputs is None:
         motion = signals.get(system.motion_signal, inputs[:, []])
     else:
-        motion = _asked_motion(system, motion_inputs, parameters)
-    path = [
-        _refined_path(stepper(system), part, held[:, own], parameters, period, refine)
-        for part, own in zip(states, slices, strict=True)
-    ]
-    return Drive(
+        motion = _motion(system, ca.DM.zeros(len(system.states)), motion_inputs.T, parameters)
+    drive = Drive(
         system=system,
         parameters=parameters,
         period=period,
         inputs=inputs,
         signals=signals,
         states=ca.horzcat(*states).T,
-        path=ca.horzcat(*path).T,
+        path=ca.horzcat(*states).T,
         motion=motion,
         input_values=inputs if input_values is None else input_values,
         input_rates=inputs if input_rates is None else input_rates,
@@ -301,41 +281,34 @@ def roll_out(
         runs=runs,
         refine=refine,
     )
+    return replace(drive, path=_refined(drive.states.T, stepper(system), [begun, held], drive).T)
 
 
-def _stepped(
-    system: System,
-    held: Sequence[Expression],
-    start: Expression | None,
-    parameters: Expression,
-    period: Expression,
-) -> list[Expression]:
-    # The states at the samples of every run, (states, N / runs + 1).
-    each = held[0].shape[1]
-    repeated, periods = ca.repmat(parameters, 1, each), ca.repmat(period, 1, each)
-    assert start is not None, "either a start or the states"
-    begin = start.T if len(held) > 1 else ca.reshape(start, -1, 1)
-    accumulate = stepper(system).mapaccum(each)
-    following = [accumulate(begin[:, run], own, repeated, periods) for run, own in enumerate(held)]
-    return [ca.horzcat(begin[:, run], part) for run, part in enumerate(following)]
+def any_drive(
+    system: System, samples: int, runs: int = 1, **further: Any
+) -> tuple[tuple[ca.MX, ca.MX, ca.MX, ca.MX], Drive]:
+    """Symbols for inputs (N, inputs), start states (runs, states), parameters (p,) and sample period of a
+    system, and the drive of these.
+
+    Args:
+        system: that is driven.
+        samples: N, of all runs.
+        runs: how many.
+        further: what else `roll_out` takes.
+    """
+    symbols = (
+        ca.MX.sym("inputs", samples, len(system.inputs)),
+        ca.MX.sym("start", runs, len(system.states)),
+        ca.MX.sym("parameters", len(system.parameters)),
+        ca.MX.sym("period"),
+    )
+    given = dict(zip(("inputs", "start", "parameters", "period"), symbols, strict=True))
+    return symbols, roll_out(system, **given, runs=runs, **further)
 
 
-def _asked_motion(system: System, inputs: Expression, parameters: Expression) -> Expression:
-    # The motion (K, m) that inputs (K, inputs) ask for, of a system that follows them at once.
-    count = inputs.shape[0]
-    state = ca.DM.zeros(len(system.states), count)
-    return mover(system).map(count)(state, inputs.T, ca.repmat(parameters, 1, count)).T
-
-
-def _actual_motion(
-    system: System, states: Sequence[Expression], held: Expression, parameters: Expression
-) -> Expression:
-    # Where periods begin, then where they end, (2 N, m): the inputs jump in between.
-    count = held.shape[1]
-    begins = ca.horzcat(*(part[:, :-1] for part in states))
-    ends = ca.horzcat(*(part[:, 1:] for part in states))
-    both, twice = ca.horzcat(begins, ends), ca.horzcat(held, held)
-    return mover(system).map(2 * count)(both, twice, ca.repmat(parameters, 1, 2 * count)).T
+def _motion(system: System, states: Expression, inputs: Expression, parameters: Expression) -> Expression:
+    # That (K, m) which inputs (inputs, K) make in states.
+    return mover(system).map(inputs.shape[1])(states, inputs, parameters).T
 
 
 @dataclass(frozen=True)
@@ -389,33 +362,29 @@ def instant_of(
         input_values=asked.T,
         motion_inputs=asked.T,
     )
-    parts = {entry.name: getattr(drive, entry.name) for entry in fields(drive)}
-    parts |= {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
+    parts = vars(drive) | {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
     return Instant(**parts, begin_sensitivities=begin_sensitivities)
 
 
-def _refined_path(
-    advance: ca.Function,
-    states: Expression,
-    held: Expression,
-    parameters: Expression,
-    period: Expression,
-    refine: int,
-) -> Expression:
-    if refine == 1:
-        return states
-    # The states at the samples are known; between them, refine - 1 steps of a fraction of the period.
-    count, between = held.shape[1], refine - 1
-    columns = np.repeat(np.arange(count), between).tolist()
-    fractions = ca.DM(np.tile(np.arange(1, refine) / refine, count)).T
-    repeated = ca.repmat(parameters, 1, count * between)
-    inner = advance.map(count * between)(states[:, columns], held[:, columns], repeated, period * fractions)
-    return ca.horzcat(states, inner)[:, _interleaved(count, refine).tolist()]
+def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression], drive: Drive) -> Expression:
+    # A table's columns at the samples, and between them what a step of a fraction of each period leads to,
+    # from what is known where the periods begin.
+    if drive.refine == 1:
+        return table
+    count, between = drive.inputs.shape[0], drive.refine - 1
+    each = np.repeat(np.arange(count), between)
+    fractions = ca.DM(np.tile(np.arange(1, drive.refine) / drive.refine, count)).T
+    given = [one[:, _columns(each, one.shape[1] // count)] for one in begins]
+    found = step.map(count * between)(*given, drive.parameters, drive.period * fractions)
+    # The columns as they follow each other in time.
+    samples, behind = count + drive.runs, count + drive.runs + np.arange(count * between)
+    order = np.empty((drive.runs, drive.samples * drive.refine + 1), dtype=int)
+    order[:, :: drive.refine] = np.arange(samples).reshape(drive.runs, -1)
+    order[:, np.arange(order.shape[1]) % drive.refine > 0] = behind.reshape(drive.runs, -1)
+    return ca.horzcat(table, found)[:, _columns(order.ravel(), table.shape[1] // samples)]
 
 
-def _interleaved(count: int, refine: int) -> npt.NDArray[np.int_]:
-    # Where the points of the fine grid stand behind each other among the samples, then those between.
-    order = np.empty(count * refine + 1, dtype=int)
-    order[::refine] = np.arange(count + 1)
-    order[np.arange(len(order)) % refine > 0] = count + 1 + np.arange(count * (refine - 1))
-    return order
+def _columns(places: Places, width: int) -> list[int]:
+    # Of blocks of so many columns.
+    columns: list[int] = (places[:, None] * width + np.arange(width)).ravel().tolist()
+    return columns

@@ -20,7 +20,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples, coarsened
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.rollout import any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import stacks, symmetric_all, upper_half
@@ -129,31 +129,24 @@ class FineGrid:
         """Write the expressions and compile them."""
         self._design, space, robot = design, problem.design, problem.system
         self._sampled = space.sampling_matrix[:, space.free_rows]
-        inputs = ca.MX.sym("inputs", space.all_samples, len(robot.inputs))
-        start = ca.MX.sym("start", space.runs, len(robot.states))
-        drive = roll_out(
-            robot,
-            inputs=inputs,
-            start=start,
-            parameters=ca.MX(ca.DM(robot.nominal)),
-            period=ca.MX(space.period),
-            runs=space.runs,
-        )
+        symbols, drive = any_drive(robot, space.all_samples, space.runs)
+        inputs, start, *_ = symbols
         entries = ca.vertcat(*(upper_half(one.matrix) for one in problem.estimations(drive)))
         weights = ca.MX.sym("weights", entries.shape[0])
         slopes = ca.jtimes(entries, ca.vertcat(ca.vec(inputs), ca.vec(start)), weights, True)
-        self._values = ca.Function("fine", [inputs, start], [entries])
-        self._slopes = ca.Function("fine_slopes", [inputs, start, weights], [slopes])
+        self._known = [robot.nominal, space.period]
+        self._values = ca.Function("fine", symbols, [entries])
+        self._slopes = ca.Function("fine_slopes", [*symbols, weights], [slopes])
 
     def entries(self, drive: Trajectory) -> Array:
         """Entries (e,) of the information."""
-        return np.array(self._values(drive.inputs, drive.starts)).ravel()
+        return np.array(self._values(drive.inputs, drive.starts, *self._known)).ravel()
 
     def at(self, drive: Trajectory) -> tuple[Array, Array]:
         """Entries (e,) of the information, and their derivatives (e, n) by z."""
         entries = self.entries(drive)
         rows = [
-            self._by_unknowns(np.array(self._slopes(drive.inputs, drive.starts, one)).ravel())
+            self._by_unknowns(np.array(self._slopes(drive.inputs, drive.starts, *self._known, one)).ravel())
             for one in np.eye(len(entries))
         ]
         return entries, np.array(rows)
