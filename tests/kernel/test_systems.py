@@ -18,6 +18,9 @@ import oed
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import InputLimit, PathLimit, Rows
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.unrolled import Unrolled
 from tests.oracle import central_difference
 
 GAIN, TAU, NOISE = 2.0, 0.8, 0.05
@@ -250,6 +253,39 @@ def test_a_response_without_states():
     assert oed.evaluate(problem, drive).objective == pytest.approx(expected, rel=1e-12)
     found = oed.solve(problem, oed.Ipopt(starts=2), seed=0)
     assert found.evaluation.objective > expected
+
+
+class Heat(oed.Limit):
+    """On every period by itself, or on whole runs."""
+
+    name: ClassVar[str] = "heat"
+    whole: bool
+
+    @property
+    def looks_at(self) -> Literal["state", "run"]:
+        return "run" if self.whole else "state"
+
+    def rows(self, drive: Drive) -> Rows:
+        squares = drive.inputs**2
+        heat = ca.sum1(squares) if self.whole else squares
+        count = heat.shape[0]
+        return Rows(heat, np.full(count, -np.inf), np.full(count, 0.9), 0.9, "V^2")
+
+
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("when", ["at samples", "in periods"])
+def test_it_is_put_together_from_pieces(when: str, whole: bool, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Force, "when", when)
+    limits = (Voltage(bounds=(0.0, 1.0)), Heat(whole=whole))
+    problem = lag_problem(model=Product(), measurement=Force(), limits=limits, design=space(runs=2))
+    pieces, written_out = terms_of(problem), Unrolled(problem)
+    assert isinstance(pieces, Pieces)
+    rng, size = np.random.default_rng(0), sum(len(one.lower) for one in written_out.rows)
+    z, weights = rng.uniform(0, 1, written_out.size), [rng.normal(size=3), rng.normal(size=size)]
+    for name, given in (("values", [z]), ("jacobian", [z]), ("hessian", [z, *weights])):
+        found, expected = (getattr(one, name).call(given) for one in (pieces, written_out))
+        for own, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(np.array(own), np.array(other), rtol=1e-9, atol=1e-9)
 
 
 KERNEL = Path(oed.__file__).parent / "kernel"

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Places, block_columns
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import any_drive
@@ -179,7 +179,7 @@ def _rolled(system: System, samples: int, runs: int, sensitive: bool, count: int
     # so many robots, side by side.
     symbols, drive = any_drive(system, samples, runs)
     states, width = len(system.states), len(system.parameters) + len(system.states)
-    columns = (np.array(drive.begins)[:, None] * width + np.arange(width)).ravel().tolist()
+    columns = block_columns(np.array(drive.begins), width)
     slopes = drive.sensitivities[:, columns] if sensitive else ca.MX(states, 0)
     results = [ca.densify(drive.states[drive.begins, :]), ca.densify(slopes)]
     function = ca.Function("rolled", symbols, results)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Places
+from oed.foundation.arrays import block_columns
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, follows_state, mover, signaller, stepper
 
@@ -126,7 +126,7 @@ class Drive(Named):
         """Derivatives of every point of `path`, as `sensitivities` has those of samples:
         (states, G * (p + states)).
         """
-        begins = [self.sensitivities[:, _columns(np.array(self.begins), self.columns)]]
+        begins = [self.sensitivities[:, block_columns(np.array(self.begins), self.columns)]]
         begins += [self.states[self.begins, :].T, self.inputs.T]
         return _refined(self.sensitivities, carrier(self.system), begins, self)
 
@@ -374,17 +374,11 @@ def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression],
     count, between = drive.inputs.shape[0], drive.refine - 1
     each = np.repeat(np.arange(count), between)
     fractions = ca.DM(np.tile(np.arange(1, drive.refine) / drive.refine, count)).T
-    given = [one[:, _columns(each, one.shape[1] // count)] for one in begins]
+    given = [one[:, block_columns(each, one.shape[1] // count)] for one in begins]
     found = step.map(count * between)(*given, drive.parameters, drive.period * fractions)
     # The columns as they follow each other in time.
     samples, behind = count + drive.runs, count + drive.runs + np.arange(count * between)
     order = np.empty((drive.runs, drive.samples * drive.refine + 1), dtype=int)
     order[:, :: drive.refine] = np.arange(samples).reshape(drive.runs, -1)
     order[:, np.arange(order.shape[1]) % drive.refine > 0] = behind.reshape(drive.runs, -1)
-    return ca.horzcat(table, found)[:, _columns(order.ravel(), table.shape[1] // samples)]
-
-
-def _columns(places: Places, width: int) -> list[int]:
-    # Of blocks of so many columns.
-    columns: list[int] = (places[:, None] * width + np.arange(width)).ravel().tolist()
-    return columns
+    return ca.horzcat(table, found)[:, block_columns(order.ravel(), table.shape[1] // samples)]

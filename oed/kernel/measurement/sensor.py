@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, block_columns
 from oed.foundation.errors import UserMistake
 from oed.foundation.text import count, words
 from oed.kernel.dynamics.expression import Expression
@@ -192,19 +192,14 @@ def readings(sensor: Sensor, drive: Drive) -> SensorReadings:
     columns = [run * (samples + 1) + column for run in runs for column in own]
     # At the last sample's instant the inputs are those held until then.
     held = [run * samples + min(column, samples - 1) for run in runs for column in own]
-    width = len(drive.system.parameters) + len(drive.system.states)
-    stacked = [width * column + offset for column in columns for offset in range(width)]
-    values = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
-    count = len(columns)
-    period = drive.period if sensor.when == "in periods" else 0.0
-    each = moment_reading(sensor, drive.system).map(count)
+    each = moment_reading(sensor, drive.system).map(len(columns))
     response, transposed, whitening, white_response, white_transposed = each(
         drive.states.T[:, columns],
-        drive.sensitivities[:, stacked],
+        drive.sensitivities[:, block_columns(np.array(columns), drive.columns)],
         drive.inputs.T[:, held],
-        ca.repmat(drive.parameters, 1, count),
-        ca.repmat(ca.reshape(values, -1, 1), 1, count),
-        ca.repmat(period, 1, count),
+        drive.parameters,
+        ca.DM([nuisance.nominal for nuisance in sensor.nuisances]),
+        drive.period if sensor.when == "in periods" else 0.0,
     )
     whole = whole_whitening(sensor, response.numel() // drive.runs)
     if whole is not None:

@@ -87,6 +87,12 @@ class Terms(ABC):
         free = ca.reshape(self.unknowns[self.coefficient_count :], chosen, runs).T
         return ca.horzcat(free, ca.SX(runs, len(problem.system.states) - chosen))
 
+    @cached_property
+    def start_slopes(self) -> Array:
+        """Derivatives of the start states of the runs by z, (runs, states, size)."""
+        slopes = ca.evalf(ca.jacobian(ca.vec(self.starts.T), self.unknowns))
+        return np.array(slopes).reshape(*self.starts.shape, self.size)
+
     @property
     @abstractmethod
     def sizes(self) -> list[int]:

@@ -18,9 +18,9 @@ from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.sensor import Sensor, joint_readings
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, upper_half
+from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.needs import Asked
-from oed.optimize.terms.packed import Packed
 
 
 class Cell:
@@ -100,21 +100,9 @@ class Cell:
         return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
 
     @cached_property
-    def back(self) -> ca.Function:
-        """(weights of x at the end, entries of its slopes, more weights) -> weights of x."""
-        weight, more = ca.SX.sym("weight", self.width), ca.SX.sym("more", self.width)
-        onward, entries = self.slopes[0].symbol("onward")
-        total = onward[:, : self.width].T @ weight + more
-        return ca.Function("back", [weight, entries, more], [ca.densify(total)])
-
-    @cached_property
     def pull(self) -> ca.Function:
         """(entries of the slopes of what is gathered and of the rows, weights of both) -> weights of x."""
-        gathered, first = self.slopes[1].symbol("gathered")
-        rows, second = self.slopes[2].symbol("rows")
-        weights = [ca.SX.sym("weights", part.shape[0]) for part in (gathered, rows)]
-        total = gathered[:, : self.width].T @ weights[0] + rows[:, : self.width].T @ weights[1]
-        return ca.Function("pull", [first, second, *weights], [ca.densify(total)])
+        return pull(self.slopes[1], self.slopes[2], self.width)
 
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:

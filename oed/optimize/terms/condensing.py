@@ -14,10 +14,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Places
+from oed.foundation.arrays import Places, block_columns
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.blocks import backwards, begins
 from oed.optimize.terms.link import Link
-from oed.optimize.terms.packed import Packed
 
 
 class Condensing:
@@ -35,27 +35,6 @@ class Condensing:
         """Take the parts."""
         self.link, self.size, self.each, self.runs, self.places = link, size, each, runs, places
         self.count = each * runs
-
-    def along(self, begin: Expression, following: Expression, width: int) -> Expression:
-        """What each piece begins with: blocks of `width` columns that runs begin and pieces end with.
-
-        Args:
-            begin: blocks that runs begin with.
-            following: blocks that pieces end with.
-            width: columns of a block.
-        """
-        if self.each == 1:
-            return begin
-        kept = width * (self.each - 1)
-        ends = ca.horzsplit(following, width * self.each)
-        begins = ca.horzsplit(begin, width)
-        parts = [part for run in range(self.runs) for part in (begins[run], ends[run][:, :kept])]
-        return ca.horzcat(*parts)
-
-    def backwards(self, table: Expression, width: int = 1) -> Expression:
-        """The pieces' blocks of columns in the opposite order, run by run."""
-        order = np.arange(self.count).reshape(self.runs, self.each)[:, ::-1].ravel()
-        return table[:, (order[:, None] * width + np.arange(width)).ravel().tolist()]
 
     def spread(self, own: Expression, width: int) -> Expression:
         """Matrices (own, width) by each piece's own unknowns, as (size, width) by z (sparse)."""
@@ -84,10 +63,9 @@ class Condensing:
             own: derivatives (own, states) of each piece's end by its own unknowns.
         """
         width = self.link.width
-        moved = ca.densify(self.spread(own, width))
-        ends = self._forward(begin, onward, moved)
-        last = ca.horzcat(*(part[:, -width:] for part in ca.horzsplit(ends, width * self.each)))
-        return ca.horzcat(self.along(begin, ends, width), last)
+        ends = self._forward(begin, onward, ca.densify(self.spread(own, width)))
+        last = block_columns(np.arange(1, self.runs + 1) * self.each - 1, width)
+        return ca.horzcat(begins(begin, ends, self.each, width), ends[:, last])
 
     @cached_property
     def _forward(self) -> ca.Function:
@@ -97,21 +75,6 @@ class Condensing:
         entries = ca.MX.sym("onward", onward.pattern.nnz())
         step = ca.Function("forward", [slope, entries, moved], [slope @ onward.matrix(entries).T + moved])
         return step.mapaccum(self.each).map(self.runs)
-
-    def passed(self, slopes: Expression, packed: Packed, entries: Expression) -> Expression:
-        """Derivatives (size, k) by z, through their begin, of what has derivatives (k, states) by it.
-
-        Args:
-            slopes: of what the pieces begin with, by z.
-            packed: which entries there are.
-            entries: of the derivatives, piece by piece.
-        """
-        if packed.pattern.nnz() == 0:
-            return ca.MX(self.size, packed.pattern.size1() * self.count)
-        slope = ca.MX.sym("slope", self.size, self.link.width)
-        own = ca.MX.sym("own", packed.pattern.nnz())
-        through = ca.Function("through", [slope, own], [ca.densify(slope @ packed.matrix(own).T)])
-        return through.map(self.count)(slopes, entries)
 
     def weights(self, last: Expression, onward: Expression, added: Expression) -> Expression:
         """Weights (states,) of every piece's end: those of the runs' ends `last`, and what later pieces add.
@@ -123,13 +86,9 @@ class Condensing:
             onward: derivatives of what is handed on.
             added: by each piece itself.
         """
-        width = self.link.width
-        weight, more = ca.SX.sym("weight", width), ca.SX.sym("more", width)
-        matrix, entries = self.link.onward.symbol("onward")
-        step = ca.Function("back", [weight, entries, more], [ca.densify(matrix.T @ weight + more)])
-        back = step.mapaccum(self.each).map(self.runs)
-        begins = back(last, self.backwards(onward), self.backwards(added))
-        return self.backwards(self.along(last, begins, 1))
+        back = self.link.onward.back().mapaccum(self.each).map(self.runs)
+        begun = back(last, backwards(onward, self.each), backwards(added, self.each))
+        return backwards(begins(last, begun, self.each), self.each)
 
     def curvature(
         self, slopes: Expression, inner: Expression, mixed: Expression, own: Expression

@@ -45,5 +45,5 @@ class Ending:
         weights = ca.SX.sym("weights", self._gathered.shape[0])
         bent, slope = ca.hessian(ca.dot(weights, self._gathered), ca.vertcat(*self._arguments))
         whole: Expression = self._slopes @ bent @ self._slopes.T
-        results = [ca.densify(slope[: self._width]), ca.densify(whole)]
+        results = [ca.densify(slope[: self._width, :]), ca.densify(whole)]
         return ca.Function("ending_curvature", [*self._arguments, self._slopes, weights], results)

@@ -12,8 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools, Places
+from oed.foundation.arrays import Bools, block_columns
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.blocks import backwards, begins
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 
@@ -64,8 +65,8 @@ class Kernel:
         for _ in range(self.layout.samples):
             found = onward[:, :width] @ found
             ever = ever | found
-        each = (rows[:, :width] @ ever).reshape(-1, states)
-        return [found, gathered[self.informed, :width] @ ever, np.tile(each, (self.layout.samples, 1))]
+        each = np.tile(rows[:, :width] @ ever, (self.layout.samples, 1))
+        return [found, gathered[self.informed, :width] @ ever, each]
 
     @cached_property
     def held_slopes(self) -> ca.DM:
@@ -78,12 +79,12 @@ class Kernel:
             table[:, one, first : first + layout.window] = basis
         return ca.DM(table.reshape(-1, self.size).T)
 
-    def roll(self, begins: Expression, inputs: Expression) -> tuple[Expression, ...]:
+    def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
         pieces gather that changes, their rows.
 
         Args:
-            begins: states that runs begin with.
+            first: states that runs begin with.
             inputs: of every sample.
         """
         cell, count, space = self.cell, self.layout.count, self.layout.space
@@ -91,17 +92,17 @@ class Kernel:
         if not cell.carry.moving:
             # Without sensitivities, which every piece begins anew, a run is a single pass.
             along = cell.values.mapaccum(space.samples).map(space.runs)
-            following, gathered, rows = along(begins, inputs, self.reads)
-            points = _shifted(begins, following, space.samples)
+            following, gathered, rows = along(first, inputs, self.reads)
+            points = begins(first, following, space.samples)
             states = following[:, ends]
         else:
             step = cell.step.mapaccum(space.samples).map(space.runs)
-            states = step(begins, inputs)[:, ends]
-            starts = _shifted(begins, states, self.layout.each)
+            states = step(first, inputs)[:, ends]
+            starts = begins(first, states, self.layout.each)
             begin = ca.vertcat(starts, ca.repmat(ca.MX(cell.carry.begin), 1, count))
             along = cell.values.mapaccum(self.layout.samples).map(count)
             following, gathered, rows = along(begin, inputs, self.reads)
-            points = _shifted(begin, following, self.layout.samples)
+            points = begins(begin, following, self.layout.samples)
         total = ca.vertcat(following[self.states :, ends], self._added(gathered[self.informed, :]))
         return points, states, total, ca.reshape(rows, -1, count)
 
@@ -124,13 +125,13 @@ class Kernel:
         step = self._product(0).mapaccum(samples).map(count)
         begin = ca.repmat(ca.DM(np.eye(self.size, width) * (np.arange(width) < self.states)), 1, count)
         following = step(begin, self.held_slopes, onward)
-        ends = (np.arange(1, count + 1) * samples - 1)[:, None] * width + np.arange(width)
+        ends = block_columns(np.arange(1, count + 1) * samples - 1, width)
+        points = begins(begin, following, samples, width)
+        # Of every sample its point, then its inputs.
         columns = np.empty((self._count, width + self.inputs), dtype=int)
-        columns[:, :width] = _order(count, samples)[:, None] * width + np.arange(width)
-        held = (count + self._count) * width + np.arange(self._count * self.inputs)
-        columns[:, width:] = held.reshape(self._count, self.inputs)
-        both = ca.horzcat(begin, following, self.held_slopes)
-        return both[:, columns.ravel().tolist()], following[:, ends.ravel().tolist()]
+        columns[:, :width] = np.arange(self._count * width).reshape(self._count, width)
+        columns[:, width:] = points.shape[1] + np.arange(self._count * self.inputs).reshape(self._count, -1)
+        return ca.horzcat(points, self.held_slopes)[:, columns.ravel().tolist()], following[:, ends]
 
     def _product(self, part: int) -> ca.Function:
         packed, width = self.cell.slopes[part], self.cell.width
@@ -151,15 +152,7 @@ class Kernel:
 
     def row_slopes(self, steps: Expression, rows: Expression) -> Expression:
         """Derivatives (size, rows) of every piece's rows."""
-        packed = self.cell.slopes[2]
-        if not packed.pattern.nnz():
-            return ca.MX.zeros(self.size, self.cell.row_count * self._count)
-        slope, entries = (
-            ca.MX.sym("slope", self.size, packed.pattern.size2()),
-            ca.MX.sym("e", packed.pattern.nnz()),
-        )
-        whole = ca.Function("rows", [slope, entries], [ca.densify(slope @ packed.matrix(entries).T)])
-        return whole.map(self._count)(steps, rows)
+        return ca.densify(self.cell.slopes[2].chained(steps, rows))
 
     def curvature(
         self,
@@ -184,7 +177,11 @@ class Kernel:
         added = ca.densify(information)[:, np.repeat(np.arange(count), samples).tolist()]
         rows = ca.reshape(weights[2], cell.row_count, self._count)
         pulled = cell.pull.map(self._count)(*slopes[1:], added, rows)
-        ends = self._weights(last, slopes[0], pulled)
+        # Of every sample's end: what its piece's end weighs, and what later samples add.
+        onward = backwards(slopes[0], samples)
+        back = cell.slopes[0].back().mapaccum(samples).map(count)
+        earlier = back(last, onward, backwards(pulled, samples))
+        ends = backwards(begins(last, earlier, samples), samples)
         bent = cell.curvature.map(self._count)(*given, self.reads, ends, added, rows)
         width = cell.width + self.inputs
         columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
@@ -198,25 +195,3 @@ class Kernel:
         entries = ca.MX.sym("entries", inner.nnz(), samples)
         whole = ca.sparsity_cast(ca.vec(entries), ca.diagcat(*[inner] * samples))
         return ca.Function("between", [slopes, entries], [slopes @ ca.densify(slopes @ whole).T])
-
-    def _weights(self, last: Expression, onward: Expression, pulled: Expression) -> Expression:
-        # Weights of every sample's end: those of its piece's end, and what later samples add.
-        cell, count, samples = self.cell, self.layout.count, self.layout.samples
-        order = np.arange(self._count).reshape(count, samples)[:, ::-1].ravel().tolist()
-        back = cell.back.mapaccum(samples).map(count)
-        begins = back(last, onward[:, order], pulled[:, order])
-        return _shifted(last, begins, samples)[:, order]
-
-
-def _shifted(begin: Expression, following: Expression, each: int) -> Expression:
-    # What parts of a sequence begin with: what the sequences begin with, then what `each` parts end with.
-    order = _order(begin.shape[1], each)
-    return ca.horzcat(begin, following)[:, order.tolist()]
-
-
-def _order(count: int, each: int) -> Places:
-    # Where every part's begin stands among those of the sequences, and behind them the parts' ends.
-    order = np.empty((count, each), dtype=np.int64)
-    order[:, 0] = np.arange(count)
-    order[:, 1:] = count + np.arange(count)[:, None] * each + np.arange(each - 1)
-    return order.ravel()

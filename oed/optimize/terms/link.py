@@ -9,9 +9,9 @@ import casadi as ca
 
 from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.kernel import Kernel
-from oed.optimize.terms.packed import Packed
 
 
 class Link:
@@ -113,11 +113,7 @@ class Link:
         """(entries of `added_by_begin`, of `rows_by_begin`, weights of the added, of the rows) -> weights
         that they give the begin.
         """
-        added, first = self.added_by_begin.symbol("added")
-        rows, second = self.rows_by_begin.symbol("rows")
-        weights = [ca.SX.sym("weights", size) for size in (self.added, rows.shape[0])]
-        total = added.T @ weights[0] + rows.T @ weights[1]
-        return ca.Function("pull", [first, second, *weights], [ca.densify(total)])
+        return pull(self.added_by_begin, self.rows_by_begin, self.width)
 
     @cached_property
     def _weighted(self) -> tuple[Expression, Expression, Expression]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +11,8 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.problem import Problem
-from oed.optimize.terms.base import without_zeros
+from oed.optimize.terms.base import Terms, without_zeros
+from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.condensing import Condensing
 from oed.optimize.terms.ending import Ending
 from oed.optimize.terms.kernel import Kernel
@@ -26,35 +27,32 @@ class Plan:
     """The parts of which a drive's terms are put together.
 
     Attributes:
-        problem: whose drives.
+        terms: what they are of, and z.
         layout: the pieces.
         kernel: one of them.
         link: what it hands on.
         total: what they add up to.
         rows: the limits' rows.
-        size: of z; the first `coefficient_count` are spline coefficients.
     """
 
-    problem: Problem
+    terms: Terms
     layout: PieceLayout
     kernel: Kernel
     link: Link
     total: Sum
     rows: PieceRows
-    size: int
-    coefficient_count: int
 
     @cached_property
     def condensing(self) -> Condensing:
         """How the pieces follow each other."""
         layout = self.layout
-        return Condensing(self.link, self.size, layout.each, layout.space.runs, layout.places)
+        return Condensing(self.link, self.terms.size, layout.each, layout.space.runs, layout.places)
 
     @cached_property
     def ending(self) -> Ending | None:
         """What is read at the runs' last instants; None of regressions."""
         return (
-            Ending(self.problem, self.link, self.size, self.kernel.cell.scale)
+            Ending(self.terms.problem, self.link, self.terms.size, self.kernel.cell.scale)
             if self.total.totals.sensors
             else None
         )
@@ -81,38 +79,32 @@ class Sweep:
 
     def __init__(self, plan: Plan) -> None:
         """Begin with z."""
-        self.plan, self.z = plan, ca.MX.sym("z", plan.size)
+        self.plan, self.z = plan, ca.MX.sym("z", plan.terms.size)
         self._kernel, self._link, self._join = plan.kernel, plan.link, plan.condensing
+        self._size = plan.terms.size
         self._count, self._runs = plan.layout.count, plan.layout.space.runs
 
     @cached_property
     def _inputs(self) -> Expression:
         # Held in every sample, (inputs, samples), in units of their scale.
-        coefficients = ca.reshape(self.z[: self.plan.coefficient_count], -1, self._kernel.inputs)
+        coefficients = ca.reshape(self.z[: self.plan.terms.coefficient_count], -1, self._kernel.inputs)
         runs = ca.vertsplit(coefficients, coefficients.shape[0] // self._runs)
         held = without_zeros(self.plan.layout.held)
         return ca.vertcat(*(held @ run for run in runs)).T
 
     @cached_property
     def _starts(self) -> Expression:
-        fixed = self.plan.problem.fixed_starts
-        if fixed is not None:
-            return ca.MX(ca.DM(fixed.T))
-        chosen = self.plan.problem.system.chosen_states
-        free = ca.reshape(self.z[self.plan.size - chosen * self._runs :], chosen, self._runs)
-        return ca.densify(ca.vertcat(free, ca.MX(self._kernel.states - chosen, self._runs)))
+        # Of the runs, (states, runs).
+        terms, states = self.plan.terms, self._kernel.states
+        constant = ca.evalf(ca.substitute(terms.starts.T, terms.unknowns, ca.DM.zeros(self._size)))
+        moved = without_zeros(terms.start_slopes.reshape(-1, self._size)) @ self.z
+        return ca.densify(ca.MX(constant) + ca.reshape(moved, states, self._runs))
 
     @cached_property
-    def _start_slopes(self) -> Array:
-        # Of what the runs begin with, by z: (size, width * runs).
-        width, size = self._link.width, self.plan.size
-        slopes = np.zeros((size, width * self._runs))
-        if self.plan.problem.design.start_is_free:
-            chosen = self.plan.problem.system.chosen_states
-            for run in range(self._runs):
-                for place in range(chosen):
-                    slopes[size - chosen * (self._runs - run) + place, run * width + place] = 1.0
-        return slopes
+    def _start_slopes(self) -> list[Array]:
+        # Of what each run begins with, by z: (size, width).
+        width = self._link.width - self._kernel.states
+        return [np.pad(one.T, ((0, 0), (0, width))) for one in self.plan.terms.start_slopes]
 
     @cached_property
     def _states(self) -> Expression:
@@ -122,7 +114,7 @@ class Sweep:
     def _with_ends(self, begin: Expression, following: Expression) -> Expression:
         each = self.plan.layout.each
         last = following[:, [each * (run + 1) - 1 for run in range(self._runs)]]
-        return ca.horzcat(self._join.along(begin, following, 1), last)
+        return ca.horzcat(begins(begin, following, each), last)
 
     @cached_property
     def _rolled(self) -> tuple[Expression, ...]:
@@ -153,12 +145,12 @@ class Sweep:
     def _last_held(self) -> Array:
         # The inputs held at the runs' ends by z, (runs * inputs, size).
         layout, inputs = self.plan.layout, self._kernel.inputs
-        found = np.zeros((self._runs, inputs, self.plan.size))
+        found = np.zeros((self._runs, inputs, self._size))
         for run in range(self._runs):
             places = layout.places[(run + 1) * layout.each - 1].reshape(inputs, -1)
             for one in range(inputs):
                 found[run, one, places[one]] = layout.basis[-1, -1]
-        return found.reshape(-1, self.plan.size)
+        return found.reshape(-1, self._size)
 
     @cached_property
     def _groups(self) -> Expression:
@@ -214,7 +206,7 @@ class Sweep:
     @cached_property
     def _slopes(self) -> Expression:
         onward, moved, *_ = self._link_slopes
-        return self._join.slopes(ca.MX(ca.DM(self._start_slopes)), onward, moved)
+        return self._join.slopes(ca.MX(ca.DM(np.hstack(self._start_slopes))), onward, moved)
 
     @property
     def _begin_slopes(self) -> Expression:
@@ -224,25 +216,26 @@ class Sweep:
     def _end_slopes(self) -> list[Expression]:
         # (handed on, held) at the runs' ends by z, (size, width + inputs) each.
         held = np.split(self._last_held.T, self._runs, axis=1)
-        ends = ca.horzsplit(self._slopes[:, self._link.width * self._count :], self._link.width)
+        first, width = self._link.width * self._count, self._link.width
+        ends = [self._slopes[:, first + run * width : first + (run + 1) * width] for run in range(self._runs)]
         return [ca.horzcat(*(ca.horzcat(end, ca.DM(own)) for end, own in zip(ends, held, strict=True)))]
 
     @cached_property
     def _group_slopes(self) -> Expression:
         _, _, begin, own = self._link_slopes
         link, join = self._link, self._join
-        added = join.passed(self._begin_slopes, link.added_by_begin, begin)
+        added = link.added_by_begin.chained(self._begin_slopes, begin)
         added = ca.densify(added + join.spread(own, link.added))
-        total = ca.reshape(added, self.plan.size * link.added, self._count) @ self._membership
+        total = ca.reshape(added, self._size * link.added, self._count) @ self._membership
         ending = self.plan.ending
         if ending is None:
             return total
         more = ending.slopes.map(self._runs)(*self._end_arguments, *self._end_slopes)
-        return total + ca.reshape(more, self.plan.size * link.added, self._runs)
+        return total + ca.reshape(more, self._size * link.added, self._runs)
 
     @cached_property
     def _sum_slopes(self) -> Expression:
-        return self.plan.total.sums_slopes(self._groups, self._group_slopes, self.plan.size)
+        return self.plan.total.sums_slopes(self._groups, self._group_slopes, self._size)
 
     @property
     def entry_slopes(self) -> Expression:
@@ -252,16 +245,22 @@ class Sweep:
     @property
     def row_slopes(self) -> Expression:
         """Derivatives of the rows by z."""
-        join, width, states = self._join, self._link.width, self._kernel.states
         begin, own = self._piece_rows
-        rows = join.passed(self._begin_slopes, self._link.rows_by_begin, begin)
-        rows = ca.densify(rows + join.spread(own, self._kernel.row_count))
-        first = self.plan.first[1].map(self._runs)(self._starts)
-        starts = [self._start_slopes[:, run * width : run * width + states] for run in range(self._runs)]
-        parts = [
-            ca.DM(slope) @ part.T for slope, part in zip(starts, ca.horzsplit(first, states), strict=True)
-        ]
-        return self.plan.rows.slopes(ca.horzcat(*parts), rows)
+        rows = self._link.rows_by_begin.chained(self._begin_slopes, begin)
+        rows = ca.densify(rows + self._join.spread(own, self._kernel.row_count))
+        slopes = self.plan.first[1].map(self._runs)(self._starts)
+        first = [start @ self._of_run(slopes, run).T for run, start in self._starts_by_unknowns]
+        return self.plan.rows.slopes(ca.horzcat(*first), rows)
+
+    @property
+    def _starts_by_unknowns(self) -> Iterable[tuple[int, ca.DM]]:
+        # Derivatives of every run's start state by z, (size, states).
+        return enumerate(map(ca.DM, self.plan.terms.start_slopes.transpose(0, 2, 1)))
+
+    def _of_run(self, table: Expression, run: int) -> Expression:
+        # A run's columns, by its start state.
+        states = self._kernel.states
+        return table[:, run * states : (run + 1) * states]
 
     def curvature(self, entries: Expression, rows: Expression) -> Expression:
         """Second derivatives by z of the weighted sum of entries and rows."""
@@ -270,7 +269,7 @@ class Sweep:
         total = self._sum_slopes @ bent @ self._sum_slopes.T if bent.nnz() else 0
         groups, square = plan.total.weights(self._groups, weights)
         if square is not None:
-            total += plan.total.bent(self._group_slopes, square, plan.size)
+            total += plan.total.bent(self._group_slopes, square, self._size)
         first, own_rows = plan.rows.weights(rows)
         last, more = self._end_curvature(groups)
         added = groups[:, plan.total.totals.group.tolist()]
@@ -290,15 +289,11 @@ class Sweep:
         if ending is None:
             return ca.MX.zeros(self._link.width, self._runs), 0
         weights, parts = ending.curvature.map(self._runs)(*self._end_arguments, *self._end_slopes, groups)
-        return weights, sum(ca.horzsplit(parts, self.plan.size))
+        return weights, sum(ca.horzsplit(parts, self._size))
 
     def _first_curvature(self, weights: Expression) -> Expression:
         if not self.plan.rows.first.numel():
             return 0
-        width, states = self._link.width, self._kernel.states
         _, bent = self.plan.first[2].map(self._runs)(self._starts, weights)
-        total = 0
-        for run, part in enumerate(ca.horzsplit(bent, states)):
-            slope = ca.DM(self._start_slopes[:, run * width : run * width + states])
-            total += slope @ part @ slope.T
-        return total
+        parts = (start @ self._of_run(bent, run) @ start.T for run, start in self._starts_by_unknowns)
+        return sum(parts)

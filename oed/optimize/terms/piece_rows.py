@@ -12,8 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
-from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds, small_drive
+from oed.optimize.terms.base import RowBounds, Terms, small_drive
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Needs
@@ -48,22 +47,19 @@ class PieceRows:
             (rows, size).
     """
 
-    def __init__(
-        self, problem: Problem, layout: PieceLayout, cell: Cell, unknowns: Expression, needs: Needs
-    ) -> None:
+    def __init__(self, terms: Terms, layout: PieceLayout, cell: Cell, needs: Needs) -> None:
         """Find the order.
 
         Args:
-            problem: whose limits.
+            terms: what z is.
             layout: the pieces.
             cell: a sample; limits on instants in their order, and what else is asked of it.
-            unknowns: z (SX).
             needs: of the limits.
         """
-        self._problem, self._layout, self._cell = problem, layout, cell
-        self._size, self._free = unknowns.shape[0], problem.design.start_is_free
-        self._chosen = problem.system.chosen_states
-        self._pool = self._pooled(unknowns, list(needs.tables.values()))
+        self._problem, self._layout, self._cell = terms.problem, layout, cell
+        self._size, self._free = terms.size, terms.problem.design.start_is_free
+        self._moved_starts: Bools = terms.start_slopes != 0
+        self._pool = self._pooled(terms.unknowns, list(needs.tables.values()))
         self._sort(needs)
 
     @cached_property
@@ -106,23 +102,16 @@ class PieceRows:
         for piece in range(layout.count):
             run, place = divmod(piece, layout.each)
             if place == 0:
-                moved = self._moved_starts(run)
+                moved = self._moved_starts[run]
                 if of_first:
                     start = np.array(ca.DM(ca.jacobian_sparsity(self.first, self.start_symbol), 1.0)) != 0
                     first[run] = start @ moved
             for sample in range(layout.samples):
                 found = by_state @ moved
                 own = by_inputs[:, :, None] & acting[place, sample]
-                found[:, layout.places[piece]] |= own.reshape(len(found), -1)
+                found[:, layout.places[piece]] |= own.reshape(len(found), layout.places.shape[1])
                 moved, rows[piece, sample] = found[:states], found[states:]
         return first.reshape(-1, self._size), rows.reshape(-1, self._size)
-
-    def _moved_starts(self, run: int) -> Bools:
-        moved = np.zeros((self._cell.states, self._size), dtype=bool)
-        if self._free:
-            places = np.arange(self._chosen)
-            moved[places, self._size - self._chosen * (self._layout.space.runs - run) + places] = True
-        return moved
 
     def _sort(self, needs: Needs) -> None:
         self.bounds: list[RowBounds] = []

@@ -30,11 +30,11 @@ def divisible(problem: Problem) -> PieceLayout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
     That is so for robust limits and other systems, noise that readings share over time, segments of unequal
-    length, samples without a suitable divisor, and systems without states, which hand nothing on.
+    length, and samples without a suitable divisor.
     """
     space = problem.design
     cuts = problem.measurement.cuts(space.samples)
-    if problem.robust is not None or cuts is None or not problem.system.states:
+    if problem.robust is not None or cuts is None:
         return None
     inputs, divisor = len(problem.system.inputs), None if cuts.segment == 1 else cuts.segment
     return best_layout(space, inputs, multiple=cuts.multiple, divisor=divisor)
@@ -54,9 +54,9 @@ class Pieces(Terms):
         cell, totals = Cell(problem, asked, self.input_scale.tolist(), refine), Totals(problem, layout)
         kernel = Kernel(cell, layout, [sensor.every for sensor in totals.sensors])
         link = Link(kernel, _carry(problem, kernel, totals))
-        rows = PieceRows(problem, layout, cell, self.unknowns, needs)
+        rows = PieceRows(self, layout, cell, needs)
         total = Sum(totals, link.added)
-        self._plan = Plan(problem, layout, kernel, link, total, rows, self.size, self.coefficient_count)
+        self._plan = Plan(self, layout, kernel, link, total, rows)
         self._whole = None if formulas is None else WholeRows(formulas, rows.states_moved)
 
     @cached_property
