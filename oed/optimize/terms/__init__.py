@@ -4,7 +4,7 @@
 sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a piece hands on (by the chain
 rule of `carry`), `condensing` goes from pieces to the drive, `totals` and `ending` from there to the
 matrices, `piece_rows` to the limits; `passes` is one evaluation, forwards and back. `needs` finds what each
-limit looks at; `whole_rows` are those of limits on whole runs, `whole_sweep` an evaluation with them.
+limit looks at; `whole_rows` are those of limits on whole runs.
 """
 
 from __future__ import annotations

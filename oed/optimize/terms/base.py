@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -160,6 +160,36 @@ class Terms(ABC):
         return single, columns[own], np.array(slope.nonzeros())[own], constants
 
 
+class Smooth:
+    """An expression (k,) of symbols (n,), and its derivatives, as functions (SX).
+
+    Attributes:
+        size: k.
+    """
+
+    def __init__(self, symbols: Expression, expression: Expression) -> None:
+        """Take both; functions are made when first used."""
+        self._symbols, self._expression, self.size = symbols, expression, int(expression.shape[0])
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """Symbols -> expression."""
+        return ca.Function("values", [self._symbols], [self._expression])
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """Symbols -> its derivatives (k, n), dense."""
+        slope = ca.jacobian(self._expression, self._symbols)
+        return ca.Function("slope", [self._symbols], [ca.densify(slope)])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """(symbols, weights (k,)) -> first, dense, and second derivatives of the weighted sum."""
+        weights = ca.SX.sym("weights", self.size)
+        curvature, slope = ca.hessian(ca.dot(weights, self._expression), self._symbols)
+        return ca.Function("curvature", [self._symbols, weights], [ca.densify(slope), curvature])
+
+
 def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
     """The drive of a few samples with `held` inputs (n, inputs) from a state.
 
@@ -195,6 +225,11 @@ def upper_half(matrix: Expression) -> Expression:
     """The entries on and above the diagonal, column by column, (p (p + 1) / 2,)."""
     size = matrix.shape[0]
     return ca.vertcat(*(matrix[row, column] for column in range(size) for row in range(column + 1)))
+
+
+def upper_halves(matrices: Iterable[Expression]) -> Expression:
+    """Those of several matrices, stacked."""
+    return ca.vertcat(*map(upper_half, matrices))
 
 
 def symmetric(entries: Expression, size: int) -> Expression:

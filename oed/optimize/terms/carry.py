@@ -30,7 +30,7 @@ class Carry:
         states: int,
         parameters: int,
         nuisances: int,
-        started: bool = True,
+        started: bool,
     ) -> None:
         """Follow S through a part.
 

@@ -54,12 +54,7 @@ class Cell:
         self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
-        self.carry = Carry(
-            ca.densify(_gathered(problem, drive, self._reads)),
-            states=self.states,
-            parameters=len(estimated(problem)) if sensors else 0,
-            nuisances=sum(len(sensor.nuisances) for sensor in sensors),
-        )
+        self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
         self.width = self.states + len(self.carry.moving)
         self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
         following = ca.vertcat(drive.states[-1, :].T, self.carry.following)
@@ -142,6 +137,24 @@ class Cell:
         if asked.first or ca.depends_on(expression, self._state):
             return False
         return not any(ca.which_depends(expression, self._inputs, 2, True))
+
+
+def carry_of(problem: Problem, gathered: Expression, *, started: bool = True) -> Carry:
+    """How sensitivities go through a part of a problem's drives.
+
+    Args:
+        problem: whose drives.
+        gathered: by the part.
+        started: whether the runs' starts are estimated as well.
+    """
+    sensors = problem.measurement.joint_sensors
+    return Carry(
+        gathered,
+        states=len(problem.system.states),
+        parameters=len(estimated(problem)) if sensors else 0,
+        nuisances=sum(len(sensor.nuisances) for sensor in sensors),
+        started=started,
+    )
 
 
 def estimated(problem: Problem) -> list[int]:

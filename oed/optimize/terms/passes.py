@@ -11,7 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.base import Terms, without_zeros
+from oed.optimize.terms.base import Smooth, Terms, without_zeros
 from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.condensing import Condensing
 from oed.optimize.terms.ending import Ending
@@ -19,7 +19,7 @@ from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.piece_rows import PieceRows
-from oed.optimize.terms.totals import Sum
+from oed.optimize.terms.totals import Totals
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Plan:
     layout: PieceLayout
     kernel: Kernel
     link: Link
-    total: Sum
+    total: Totals
     rows: PieceRows
 
     @cached_property
@@ -53,21 +53,14 @@ class Plan:
         """What is read at the runs' last instants; None of regressions."""
         return (
             Ending(self.terms.problem, self.link, self.terms.size, self.kernel.cell.scale)
-            if self.total.totals.sensors
+            if self.total.sensors
             else None
         )
 
     @cached_property
-    def first(self) -> list[ca.Function]:
-        """Start state -> rows of the first instant; their slopes; and (with weights) second derivatives."""
-        start, rows = self.rows.start_symbol, self.rows.first
-        weights = ca.SX.sym("weights", rows.shape[0])
-        curvature, slope = ca.hessian(ca.dot(weights, rows), start)
-        return [
-            ca.Function("first", [start], [rows]),
-            ca.Function("first_slopes", [start], [ca.densify(ca.jacobian(rows, start))]),
-            ca.Function("first_curvature", [start, weights], [ca.densify(slope), ca.densify(curvature)]),
-        ]
+    def first(self) -> Smooth:
+        """Rows of a run's first instant, of its start state."""
+        return Smooth(self.rows.start_symbol, self.rows.first)
 
 
 class Sweep:
@@ -160,7 +153,7 @@ class Sweep:
 
     @cached_property
     def _membership(self) -> ca.DM:
-        return self.plan.total.totals.membership
+        return self.plan.total.membership
 
     @cached_property
     def _sums(self) -> Expression:
@@ -169,12 +162,12 @@ class Sweep:
     @property
     def entries(self) -> Expression:
         """The matrices' entries."""
-        return self.plan.total.finish(self._sums)
+        return self.plan.total.finish.values(self._sums)
 
     @property
     def rows(self) -> Expression:
         """The limits' rows."""
-        first = self.plan.first[0].map(self._runs)(self._starts)
+        first = self.plan.first.values.map(self._runs)(self._starts)
         return self.plan.rows.values(self.z, first, self._rolled[3])
 
     @cached_property
@@ -240,7 +233,7 @@ class Sweep:
     @property
     def entry_slopes(self) -> Expression:
         """Derivatives of the entries by z."""
-        return self.plan.total.slope(self._sums) @ self._sum_slopes.T
+        return self.plan.total.finish.slope(self._sums) @ self._sum_slopes.T
 
     @property
     def row_slopes(self) -> Expression:
@@ -248,7 +241,7 @@ class Sweep:
         begin, own = self._piece_rows
         rows = self._link.rows_by_begin.chained(self._begin_slopes, begin)
         rows = ca.densify(rows + self._join.spread(own, self._kernel.row_count))
-        slopes = self.plan.first[1].map(self._runs)(self._starts)
+        slopes = self.plan.first.slope.map(self._runs)(self._starts)
         first = [start @ self._of_run(slopes, run).T for run, start in self._starts_by_unknowns]
         return self.plan.rows.slopes(ca.horzcat(*first), rows)
 
@@ -265,14 +258,14 @@ class Sweep:
     def curvature(self, entries: Expression, rows: Expression) -> Expression:
         """Second derivatives by z of the weighted sum of entries and rows."""
         plan, link, join, count = self.plan, self._link, self._join, self._count
-        weights, bent = plan.total.curvature(self._sums, entries)
+        weights, bent = plan.total.finish.curvature(self._sums, entries)
         total = self._sum_slopes @ bent @ self._sum_slopes.T if bent.nnz() else 0
         groups, square = plan.total.weights(self._groups, weights)
         if square is not None:
             total += plan.total.bent(self._group_slopes, square, self._size)
         first, own_rows = plan.rows.weights(rows)
         last, more = self._end_curvature(groups)
-        added = groups[:, plan.total.totals.group.tolist()]
+        added = groups[:, plan.total.group.tolist()]
         begin, begin_rows = self._link_slopes[2], self._piece_rows[0]
         pulled = link.pull.map(count)(begin, begin_rows, added, own_rows)
         ends = join.weights(last, self._link_slopes[0], pulled)
@@ -294,6 +287,6 @@ class Sweep:
     def _first_curvature(self, weights: Expression) -> Expression:
         if not self.plan.rows.first.numel():
             return 0
-        _, bent = self.plan.first[2].map(self._runs)(self._starts, weights)
+        _, bent = self.plan.first.curvature.map(self._runs)(self._starts, weights)
         parts = (start @ self._of_run(bent, run) @ start.T for run, start in self._starts_by_unknowns)
         return sum(parts)

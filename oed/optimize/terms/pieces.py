@@ -13,17 +13,15 @@ import casadi as ca
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import RowBounds, Terms
-from oed.optimize.terms.carry import Carry
-from oed.optimize.terms.cell import Cell, estimated
+from oed.optimize.terms.cell import Cell, carry_of
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout, best_layout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import Plan, Sweep
 from oed.optimize.terms.piece_rows import PieceRows
-from oed.optimize.terms.totals import Sum, Totals
-from oed.optimize.terms.whole_rows import Formulas, WholeRows
-from oed.optimize.terms.whole_sweep import WholeSweep
+from oed.optimize.terms.totals import Totals
+from oed.optimize.terms.whole_rows import Formulas, WholeRows, WholeSweep
 
 
 def divisible(problem: Problem) -> PieceLayout | None:
@@ -51,18 +49,21 @@ class Pieces(Terms):
         asked = [(problem.limits[place], asked) for place, asked in needs.asked.items()]
         if formulas is not None and formulas.states is not None:
             asked.append((formulas.states, formulas.states.asked))
-        cell, totals = Cell(problem, asked, self.input_scale.tolist(), refine), Totals(problem, layout)
-        kernel = Kernel(cell, layout, [sensor.every for sensor in totals.sensors])
-        link = Link(kernel, _carry(problem, kernel, totals))
+        cell = Cell(problem, asked, self.input_scale.tolist(), refine)
+        kernel = Kernel(cell, layout, [sensor.every for sensor in problem.measurement.joint_sensors])
+        started = bool(start_nuisances(problem.measurement.joint_sensors, problem.system))
+        link = Link(kernel, carry_of(problem, kernel.gathered, started=started))
         rows = PieceRows(self, layout, cell, needs)
-        total = Sum(totals, link.added)
-        self._plan = Plan(self, layout, kernel, link, total, rows)
+        self._plan = Plan(self, layout, kernel, link, Totals(problem, layout, link.added), rows)
         self._whole = None if formulas is None else WholeRows(formulas, rows.states_moved)
 
     @cached_property
-    def _sweep(self) -> Sweep | WholeSweep:
-        sweep = Sweep(self._plan)
-        return sweep if self._whole is None else WholeSweep(sweep, self._whole, self._needs)
+    def _sweep(self) -> Sweep:
+        return Sweep(self._plan)
+
+    @cached_property
+    def _all_rows(self) -> Sweep | WholeSweep:
+        return self._sweep if self._whole is None else WholeSweep(self._sweep, self._whole, self._needs)
 
     @property
     def sizes(self) -> list[int]:
@@ -84,32 +85,20 @@ class Pieces(Terms):
     @cached_property
     def values(self) -> ca.Function:
         """Z -> entries of the matrices, rows."""
-        sweep = self._sweep
-        return ca.Function("terms", [sweep.z], [sweep.entries, sweep.rows])
+        return ca.Function("terms", [self._sweep.z], [self._sweep.entries, self._all_rows.rows])
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """Z -> derivatives of the entries, and of the rows."""
-        sweep = self._sweep
-        return ca.Function("slopes", [sweep.z], [sweep.entry_slopes, sweep.row_slopes])
+        results = [self._sweep.entry_slopes, self._all_rows.row_slopes]
+        return ca.Function("slopes", [self._sweep.z], results)
 
     @cached_property
     def hessian(self) -> ca.Function:
         """(z, weights of the entries, weights of the rows) -> second derivatives of the weighted sum."""
-        sweep = self._sweep
         weights = [
             ca.MX.sym("entries", self.entry_count),
             ca.MX.sym("rows", sum(len(one.lower) for one in self.rows)),
         ]
-        return ca.Function("curvature", [sweep.z, *weights], [ca.triu(sweep.curvature(*weights))])
-
-
-def _carry(problem: Problem, kernel: Kernel, totals: Totals) -> Carry:
-    sensors = totals.sensors
-    return Carry(
-        kernel.gathered,
-        states=kernel.states,
-        parameters=len(estimated(problem)) if sensors else 0,
-        nuisances=sum(len(sensor.nuisances) for sensor in sensors),
-        started=bool(start_nuisances(sensors, problem.system)),
-    )
+        curvature = ca.triu(self._all_rows.curvature(*weights))
+        return ca.Function("curvature", [self._sweep.z, *weights], [curvature])

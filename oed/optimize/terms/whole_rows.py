@@ -19,7 +19,8 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.terms.base import RowBounds, Terms, without_zeros
-from oed.optimize.terms.needs import Asked, splines_of
+from oed.optimize.terms.needs import Asked, Needs, splines_of
+from oed.optimize.terms.passes import Sweep
 
 
 class SampleStates(Limit):
@@ -136,7 +137,7 @@ def picked(table: Expression, rows: Sequence[int]) -> Expression:
 
 @dataclass(frozen=True)
 class WholeRows:
-    """Rows of limits on whole runs and their derivatives by z, from the states and their derivatives.
+    """Which of the rows there are, and their bounds.
 
     Attributes:
         formulas: the rows.
@@ -147,82 +148,97 @@ class WholeRows:
     moved: Bools
 
     @cached_property
-    def _pattern(self) -> ca.Sparsity:
-        # Which unknowns move which row.
+    def pattern(self) -> ca.Sparsity:
+        """Which unknowns move which row."""
         affine = ca.DM(self.formulas.affine.sparsity(), 1.0)
         given = ca.vertcat(ca.sparsify(ca.DM(self.moved.astype(float))), affine)
         return (ca.DM(self.formulas.pattern, 1.0) @ picked(given, self.formulas.needed)).sparsity()
 
     @cached_property
-    def _kept(self) -> list[int]:
-        # Rows that some unknown moves.
-        return sorted(set(self._pattern.row()))
+    def kept(self) -> list[int]:
+        """Rows that some unknown moves."""
+        return sorted(set(self.pattern.row()))
 
     @cached_property
     def bounds(self) -> list[RowBounds]:
         """The bounds of every limit's rows."""
-        kept = np.zeros(self._pattern.size1(), dtype=bool)
-        kept[self._kept] = True
+        kept = np.zeros(self.pattern.size1(), dtype=bool)
+        kept[self.kept] = True
         edges = np.cumsum([len(rows.lower) for rows in self.formulas.rows[:-1]], dtype=int)
         return [
             RowBounds(rows.lower[own], rows.upper[own], rows.size, rows.unit)
             for rows, own in zip(self.formulas.rows, np.split(kept, edges), strict=True)
         ]
 
-    def _given(self, z: Expression, states: Expression) -> Expression:
-        return picked(ca.densify(ca.vertcat(states, self.formulas.affine @ z)), self.formulas.needed)
 
-    def _given_slopes(self, slopes: Expression) -> Expression:
-        return ca.densify(picked(ca.vertcat(slopes, self.formulas.affine), self.formulas.needed))
+class WholeSweep:
+    """A sweep through the pieces whose states go into the limits on whole runs: rows of all limits."""
 
-    def values(self, z: Expression, states: Expression) -> Expression:
-        """The rows."""
-        return picked(self.formulas.values(self._given(z, states)), self._kept)
+    def __init__(self, sweep: Sweep, whole: WholeRows, needs: Needs) -> None:
+        """Take the parts; needs are those of the limits."""
+        self._sweep, self._whole, self._formulas = sweep, whole, whole.formulas
+        bounds = sweep.plan.rows.bounds
+        counts = [len(one.lower) for one in (*bounds, *whole.bounds)]
+        self._own = sum(len(one.lower) for one in bounds)
+        places = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+        # Where the rows of all limits, in their order, stand among those of the pieces and of whole runs.
+        order = needs.in_order(places[: len(bounds)], places[len(bounds) :])
+        self._order = np.concatenate(order).tolist()
 
-    def slopes(self, z: Expression, states: Expression, slopes: Expression) -> Expression:
-        """Derivatives (rows, size) of the rows by z, sparse, from those of the states.
+    @cached_property
+    def _parts(self) -> list[Expression]:
+        # Rows of the pieces' limits, states.
+        return self._split(self._sweep.rows)
 
-        Args:
-            z: the unknowns.
-            states: at the samples.
-            slopes: of the states by z.
-        """
-        along = self.formulas.along.map("along", "serial", z.shape[0], [0], [])
-        dense = along(self._given(z, states), self._given_slopes(slopes))
-        return picked(ca.project(dense, self._pattern), self._kept)
+    @cached_property
+    def _slopes(self) -> list[Expression]:
+        return self._split(self._sweep.row_slopes)
 
-    def weights(self, z: Expression, states: Expression, weights: Expression) -> Expression:
-        """Weights that those of the rows give the states.
+    def _split(self, rows: Expression) -> list[Expression]:
+        return list(ca.vertsplit(rows, [0, self._own, rows.shape[0]]))
 
-        Args:
-            z: the unknowns.
-            states: at the samples.
-            weights: of the rows.
-        """
-        gradient = self.formulas.gradient(self._given(z, states), self._spread(weights))
-        count, needed = states.shape[0], np.array(self.formulas.needed, dtype=int)
-        own = np.flatnonzero(needed < count)
-        place = np.full(count, len(needed))
-        place[needed[own]] = own
-        return picked(ca.vertcat(gradient, ca.MX(1, 1)), place.tolist())
+    @cached_property
+    def _given(self) -> Expression:
+        # What the formulas need, and its derivatives by z.
+        both = ca.vertcat(self._parts[1], self._formulas.affine @ self._sweep.z)
+        return picked(ca.densify(both), self._formulas.needed)
 
-    def curvature(
-        self, z: Expression, states: Expression, slopes: Expression, weights: Expression
-    ) -> Expression:
-        """Second derivatives (size, size) by z of the weighted rows, besides those of the states.
+    @cached_property
+    def _given_slopes(self) -> Expression:
+        return ca.densify(picked(ca.vertcat(self._slopes[1], self._formulas.affine), self._formulas.needed))
 
-        Args:
-            z: the unknowns.
-            states: at the samples.
-            slopes: of the states by z.
-            weights: of the rows.
-        """
-        bent = self.formulas.bent.map("bent", "serial", z.shape[0], [0, 1], [])
-        across = self._given_slopes(slopes)
-        return across.T @ bent(self._given(z, states), self._spread(weights), across)
+    @property
+    def rows(self) -> Expression:
+        """The limits' rows."""
+        whole = picked(self._formulas.values(self._given), self._whole.kept)
+        return ca.vertcat(self._parts[0], whole)[self._order]
 
-    def _spread(self, weights: Expression) -> Expression:
-        # To all rows, also those that no unknown moves.
-        place = np.full(self._pattern.size1(), len(self._kept))
-        place[self._kept] = np.arange(len(self._kept))
-        return picked(ca.densify(ca.vertcat(weights, ca.MX(1, 1))), place.tolist())
+    @property
+    def row_slopes(self) -> Expression:
+        """Derivatives of the rows by z, sparse."""
+        along = self._formulas.along.map("along", "serial", self._sweep.z.shape[0], [0], [])
+        dense = along(self._given, self._given_slopes)
+        whole = picked(ca.project(dense, self._whole.pattern), self._whole.kept)
+        return ca.vertcat(self._slopes[0], whole)[self._order, :]
+
+    def curvature(self, entries: Expression, rows: Expression) -> Expression:
+        """Second derivatives by z of the weighted sum of entries and rows."""
+        own, kept = self._split(rows[np.argsort(self._order).tolist()])
+        # Rows that no unknown moves have weights as well.
+        weights = _spread(kept, self._whole.kept, self._whole.pattern.size1())
+        bent = self._formulas.bent.map("bent", "serial", self._sweep.z.shape[0], [0, 1], [])
+        across = self._given_slopes
+        around = across.T @ bent(self._given, weights, across)
+        # What the rows' weights give the states.
+        count, needed = self._parts[1].shape[0], np.array(self._formulas.needed, dtype=int)
+        own_states = np.flatnonzero(needed < count)
+        gradient = picked(self._formulas.gradient(self._given, weights), own_states.tolist())
+        states = _spread(gradient, needed[own_states].tolist(), count)
+        return self._sweep.curvature(entries, ca.vertcat(own, states)) + around
+
+
+def _spread(entries: Expression, places: Sequence[int], count: int) -> Expression:
+    # A column of so many entries, those at other places 0.
+    place = np.full(count, len(places))
+    place[list(places)] = np.arange(len(places))
+    return picked(ca.densify(ca.vertcat(entries, ca.MX(1, 1))), place.tolist())
