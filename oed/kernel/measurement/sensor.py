@@ -167,33 +167,17 @@ class Sensor(Measurement):
         return f"{self.subject} {when} ({times}) with {self.noise_text}{self.remark}"
 
 
-@dataclass(frozen=True)
-class SensorReadings:
-    """One sensor's readings of a drive, as expressions.
-
-    Attributes:
-        response: noise-free, (rows,), SI.
-        jacobian: by (parameters, start state, the sensor's nuisances), (rows, columns).
-        whitening: A of each reading, side by side, (q, K * q).
-        white_response, white_jacobian: the same in units of the noise.
+def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
+    """What `sensor` reads of `drive`, its nuisances at their nominal values, in units of the noise: (rows,),
+    and the derivatives by (parameters, start states, its nuisances), (rows, columns).
     """
-
-    response: Expression
-    jacobian: Expression
-    whitening: Expression
-    white_response: Expression
-    white_jacobian: Expression
-
-
-def readings(sensor: Sensor, drive: Drive) -> SensorReadings:
-    """What `sensor` reads of `drive`, its nuisances at their nominal values."""
     samples, runs = drive.samples, range(drive.runs)
     own = sensor.columns(samples)
     columns = [run * (samples + 1) + column for run in runs for column in own]
     # At the last sample's instant the inputs are those held until then.
     held = [run * samples + min(column, samples - 1) for run in runs for column in own]
     each = moment_reading(sensor, drive.system).map(len(columns))
-    response, transposed, whitening, white_response, white_transposed = each(
+    response, transposed, _, white_response, white_transposed = each(
         drive.states.T[:, columns],
         drive.sensitivities[:, block_columns(np.array(columns), drive.columns)],
         drive.inputs.T[:, held],
@@ -205,13 +189,7 @@ def readings(sensor: Sensor, drive: Drive) -> SensorReadings:
     if whole is not None:
         weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
         white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
-    return SensorReadings(
-        ca.vec(response),
-        _by_run(transposed, drive).T,
-        whitening,
-        ca.vec(white_response),
-        _by_run(white_transposed, drive).T,
-    )
+    return ca.vec(white_response), _by_run(white_transposed, drive).T
 
 
 def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
@@ -284,39 +262,15 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     )
 
 
-@dataclass(frozen=True)
-class JointReadings:
-    """The readings of all sensors of a drive, one below the other.
-
-    Attributes:
-        each: sensor by sensor.
-        nuisances: of all sensors, their names made unique.
+def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
+    """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: each (rows,),
+    and the derivatives of all by (parameters, start states, nuisances), (M, columns).
     """
-
-    each: tuple[SensorReadings, ...]
-    nuisances: tuple[Nuisance, ...]
-    leading: int
-
-    @property
-    def white_jacobian(self) -> Expression:
-        """By (parameters, start state, nuisances), in units of the noise, (M, columns)."""
-        # Parameters and start are common to all sensors, the other columns are each sensor's own.
-        matrices = [one.white_jacobian for one in self.each]
-        widths = [matrix.shape[1] - self.leading for matrix in matrices]
-        rows = []
-        for index, matrix in enumerate(matrices):
-            before, after = sum(widths[:index]), sum(widths[index + 1 :])
-            count = matrix.shape[0]
-            own = [ca.DM(count, before), matrix[:, self.leading :], ca.DM(count, after)]
-            rows.append(ca.horzcat(matrix[:, : self.leading], *own))
-        return ca.vertcat(*rows)
-
-
-def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> JointReadings:
-    """What all sensors read of `drive`, their nuisances at nominal values."""
-    each = tuple(readings(sensor, drive) for sensor in sensors)
-    leading = len(drive.system.parameters) + drive.runs * len(drive.system.states)
-    return JointReadings(each, labelled_nuisances(sensors), leading)
+    found, jacobians = zip(*(readings(sensor, drive) for sensor in sensors), strict=True)
+    # Parameters and start are common to all sensors, the other columns are each sensor's own.
+    common = len(drive.system.parameters) + drive.runs * len(drive.system.states)
+    shared, own = zip(*(ca.horzsplit(one, [0, common, one.shape[1]]) for one in jacobians), strict=True)
+    return found, ca.horzcat(ca.vertcat(*shared), ca.diagcat(*own))
 
 
 def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
@@ -332,11 +286,11 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
     """The readings of all sensors as one estimation of the system's parameters."""
     system = drive.system
     size = len(system.parameters)
-    joint, start = joint_readings(sensors, drive), start_nuisances(sensors, system, drive.runs)
-    nuisances = (*start, *joint.nuisances)
+    each, jacobian = joint_readings(sensors, drive)
+    start, own = start_nuisances(sensors, system, drive.runs), labelled_nuisances(sensors)
+    nuisances, columns = (*start, *own), jacobian.shape[1]
     # A start that is known is no unknown.
-    own = list(range(joint.leading, joint.leading + len(joint.nuisances)))
-    design = joint.white_jacobian[:, [*range(size + len(start)), *own]]
+    design = jacobian[:, [*range(size + len(start)), *range(columns - len(own), columns)]]
     known = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
     matrix = design.T @ design + ca.diag(ca.DM(known))
     return Block(
@@ -344,7 +298,7 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
         parameters=tuple(parameter.name for parameter in system.parameters),
         nominal=np.array(system.nominal, dtype=float),
         units=tuple(parameter.unit for parameter in system.parameters),
-        response=ca.vertcat(*(one.white_response for one in joint.each)),
+        response=ca.vertcat(*each),
         design_matrix=design[:, :size],
         jacobian=design,
         information=lambda chosen: matrix[list(chosen), list(chosen)],

@@ -15,7 +15,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Cuts
-from oed.kernel.measurement.sensor import Sensor, joint_readings
+from oed.kernel.measurement.sensor import joint_readings
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, upper_half
 from oed.optimize.terms.blocks import Packed, pull
@@ -201,16 +201,12 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Information of what those sensors read at the first instant of a drive of one sample.
     sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
-    joint = joint_readings(sensors, drive)
-    chosen = [*estimated(problem), *range(len(problem.system.parameters), joint.white_jacobian.shape[1])]
+    each, jacobian = joint_readings(sensors, drive)
+    chosen = [*estimated(problem), *range(len(problem.system.parameters), jacobian.shape[1])]
     total, first = ca.SX(len(chosen), len(chosen)), 0
-    for place, (sensor, one) in enumerate(zip(sensors, joint.each, strict=True)):
-        rows = range(first, first + _at_first(sensor, one.white_response.shape[0]))
-        own = ca.sparsify(joint.white_jacobian[list(rows), chosen])
+    for place, (sensor, one) in enumerate(zip(sensors, each, strict=True)):
+        rows = range(first, first + one.shape[0] // len(sensor.columns(1)))
+        own = ca.sparsify(jacobian[list(rows), chosen])
         total += reads[place] * (own.T @ own)
-        first += one.white_response.shape[0]
+        first += one.shape[0]
     return ca.densify(total)
-
-
-def _at_first(sensor: Sensor, count: int) -> int:
-    return count // len(sensor.columns(1))
