@@ -65,6 +65,6 @@ def _building(problem: Problem) -> float:
     # Of a program and its solver, and one iteration.
     began = time.perf_counter()
     search = LocalSearch(problem, Settings(1, 1e-8, None, "none"))
-    z = 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.size)
+    z = 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.terms.size)
     search.solved(search.program, z, search.grid.no_correction)
     return time.perf_counter() - began

@@ -15,7 +15,7 @@ POPULATION, SAMPLES, WANTED = 200, 200, 50_000
 def figures() -> list[Figure]:
     """As the genetic algorithm scores them: limits on the path at several points a sample."""
     design = DesignExpressions(problem_of("segment", SAMPLES), REFINE)
-    drives = np.random.default_rng(0).uniform(-0.3, 0.3, (POPULATION, design.size))
+    drives = np.random.default_rng(0).uniform(-0.3, 0.3, (POPULATION, design.terms.size))
     plain = POPULATION / best_seconds(lambda: design.score_many(drives))
     design.compile_scores()
     quick = POPULATION / best_seconds(lambda: design.score_many(drives))

@@ -87,7 +87,7 @@ def _timed(problem: Problem, samples: int | None = None) -> Timed:
 
 
 def _start(search: LocalSearch) -> np.ndarray:
-    return 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.size)
+    return 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.terms.size)
 
 
 def _compared(name: str, problem: Problem, ours: Timed) -> Figure:

@@ -38,7 +38,7 @@ from .kernel.measurement.prior import Prior as Prior
 from .kernel.problem import Problem as Problem
 from .kernel.solution import Solution as Solution
 from .kernel.solution import Status as Status
-from .kernel.violation import Violation as Violation
+from .kernel.solution import Violation as Violation
 from .logs import BagForm as BagForm
 from .logs import CsvForm as CsvForm
 from .logs import Log as Log

@@ -18,8 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
-from oed.kernel.implied import implied_bounds
-from oed.kernel.limit import Limit, Rows
+from oed.kernel.limit import Limit, Rows, implied_bounds
 from oed.kernel.measurement.information import (
     Scaling,
     information,

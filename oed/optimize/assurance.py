@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution, Status
-from oed.kernel.violation import Violation
+from oed.kernel.solution import Solution, Status, Violation
 from oed.optimize.solver import Context, Solver
 from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.robust import Robust

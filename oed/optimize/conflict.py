@@ -21,23 +21,23 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
     Every limit in turn is relaxed as little as a local search finds possible while the others hold. ""
     where the limits turn out to agree.
     """
-    relaxation = ca.SX.sym("relaxation", len(design.rows))
+    relaxation = ca.SX.sym("relaxation", len(design.terms.rows))
     program = Program(
         design,
-        objective=-ca.sum1(relaxation) - 1e-6 * ca.sumsqr(design.unknowns),
+        objective=-ca.sum1(relaxation) - 1e-6 * ca.sumsqr(design.terms.unknowns),
         auxiliary=relaxation,
         equalities=ca.SX(0, 1),
         floors=ca.SX(0, 1),
         relaxing=True,
         options={"ipopt.max_iter": 150},
     )
-    needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.rows))]
+    needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.terms.rows))]
     if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
         return ""
     limits = design.problem.limits
     phrases = [
         f"{limit.name} (by at most {amount * rows.size:.3g} {rows.unit})"
-        for limit, rows, amount in zip(limits, design.rows, needed, strict=True)
+        for limit, rows, amount in zip(limits, design.terms.rows, needed, strict=True)
         if amount is not None
     ]
     if not phrases:
@@ -52,7 +52,7 @@ def _relaxed_alone(
     program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
 ) -> float | None:
     # A small relaxation of one limit with the others kept, from the first start that finds one.
-    count = len(design.rows)
+    count = len(design.terms.rows)
     upper = np.zeros(count)
     upper[index] = np.inf
     for start in starts:

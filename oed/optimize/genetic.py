@@ -119,27 +119,20 @@ class CmaEs(PopulationSearch):
         return CMAES(x0=gentlest, sigma=self.sigma, pop_size=self.population)
 
 
-def _bounds(design: DesignExpressions) -> Array:
-    # (size, 2): of every unknown.
-    scaled = design.problem.input_bounds / design.input_scale[:, None]
-    coefficients = np.repeat(scaled, design.coefficient_count // len(scaled), axis=0)
-    if design.size == design.coefficient_count:
-        return coefficients
-    return np.vstack([coefficients, start_bounds(design)])
-
-
 def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
     # Made inside a function, for pymoo is loaded only when such a search runs.
     from pymoo.core.problem import Problem as PymooProblem
 
-    bounds = _bounds(design)
+    bounds = design.coefficient_bounds
+    if design.terms.size > len(bounds):
+        bounds = np.vstack([bounds, start_bounds(design)])
 
     class Design(PymooProblem):  # type: ignore[misc]
         def __init__(self) -> None:
             super().__init__(
-                n_var=design.size,
+                n_var=design.terms.size,
                 n_obj=1,
-                n_ieq_constr=len(design.rows),
+                n_ieq_constr=len(design.terms.rows),
                 xl=bounds[:, 0],
                 xu=bounds[:, 1],
             )

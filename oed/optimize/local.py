@@ -154,7 +154,7 @@ class LocalSearch:
 
     def _secondary(self) -> Expression:
         if self.settings.second_stage == "shortest_path":
-            softening = max(0.01 * self.problem.model.speed_of(self.design.input_scale), 1e-6)
+            softening = max(0.01 * self.problem.model.speed_of(self.design.terms.input_scale), 1e-6)
             return -self.design.terms.drive.path_length(softening=softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
-from oed.kernel.violation import Violation
+from oed.kernel.solution import Violation
 from oed.uncertainty.uncertainty import given_spread
 
 LEVEL = 0.95

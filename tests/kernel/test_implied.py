@@ -9,8 +9,7 @@ import numpy as np
 from builders import problem_of
 
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.implied import implied_bounds
-from oed.kernel.limit import Limit, LinearBound, Rows
+from oed.kernel.limit import Limit, LinearBound, Rows, implied_bounds
 from oed.robots.limits import Rectangle, WheelSpeed
 
 OPEN = np.tile([-np.inf, np.inf], (2, 1))

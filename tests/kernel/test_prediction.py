@@ -190,7 +190,7 @@ def whole_information(problem: Problem, seed: int) -> np.ndarray:
     (estimation,) = problem.estimations(design.terms.drive)
     function = ca.Function(
         "F",
-        [design.unknowns],
+        [design.terms.unknowns],
         [
             estimation.block.information(
                 range(len(estimation.block.parameters) + len(estimation.block.nuisances))

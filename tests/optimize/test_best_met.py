@@ -95,7 +95,7 @@ def ending(points: list[Any]) -> Any:
 def drives(problem: Problem) -> tuple[LocalSearch, Any, Any, Any]:
     """A search, a feasible drive, a better one, and one that leaves the room."""
     search = LocalSearch(problem, SETTINGS)
-    unknowns = np.random.default_rng(3).uniform(-1, 1, search.design.size)
+    unknowns = np.random.default_rng(3).uniform(-1, 1, search.design.terms.size)
     poor, good, outside = 0.1 * unknowns, 0.2 * unknowns, np.ones(len(unknowns))
     found = [evaluate(problem, search.grid.trajectory(one)) for one in (poor, good, outside)]
     assert [one.feasible for one in found] == [True, True, False]
@@ -134,7 +134,7 @@ def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pyte
     problem = small()
     search, *_ = drives(problem)
     rng = np.random.default_rng(5)
-    right, bend = rng.uniform(0.1, 0.3, (2, search.design.size // 2))
+    right, bend = rng.uniform(0.1, 0.3, (2, search.design.terms.size // 2))
     # Almost straight: what tells the track is there, but lost where the Jacobian is squared.
     poor, good = (np.concatenate([right, right + amount * bend]) for amount in (1e-8, 1e-7))
     scores = [evaluate(problem, search.grid.trajectory(one)).objective for one in (poor, good)]
@@ -148,7 +148,7 @@ def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pyte
 def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     search, _, _, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
-    found = search.maximise(np.zeros(search.design.size))
+    found = search.maximise(np.zeros(search.design.terms.size))
     assert (found.evaluation, found.status) == (None, Status.FAILED)
 
 
@@ -290,7 +290,7 @@ def test_tightening_leaves_something_between_two_bounds():
     search = LocalSearch(problem, SETTINGS)
     outcome = search.solved(
         search.program,
-        np.full(search.design.size, 0.1),
+        np.full(search.design.terms.size, 0.1),
         search.grid.no_correction,
         backoff=np.array([1.0, 1.0]),
     )

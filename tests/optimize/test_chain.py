@@ -64,7 +64,7 @@ def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.nd
         target = sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in robots[0])
     conditions = ca.vertcat(sought.equalities, sought.floors)
     chain = ChainRule(design, Frame(design.terms, relaxing=False), target, sought.variables, conditions)
-    z = np.random.default_rng(1).uniform(-0.5, 0.5, design.size)
+    z = np.random.default_rng(1).uniform(-0.5, 0.5, design.terms.size)
     numeric = [[matrix / design.scale for matrix in own] for own in design.matrices_of(z)]
     return chain, np.concatenate([z, sought.initial(numeric)])
 
@@ -106,17 +106,17 @@ def test_so_are_those_of_an_objective_that_bends_with_the_information(name: str)
 def test_a_relaxed_program_holds_every_row_twice():
     design = DesignExpressions(problem_of(design=DesignSpace(**SPACE)))
     frame = Frame(design.terms, relaxing=True)
-    relaxation = ca.SX.sym("relaxation", len(design.rows))
+    relaxation = ca.SX.sym("relaxation", len(design.terms.rows))
     chain = ChainRule(design, frame, -ca.sum1(relaxation), relaxation, ca.SX(0, 1))
-    point = np.concatenate([np.random.default_rng(0).uniform(-1, 1, design.size), [0.1, 0.2, 0.3]])
+    point = np.concatenate([np.random.default_rng(0).uniform(-1, 1, design.terms.size), [0.1, 0.2, 0.3]])
     check(chain, point)
-    assert chain.program["g"].shape[0] == 2 * sum(len(rows.lower) for rows in design.rows)
+    assert chain.program["g"].shape[0] == 2 * sum(len(rows.lower) for rows in design.terms.rows)
 
 
 def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
     design = DesignExpressions(problem_of(design=DesignSpace(**SPACE), limits=(SPEED,)))
     (low, high), (least, _) = Frame(design.terms, relaxing=False).bounds(np.array([0.25]))
-    np.testing.assert_allclose(high, np.full(design.size, 0.75))
+    np.testing.assert_allclose(high, np.full(design.terms.size, 0.75))
     np.testing.assert_allclose(low, -high)
     assert len(least) == 0
 

@@ -39,7 +39,7 @@ def make_design(overrides: dict) -> DesignExpressions:
 
 
 def random_unknowns(design: DesignExpressions, seed: int = 0, share: float = 0.5) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(-share, share, design.size)
+    return np.random.default_rng(seed).uniform(-share, share, design.terms.size)
 
 
 def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
@@ -47,8 +47,10 @@ def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
     drive = design.terms.drive
     matrices = [ca.vec(one.matrix) for one in design.problem.estimations(drive)]
     everything = ca.vertcat(*matrices, *(rows.expression for rows in design.problem.limit_rows(drive)))
-    values = ca.Function("values", [design.unknowns], [everything])
-    return values, ca.Function("jacobian", [design.unknowns], [ca.jacobian(everything, design.unknowns)])
+    values = ca.Function("values", [design.terms.unknowns], [everything])
+    return values, ca.Function(
+        "jacobian", [design.terms.unknowns], [ca.jacobian(everything, design.terms.unknowns)]
+    )
 
 
 @variants
@@ -66,8 +68,8 @@ def test_gradient_of_the_scored_criterion_is_the_finite_difference(overrides):
     weight = np.array([[1.0, 0.3], [0.3, 2.0]])
     matrices = [one.matrix for one in design.problem.estimations(design.terms.drive)]
     merit = sum(ca.trace(ca.DM(weight) @ matrix) for matrix in matrices)
-    function = ca.Function("merit", [design.unknowns], [merit])
-    gradient = ca.Function("gradient", [design.unknowns], [ca.gradient(merit, design.unknowns)])
+    function = ca.Function("merit", [design.terms.unknowns], [merit])
+    gradient = ca.Function("gradient", [design.terms.unknowns], [ca.gradient(merit, design.terms.unknowns)])
     point = random_unknowns(design, 1)
     expected = oracle.central_difference(lambda z: np.array(function(z)), point, 1e-5).ravel()
     np.testing.assert_allclose(np.array(gradient(point)).ravel(), expected, rtol=1e-6, atol=1e-6)
@@ -130,8 +132,8 @@ def test_speeds_and_accelerations_are_linear_and_positions_are_not():
 def test_rows_that_rest_fixes_are_left_out():
     moved = make_design({"design": DesignSpace(**SPACE, rest_to_rest=False)})
     rest = make_design({})
-    assert len(moved.rows[0].lower) == 14
-    assert len(rest.rows[0].lower) == 10
+    assert len(moved.terms.rows[0].lower) == 14
+    assert len(rest.terms.rows[0].lower) == 10
 
 
 class TestProgram:
@@ -145,30 +147,30 @@ class TestProgram:
         nothing = ca.SX(0, 1)
         program = Program(
             design,
-            objective=sign * reached - 1e-9 * ca.sumsqr(design.unknowns),
+            objective=sign * reached - 1e-9 * ca.sumsqr(design.terms.unknowns),
             auxiliary=nothing,
             equalities=nothing,
             floors=reached if floors else nothing,
         )
-        return program, ca.Function("reached", [design.unknowns], [reached])
+        return program, ca.Function("reached", [design.terms.unknowns], [reached])
 
     @pytest.mark.parametrize("backoff", [0.0, 0.1])
     def test_backoff_tightens_a_limit_by_its_share(self, backoff: float):
         program, reached = self.program()
-        start = np.full(program.design.size, 0.1)
+        start = np.full(program.design.terms.size, 0.1)
         outcome = program.solve(start, np.zeros(0), backoff=np.array([0.0, backoff]))
         assert outcome.return_status == "Solve_Succeeded"
         assert float(reached(outcome.unknowns)) == pytest.approx(1 - backoff, abs=1e-5)
 
     def test_floors_are_kept(self):
         program, reached = self.program(sign=-1, floors=True)
-        outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0), floors=np.array([0.4]))
+        outcome = program.solve(np.full(program.design.terms.size, 0.1), np.zeros(0), floors=np.array([0.4]))
         assert outcome.return_status == "Solve_Succeeded"
         assert float(reached(outcome.unknowns)) == pytest.approx(0.4, abs=1e-5)
 
     def test_no_limit_is_exceeded_at_the_samples(self):
         program, _ = self.program()
-        outcome = program.solve(np.full(program.design.size, 0.1), np.zeros(0))
+        outcome = program.solve(np.full(program.design.terms.size, 0.1), np.zeros(0))
         _, violations = program.design.score_many(outcome.unknowns[None, :])
         assert np.array(violations).max() <= 1e-7
 

@@ -134,8 +134,8 @@ class TestProgram:
         problem = runs_problem(start=STARTS[start], design=space)
         design = DesignExpressions(problem)
         free = 7 - 2 * rest
-        assert design.size == RUNS * 2 * free + (3 * RUNS if start == "free" else 0)
-        unknowns = np.random.default_rng(0).uniform(-1, 1, design.size)
+        assert design.terms.size == RUNS * 2 * free + (3 * RUNS if start == "free" else 0)
+        unknowns = np.random.default_rng(0).uniform(-1, 1, design.terms.size)
         drive = design.trajectory(unknowns)
         np.testing.assert_allclose(design.unknowns_of(drive), unknowns, rtol=1e-14)
         again = design.trajectory(design.unknowns_of(random_drive(problem, 2)))

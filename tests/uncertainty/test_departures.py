@@ -21,7 +21,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
-from oed.kernel.violation import Violation
+from oed.kernel.solution import Violation
 from oed.robots.limits import Circle, Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Model

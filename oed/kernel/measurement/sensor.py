@@ -263,8 +263,8 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
 
 
 def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
-    """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: each (rows,),
-    and the derivatives of all by (parameters, start states, nuisances), (M, columns).
+    """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: of each
+    (rows,), and the derivatives of all by (parameters, start states, nuisances), (M, columns).
     """
     found, jacobians = zip(*(readings(sensor, drive) for sensor in sensors), strict=True)
     # Parameters and start are common to all sensors, the other columns are each sensor's own.

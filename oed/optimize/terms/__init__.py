@@ -2,8 +2,8 @@
 
 `base` says what they are. `unrolled` writes the whole drive out; `pieces` puts it together: a `cell` is one
 sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a piece hands on (by the chain
-rule of `carry`), `condensing` goes from pieces to the drive, `totals` and `ending` from there to the
-matrices, `piece_rows` to the limits; `passes` is one evaluation, forwards and back. `needs` finds what each
+rule of `carry`), `condensing` goes from pieces to the drive, `totals` from there to the matrices,
+`piece_rows` to the limits; `passes` is one evaluation, forwards and back. `needs` finds what each
 limit looks at; `whole_rows` are those of limits on whole runs.
 """
 

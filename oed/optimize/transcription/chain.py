@@ -117,9 +117,9 @@ class ChainRule:
     ) -> None:
         """Write the program; the terms are differentiated where no program did so before."""
         self._design, self._frame = design, frame
-        self._around = _Around([design.unknowns, design.entries, auxiliary], -objective, conditions)
-        self._x, self._p = ca.MX.sym("x", design.size + auxiliary.shape[0]), ca.MX.sym("p", 0)
-        self._z, self._auxiliary = self._x[: design.size], self._x[design.size :]
+        self._around = _Around([design.terms.unknowns, design.entries, auxiliary], -objective, conditions)
+        self._x, self._p = ca.MX.sym("x", design.terms.size + auxiliary.shape[0]), ca.MX.sym("p", 0)
+        self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
         self._entries, rows = self._values()
         self._point = [self._z, self._entries, self._auxiliary]
         self._f, own = self._around.values(*self._point)

@@ -57,7 +57,7 @@ class Grid:
     @property
     def no_correction(self) -> Array:
         """Corrections that change nothing."""
-        return np.zeros(self._entries * (1 + self.design.size) if self.coarse else 0)
+        return np.zeros(self._entries * (1 + self.design.terms.size) if self.coarse else 0)
 
     @cached_property
     def _shares(self) -> Array:
@@ -78,7 +78,7 @@ class Grid:
         """The matrices of every robot judged (SX), in proportion to all samples and corrected."""
         if not self.coarse:
             return self.design.robots
-        added = self._added(self.corrections, self.design.unknowns)
+        added = self._added(self.corrections, self.design.terms.unknowns)
         return [symmetric_all(ca.DM(self._shares) * self.design.entries + added, self.design.sizes)]
 
     def matrices_of(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
@@ -94,7 +94,7 @@ class Grid:
 
     def _added(self, corrections: Any, unknowns: Any) -> Expression:
         # To every entry: a constant, and a slope for each unknown.
-        slopes = ca.reshape(corrections[self._entries :], self._entries, self.design.size)
+        slopes = ca.reshape(corrections[self._entries :], self._entries, self.design.terms.size)
         return corrections[: self._entries] + slopes @ unknowns
 
     def correction(self, unknowns: Array) -> Array:
@@ -153,11 +153,11 @@ class FineGrid:
 
     def _by_unknowns(self, slope: Array) -> Array:
         # By the chain rule from the held inputs and start states.
-        samples, columns = len(self._sampled), len(self._design.input_scale)
+        samples, columns = len(self._sampled), len(self._design.terms.input_scale)
         by_inputs = slope[: samples * columns].reshape((samples, columns), order="F")
-        by_coefficients = (self._sampled.T @ by_inputs) * self._design.input_scale
+        by_coefficients = (self._sampled.T @ by_inputs) * self._design.terms.input_scale
         parts = [by_coefficients.ravel(order="F")]
-        if self._design.size > self._design.coefficient_count:
+        if self._design.terms.size > self._design.terms.coefficient_count:
             runs = self._design.problem.design.runs
             by_start = slope[samples * columns :].reshape((runs, -1), order="F")
             parts.append(by_start[:, : self._design.problem.system.chosen_states].ravel())

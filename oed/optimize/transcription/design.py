@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import RowBounds, Terms, stacks, symmetric_all
+from oed.optimize.terms.base import Terms, stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 from oed.optimize.transcription.compiled import compiled
 
@@ -44,31 +43,11 @@ class DesignExpressions:
         self.entries = ca.vertcat(*symbols)
         self.robots = [symmetric_all(own, self.sizes) for own in symbols]
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns; the first `coefficient_count` are spline coefficients."""
-        return self.terms.size
-
-    @property
-    def coefficient_count(self) -> int:
-        """Free spline coefficients of all inputs together."""
-        return self.terms.coefficient_count
-
-    @property
-    def input_scale(self) -> Array:
-        """Largest value of each input, (inputs,)."""
-        scale: Array = self.terms.input_scale
-        return scale
-
-    @property
-    def unknowns(self) -> Expression:
-        """Z (SX)."""
-        return self.terms.unknowns
-
-    @property
-    def rows(self) -> list[RowBounds]:
-        """Bounds of every limit, without rows that no unknown moves."""
-        return self.terms.rows
+    @cached_property
+    def coefficient_bounds(self) -> Array:
+        """Bounds (k, 2) of those unknowns that are spline coefficients."""
+        scaled = self.problem.input_bounds / self.terms.input_scale[:, None]
+        return np.repeat(scaled, len(self.terms.free), axis=0)
 
     @cached_property
     def others(self) -> list[tuple[int, Array, Array]]:
@@ -90,11 +69,11 @@ class DesignExpressions:
         """The drive that z stands for."""
         space, inputs = self.problem.design, len(self.problem.model.inputs)
         table = np.zeros((space.all_coefficients, inputs))
-        free = unknowns[: self.coefficient_count].reshape((len(space.free_rows), inputs), order="F")
-        table[space.free_rows] = free * self.input_scale
+        free = unknowns[: self.terms.coefficient_count].reshape((len(space.free_rows), inputs), order="F")
+        table[space.free_rows] = free * self.terms.input_scale
         start = self.problem.fixed_starts
         if start is None:
-            start = self.problem.start_states(unknowns[self.coefficient_count :])
+            start = self.problem.start_states(unknowns[self.terms.coefficient_count :])
         return space.trajectory(table, start)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
@@ -107,7 +86,7 @@ class DesignExpressions:
         same = trajectory.degree == space.spline.degree and trajectory.knots.shape == space.knots.shape
         if not same or not np.allclose(trajectory.knots, space.knots):
             raise ValueError("the trajectory's splines are not those of the design space")
-        free = trajectory.coefficients[space.free_rows] / self.input_scale
+        free = trajectory.coefficients[space.free_rows] / self.terms.input_scale
         start = (
             trajectory.starts[:, : self.problem.system.chosen_states] if space.start_is_free else np.zeros(0)
         )
@@ -125,11 +104,9 @@ class DesignExpressions:
     def scale(self) -> float:
         """A typical lambda_min of the information: divides it in the program, so that it is of order 1."""
         rng = np.random.default_rng(0)
-        low, high = np.full((2, self.size), [[-1.0], [1.0]])
-        bounds = self.problem.input_bounds / self.input_scale[:, None]
-        count = self.coefficient_count
-        low[:count], high[:count] = np.repeat(bounds, len(self.terms.free), axis=0).T
-        (first, *_), _ = self._judged(rng.uniform(low, high, (200, self.size)))
+        low, high = np.full((2, self.terms.size), [[-1.0], [1.0]])
+        low[: self.terms.coefficient_count], high[: self.terms.coefficient_count] = self.coefficient_bounds.T
+        (first, *_), _ = self._judged(rng.uniform(low, high, (200, self.terms.size)))
         smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
         means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
         typical = float(smallest.max())

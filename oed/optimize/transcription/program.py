@@ -145,7 +145,7 @@ class Program:
             auxiliary_upper: bounds of these.
             after: the solve that it goes on from.
         """
-        shares = np.zeros(len(self.design.rows)) if backoff is None else backoff
+        shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
         least = np.zeros(self._floors) if floors is None else floors
@@ -172,7 +172,7 @@ class Program:
             result = solver(**given)
         stats = solver.stats()
         values = np.array(result["x"]).ravel()
-        size = self.design.size
+        size = self.design.terms.size
         return Outcome(
             values[:size],
             values[size:],

@@ -29,14 +29,11 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
         amplitudes: shares of the inputs' ranges, (K,).
         rng: of the draws.
     """
-    bounds = design.problem.input_bounds / design.input_scale[:, None]
-    rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
-    per_input = design.coefficient_count // len(bounds)
-    low, high = (np.repeat(bounds[:, side], per_input) for side in (0, 1))
-    centre = np.repeat(rest, per_input)
-    draws = rng.uniform(low, high, (len(amplitudes), design.coefficient_count))
+    low, high = design.coefficient_bounds.T
+    centre = np.clip(0.0, low, high)
+    draws = rng.uniform(low, high, (len(amplitudes), len(centre)))
     coefficients = centre + amplitudes[:, None] * (draws - centre)
-    if design.size == design.coefficient_count:
+    if design.terms.size == design.terms.coefficient_count:
         return np.asarray(coefficients)
     return np.hstack([coefficients, random_starts(design, len(amplitudes), rng)])
 
@@ -110,7 +107,7 @@ def starting_points(
     found = screen(design, rng) if screened is None else screened
     order = np.argsort(-_merit(found.values, found.violations), kind="stable")
     # Taking turns, so that a search cut short has tried both sorts.
-    starts = np.empty((count, design.size))
+    starts = np.empty((count, design.terms.size))
     starts[0::2] = found.candidates[order[: (count + 1) // 2]]
     starts[1::2] = random_drives(design, np.full(count // 2, SMALL), rng)
     return list(starts)
@@ -134,9 +131,7 @@ def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generat
         unknowns: of the design, (size,).
         rng: of the draws.
     """
-    bounds = design.problem.input_bounds / design.input_scale[:, None]
-    per_input = design.coefficient_count // len(bounds)
-    moved = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
-    head = moved[: design.coefficient_count]
-    np.clip(head, np.repeat(bounds[:, 0], per_input), np.repeat(bounds[:, 1], per_input), out=head)
-    return np.asarray(moved)
+    moved: Array = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
+    head = moved[: design.terms.coefficient_count]
+    np.clip(head, *design.coefficient_bounds.T, out=head)
+    return moved

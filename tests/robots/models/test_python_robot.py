@@ -14,7 +14,7 @@ from builders import SPEED, problem_of
 import oed
 from oed.cli import main
 from oed.foundation.errors import StudyError, UserMistake
-from oed.kernel.implied import implied_bounds
+from oed.kernel.limit import implied_bounds
 from oed.robots.limits import YawRate
 from oed.robots.models import PythonRobot
 
