@@ -264,13 +264,7 @@ class Problem(Renamed):
         others = tuple(name for name in self._estimated(block) if name not in judged)
         names = judged + others
         prior = None if self.prior is None else prior_of(self.prior, block, names)
-        return Estimation(
-            block=block,
-            parameters=names,
-            judged=judged,
-            scaling=scaling,
-            prior=prior,
-        )
+        return Estimation(block, names, judged, scaling, prior)
 
     @property
     def _subject(self) -> Subject:

@@ -150,10 +150,6 @@ def _truth(condition: Enclosure) -> tuple[Expression, Expression]:
     return one.apart, ca.logic_or(one.low != 0, one.high != 0)
 
 
-def _if_else_zero(condition: Enclosure, yes: Enclosure) -> Enclosure:
-    return _either(condition, yes, Enclosure(ZERO))
-
-
 def _sum(first: Enclosure, second: Enclosure) -> Enclosure:
     return Enclosure(first.value + second.value, first.slope + second.slope)
 
@@ -198,19 +194,17 @@ def _quotient(first: Enclosure, second: Enclosure) -> Enclosure:
 def _rising(
     one: Enclosure, function: Callable[[Any], Any], derivative: Callable[[Interval], Interval]
 ) -> Enclosure:
-    value = Interval(function(one.value.low), function(one.value.high))
-    return _chained(value, derivative(one.value), one)
+    return _chained(one.value.rising(function), derivative(one.value), one)
 
 
 def _root(one: Enclosure) -> Enclosure:
-    low, high = ca.sqrt(ca.fmax(one.value.low, 0)), ca.sqrt(ca.fmax(one.value.high, 0))
-    found = _chained(Interval(low, high), Interval(0.5 / high, 0.5 / low), one)
+    value = one.value.rising(lambda end: ca.sqrt(ca.fmax(end, 0)))
+    found = _chained(value, Interval(0.5 / value.high, 0.5 / value.low), one)
     return _where(one.value.low >= 0, found)
 
 
 def _logarithm(one: Enclosure) -> Enclosure:
-    value = Interval(ca.log(one.value.low), ca.log(one.value.high))
-    return _where(one.value.low > 0, _chained(value, one.value.inverse, one))
+    return _where(one.value.low > 0, _rising(one, ca.log, lambda inner: inner.inverse))
 
 
 def _where(defined: Expression, found: Enclosure) -> Enclosure:
@@ -230,22 +224,10 @@ def _wave(one: Interval, shift: float) -> Interval:
     return Interval(least, ca.if_else(passed(pi / 2), 1, ca.fmax(*ends)))
 
 
-def _sine(one: Enclosure) -> Enclosure:
-    return _turned(one, 0.0)
-
-
-def _cosine(one: Enclosure) -> Enclosure:
-    return _turned(one, pi / 2)
-
-
 def _turned(one: Enclosure, shift: float) -> Enclosure:
     found = _chained(_wave(one.value, shift), _wave(one.value, shift + pi / 2), one)
     # Of what is infinite, or no number, it is none.
     return _where(one.value.high - one.value.low < INFINITE, found)
-
-
-def _tangent(one: Enclosure) -> Enclosure:
-    return _quotient(_sine(one), _cosine(one))
 
 
 def _larger(first: Enclosure, second: Enclosure) -> Enclosure:
@@ -254,18 +236,6 @@ def _larger(first: Enclosure, second: Enclosure) -> Enclosure:
     above, below = first.value.low > second.value.high, first.value.high < second.value.low
     both = first.slope.hull(second.slope)
     return Enclosure(value, first.slope.where(above, second.slope.where(below, both)))
-
-
-def _smaller(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _negative(_larger(_negative(first), _negative(second)))
-
-
-def _magnitude(one: Enclosure) -> Enclosure:
-    return _larger(one, _negative(one))
-
-
-def _hypotenuse(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _root(_sum(_square(first), _square(second)))
 
 
 def _constant_power(one: Enclosure, exponent: Enclosure) -> Enclosure:
@@ -287,10 +257,6 @@ def _power(one: Enclosure, exponent: float) -> Enclosure:
     return _square(half) if exponent % 2 == 0 else one if exponent == 1 else _product(one, _square(half))
 
 
-def _hyperbolic_sine(one: Enclosure) -> Enclosure:
-    return _rising(one, ca.sinh, lambda inner: _hyperbolic_cosine(inner))
-
-
 def _hyperbolic_cosine(one: Interval) -> Interval:
     low, high = ca.cosh(one.low), ca.cosh(one.high)
     around = ca.logic_and(one.low < 0, one.high > 0)
@@ -306,13 +272,13 @@ def _angle(first: Enclosure, second: Enclosure) -> Enclosure:
 
 
 def _exponential(one: Enclosure) -> Enclosure:
-    value = Interval(ca.exp(one.value.low), ca.exp(one.value.high))
+    value = one.value.rising(ca.exp)
     return _chained(value, value, one)
 
 
 def _jumping(function: Callable[[Any], Any], one: Enclosure) -> Enclosure:
     # Steps that never fall: between them nothing moves.
-    value = Interval(function(one.value.low), function(one.value.high))
+    value = one.value.rising(function)
     return Enclosure(value, ZERO.where(value.low == value.high, EVERYTHING))
 
 
@@ -338,21 +304,13 @@ def _equal(first: Enclosure, second: Enclosure) -> Enclosure:
     return _compared(single, ca.logic_not(ca.logic_or(one.low > other.high, other.low > one.high)))
 
 
+def _together(logic: Callable[[Any, Any], Any], first: Enclosure, second: Enclosure) -> Enclosure:
+    return _compared(*(logic(*both) for both in zip(_truth(first), _truth(second), strict=True)))
+
+
 def _not(one: Enclosure) -> Enclosure:
     surely, possibly = _truth(one)
     return _compared(ca.logic_not(possibly), ca.logic_not(surely))
-
-
-def _and(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _compared(*(ca.logic_and(*both) for both in zip(_truth(first), _truth(second), strict=True)))
-
-
-def _or(first: Enclosure, second: Enclosure) -> Enclosure:
-    return _compared(*(ca.logic_or(*both) for both in zip(_truth(first), _truth(second), strict=True)))
-
-
-def _hyperbolic_tangent(one: Enclosure) -> Enclosure:
-    return _rising(one, ca.tanh, lambda inner: ONE - Interval(ca.tanh(inner.low), ca.tanh(inner.high)).square)
 
 
 _RULES: dict[int, Callable[..., Enclosure]] = {
@@ -363,9 +321,7 @@ _RULES: dict[int, Callable[..., Enclosure]] = {
     ca.OP_DIV: _quotient,
     ca.OP_NEG: _negative,
     ca.OP_EXP: _exponential,
-    ca.OP_EXPM1: lambda one: _rising(
-        one, ca.expm1, lambda inner: Interval(ca.exp(inner.low), ca.exp(inner.high))
-    ),
+    ca.OP_EXPM1: lambda one: _rising(one, ca.expm1, lambda inner: inner.rising(ca.exp)),
     ca.OP_LOG: _logarithm,
     ca.OP_LOG1P: lambda one: _logarithm(_sum(one, Enclosure(ONE))),
     ca.OP_POW: _constant_power,
@@ -373,31 +329,29 @@ _RULES: dict[int, Callable[..., Enclosure]] = {
     ca.OP_SQRT: _root,
     ca.OP_SQ: _square,
     ca.OP_TWICE: lambda one: _sum(one, one),
-    ca.OP_SIN: _sine,
-    ca.OP_COS: _cosine,
-    ca.OP_TAN: _tangent,
+    ca.OP_SIN: lambda one: _turned(one, 0.0),
+    ca.OP_COS: lambda one: _turned(one, pi / 2),
+    ca.OP_TAN: lambda one: _quotient(_turned(one, 0.0), _turned(one, pi / 2)),
     ca.OP_ATAN: lambda one: _rising(one, ca.atan, lambda inner: (ONE + inner.square).inverse),
     ca.OP_ATAN2: _angle,
-    ca.OP_SINH: _hyperbolic_sine,
-    ca.OP_COSH: lambda one: _chained(
-        _hyperbolic_cosine(one.value), Interval(ca.sinh(one.value.low), ca.sinh(one.value.high)), one
-    ),
-    ca.OP_TANH: _hyperbolic_tangent,
+    ca.OP_SINH: lambda one: _rising(one, ca.sinh, _hyperbolic_cosine),
+    ca.OP_COSH: lambda one: _chained(_hyperbolic_cosine(one.value), one.value.rising(ca.sinh), one),
+    ca.OP_TANH: lambda one: _rising(one, ca.tanh, lambda inner: ONE - inner.rising(ca.tanh).square),
     ca.OP_LT: _less,
     ca.OP_LE: _at_most,
     ca.OP_EQ: _equal,
     ca.OP_NE: lambda first, second: _not(_equal(first, second)),
     ca.OP_NOT: _not,
-    ca.OP_AND: _and,
-    ca.OP_OR: _or,
+    ca.OP_AND: lambda first, second: _together(ca.logic_and, first, second),
+    ca.OP_OR: lambda first, second: _together(ca.logic_or, first, second),
     ca.OP_FLOOR: lambda one: _jumping(ca.floor, one),
     ca.OP_CEIL: lambda one: _jumping(ca.ceil, one),
     ca.OP_SIGN: lambda one: _jumping(ca.sign, one),
-    ca.OP_FABS: _magnitude,
-    ca.OP_FMIN: _smaller,
+    ca.OP_FABS: lambda one: _larger(one, _negative(one)),
+    ca.OP_FMIN: lambda first, second: _negative(_larger(_negative(first), _negative(second))),
     ca.OP_FMAX: _larger,
-    ca.OP_HYPOT: _hypotenuse,
+    ca.OP_HYPOT: lambda first, second: _root(_sum(_square(first), _square(second))),
     ca.OP_INV: _inverse,
-    ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_IF_ELSE_ZERO: lambda condition, yes: _either(condition, yes, Enclosure(ZERO)),
 }
 """Enclosures of the elementary operations; the others are rare in kinematics."""

@@ -6,8 +6,10 @@ Rounding is not directed: bounds hold to about 1e-14 of the numbers that enter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any
 
 import casadi as ca
 
@@ -53,14 +55,14 @@ class Interval:
             factor, stretch = (self, other) if self.single else (other, self)
             ends = [factor.low * stretch.low, factor.low * stretch.high]
         else:
-            ends = [first * second for first in self._ends for second in other._ends]
+            ends = [one * two for one in (self.low, self.high) for two in (other.low, other.high)]
         # 0 times something unbounded is not a number, which least and largest leave out as long as there are
         # others: a bound that is none stands for any.
-        return Interval(_least(ends), _largest(ends))
+        return Interval(reduce(ca.fmin, ends), reduce(ca.fmax, ends))
 
-    @property
-    def _ends(self) -> tuple[Expression, Expression]:
-        return self.low, self.high
+    def rising(self, function: Callable[[Any], Any]) -> Interval:
+        """All values of a function that never falls."""
+        return Interval(function(self.low), function(self.high))
 
     @property
     def apart(self) -> Expression:
@@ -112,20 +114,6 @@ def known(bound: Expression, first: Expression, second: Expression, else_: float
         else_: what there is where one is no number.
     """
     return ca.if_else(ca.logic_and(first <= INFINITE, second <= INFINITE), bound, else_)
-
-
-def _least(values: Sequence[Expression]) -> Expression:
-    least = values[0]
-    for value in values[1:]:
-        least = ca.fmin(least, value)
-    return least
-
-
-def _largest(values: Sequence[Expression]) -> Expression:
-    largest = values[0]
-    for value in values[1:]:
-        largest = ca.fmax(largest, value)
-    return largest
 
 
 ZERO, ONE = number(0.0), number(1.0)

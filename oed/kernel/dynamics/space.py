@@ -79,15 +79,23 @@ class Space(Component, ABC):
     @property
     def knots(self) -> Array:
         """Knots of the splines [s], of all runs on one clock."""
-        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
-        return spline.repeated_knots(own, self.spline.degree, self.runs)
+        return spline.repeated_knots(self.own_knots, self.spline.degree, self.runs)
+
+    @property
+    def own_knots(self) -> Array:
+        """Knots of one run's splines [s], on its own clock."""
+        return spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+
+    @property
+    def own_sampling(self) -> Array:
+        """Takes one run's coefficients to the inputs held in each of its periods."""
+        times = middles(self.duration, self.samples)
+        return spline.basis(self.own_knots, self.spline.degree, times).toarray()
 
     @property
     def sampling_matrix(self) -> Array:
         """(N, n): takes coefficients to the inputs held in each period."""
-        own = spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
-        held = spline.basis(own, self.spline.degree, middles(self.duration, self.samples))
-        return np.asarray(np.kron(np.eye(self.runs), held.toarray()))
+        return np.asarray(np.kron(np.eye(self.runs), self.own_sampling))
 
     @property
     def rate_matrix(self) -> Array:
@@ -110,9 +118,9 @@ class Space(Component, ABC):
 
     def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
         # The matrix of what is held of a run's splines, for all runs.
-        count, degree = self.spline.coefficients, self.spline.degree
-        own = spline.clamped_knots(self.duration, count, degree)
-        return np.asarray(np.kron(np.eye(self.runs), held(own, degree, np.eye(count), self.samples)))
+        identity = np.eye(self.spline.coefficients)
+        own = held(self.own_knots, self.spline.degree, identity, self.samples)
+        return np.asarray(np.kron(np.eye(self.runs), own))
 
     @property
     def free_rows(self) -> Places:

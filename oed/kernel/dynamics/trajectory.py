@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,9 +208,7 @@ class Trajectory:
         drive, those of `held_rates`.
         """
         if self.degree == 0:
-            return np.concatenate(
-                [held_rates(one.knots, 0, one.coefficients, one.samples) for one in self.each]
-            )
+            return self._held(held_rates)
         matrix, knots = spline.derivative(self.knots, self.degree)
         return spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients)
 
@@ -218,9 +217,7 @@ class Trajectory:
         those of `held_jerks`.
         """
         if self.degree < 2:
-            return np.concatenate(
-                [held_jerks(one.knots, self.degree, one.coefficients, one.samples) for one in self.each]
-            )
+            return self._held(held_jerks)
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
         return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
@@ -237,6 +234,11 @@ class Trajectory:
             found = [spline.extremes(one.knots, one.degree, one.coefficients, order) for one in self.each]
         if order and (order > self.degree or len(spline.jumps(self._own_knots, self.degree, order - 1))):
             # A jump has no derivative: what is held has its rates and jerks.
-            held = (held_rates, held_jerks)[order - 1]
-            found += [held(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
+            found.append(self._held((held_rates, held_jerks)[order - 1]))
         return np.concatenate(found)
+
+    def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
+        # Of what is held in every run.
+        return np.concatenate(
+            [changes(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
+        )

@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.space import Space
-from oed.kernel.dynamics.trajectory import middles
 
 
 @dataclass(frozen=True)
@@ -40,10 +38,8 @@ class PieceLayout:
     @cached_property
     def held(self) -> Array:
         """Takes the free coefficients of a run to the input held in each of its periods, (N, free)."""
-        space = self.space
-        knots = spline.clamped_knots(space.duration, space.spline.coefficients, space.spline.degree)
-        whole = spline.basis(knots, space.spline.degree, middles(space.duration, space.samples)).toarray()
-        return whole[:, 1:-1] if space.rest_to_rest else whole
+        whole = self.space.own_sampling
+        return whole[:, 1:-1] if self.space.rest_to_rest else whole
 
     @cached_property
     def _spans(self) -> Places:
