@@ -12,7 +12,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -95,9 +95,7 @@ class LatticeProgram:
         first, second = np.meshgrid(*self.grids, indexing="ij")
         self.scaled = np.stack([weights[0] * first, weights[1] * second])
         self.neighbours = [_neighbours(grid, limits.step) for grid in self.grids]
-        self.ends = (np.abs(first) <= limits.ends * (1 + 1e-12)) & (
-            np.abs(second) <= limits.ends * (1 + 1e-12)
-        )
+        self.ends = np.maximum(np.abs(first), np.abs(second)) <= limits.ends * (1 + 1e-12)
         middle = limits.bounds.mean(axis=1)
         self.signs = {
             (one, other): (one * (first - middle[0]) >= -1e-9) & (other * (second - middle[1]) >= -1e-9)
@@ -257,23 +255,20 @@ def usual_planes(program: LatticeProgram) -> int:
     return max(1, round(WORK / (program.steps + PER_PERIOD * program.limits.samples + PER_PLANE)))
 
 
+@dataclass
 class _Search:
-    def __init__(
-        self,
-        program: LatticeProgram,
-        constant: Array,
-        gap: float,
-        most: int,
-        planes: int,
-        deadline: float,
-    ) -> None:
-        self.program, self.weights, self.constant = program, program.weights, constant
-        self.gap, self.deadline = gap, deadline
-        self.nodes, self.most, self.planes = 0, most, planes
-        self.lower, self.best = -np.inf, np.zeros((program.limits.samples, 2))
-        self.serial = itertools.count()
-        self.closed: list[_Node] = []
-        self.empty: list[Part] = []
+    program: LatticeProgram
+    constant: Array
+    gap: float
+    most: int
+    planes: int
+    deadline: float
+    nodes: int = 0
+    lower: float = -np.inf
+    best: Array = field(default_factory=lambda: np.zeros(0))
+    serial: Iterator[int] = field(default_factory=itertools.count)
+    closed: list[_Node] = field(default_factory=list)
+    empty: list[Part] = field(default_factory=list)
 
     def run(self) -> LatticeBound:
         root = self._node({}, np.zeros(2), np.inf)
@@ -296,7 +291,7 @@ class _Search:
             upper=upper,
             root=root.bound,
             lower=self.lower,
-            speeds=self.best / self.weights,
+            speeds=self.best / self.program.weights,
             multiplier=_multiplier(root.point),
             nodes=self.nodes,
             complete=upper <= self.lower * (1 + self.gap),
@@ -330,9 +325,8 @@ class _Search:
             planes.append(_plane(matrix))
             least, point, shares = _lowest(planes)
             self._note_joined(paths, shares)
-            if bound - least <= ENOUGH * abs(bound) or bound <= self.lower * (1 + self.gap):
-                break
-            if self._spent:
+            near = bound - least <= ENOUGH * abs(bound) or bound <= self.lower * (1 + self.gap)
+            if near or self._spent:
                 break
         return _Node(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
 
@@ -345,7 +339,7 @@ class _Search:
         # The drives mixed in the bound: one until some time, another from then on, where they can be joined.
         used = [paths[index] for index in np.argsort(-shares)[:2]]
         for first, second in itertools.permutations(used, 2):
-            jumps = np.abs(first[:-1] - second[1:]) / np.abs(self.weights)
+            jumps = np.abs(first[:-1] - second[1:]) / np.abs(self.program.weights)
             times = np.flatnonzero((jumps <= self.program.limits.step * (1 + 1e-9)).all(axis=1)) + 1
             if not len(times):
                 continue
@@ -360,7 +354,7 @@ class _Search:
     def _children(self, node: _Node) -> list[dict[int, tuple[int, int]]]:
         # Where the drives that are mixed in the bound disagree most about going straight or turning.
         used = [(share, path) for share, path in zip(node.shares, node.paths, strict=False) if share > 1e-9]
-        middle = self.program.limits.bounds.mean(axis=1) * self.weights
+        middle = self.program.limits.bounds.mean(axis=1) * self.program.weights
         products = np.array([np.sign((path - middle).prod(axis=1)) for _, path in used])
         shares = np.array([share for share, _ in used])
         mean = shares @ products / shares.sum()
@@ -390,16 +384,14 @@ def _plane(matrix: Array) -> tuple[float, Array]:
 def _lowest(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
     # The lowest point of the planes' maximum over a polygon inside the disc, and the planes' shares in it.
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(DIRECTIONS)], axis=1)
     size = max(abs(offset) for offset, _ in planes) or 1.0
     rows = [np.concatenate([slope / size, [-1.0]]) for _, slope in planes]
-    sides = np.hstack([normals, np.zeros((DIRECTIONS, 1))])
+    offsets = [-offset / size for offset, _ in planes]
     found = scipy.optimize.linprog(
         [0.0, 0.0, 1.0],
         A_ub=np.vstack([rows, sides]),
-        b_ub=np.concatenate(
-            [[-offset / size for offset, _ in planes], np.full(DIRECTIONS, np.cos(np.pi / DIRECTIONS))]
-        ),
+        b_ub=np.concatenate([offsets, np.full(DIRECTIONS, np.cos(np.pi / DIRECTIONS))]),
         bounds=[(None, None)] * 3,
         method="highs",
     )

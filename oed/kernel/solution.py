@@ -18,48 +18,52 @@ from oed.kernel.tightening import Tightening
 class Status(Enum):
     """How a search ended; `sentence` says what that means and what to do next."""
 
-    CONVERGED = "converged"
-    ACCEPTABLE = "acceptable"
-    ITERATION_LIMIT = "iteration_limit"
-    TIME_LIMIT = "time_limit"
-    INTERRUPTED = "interrupted"
-    SEARCHED = "searched"
-    UNIMPROVED = "unimproved"
-    SCORED = "scored"
-    UNSCORED = "unscored"
-    INFEASIBLE = "infeasible"
-    SINGULAR = "singular"
-    FAILED = "failed"
+    sentence: str
 
-    @property
-    def sentence(self) -> str:
-        """The status in words."""
-        return _SENTENCES[self]
+    def __new__(cls, value: str, sentence: str) -> Status:
+        """A status by its value in files, with what it says."""
+        one = object.__new__(cls)
+        one._value_, one.sentence = value, sentence
+        return one
+
+    CONVERGED = "converged", "Converged to a local optimum that satisfies every limit."
+    ACCEPTABLE = (
+        "acceptable",
+        "Stopped close to a local optimum; more iterations or another seed may gain a little.",
+    )
+    ITERATION_LIMIT = (
+        "iteration_limit",
+        "Stopped at the iteration limit with the best design so far; raise max_iterations to go on.",
+    )
+    TIME_LIMIT = "time_limit", "Stopped at the time limit; raise time_limit to go on."
+    INTERRUPTED = "interrupted", "Interrupted before the search was done."
+    SEARCHED = (
+        "searched",
+        "Searched as long as asked; the best design found satisfies every limit, but nothing says that "
+        "it is an optimum.",
+    )
+    UNIMPROVED = (
+        "unimproved",
+        "No search ended with a better drive than the best feasible one met on the way, which is "
+        "returned; nothing says that it is an optimum: try more starts or another seed.",
+    )
+    SCORED = "scored", "Scored as given; nothing was optimised."
+    UNSCORED = "unscored", "This drive has no score, for its numbers are not finite."
+    INFEASIBLE = (
+        "infeasible",
+        "No drive that satisfies every limit was found; loosen one of the limits named.",
+    )
+    SINGULAR = (
+        "singular",
+        "No drive found makes all parameters identifiable that the criterion asks about; allow more "
+        "motion, more segments or another regressor.",
+    )
+    FAILED = "failed", "The solver gave up without a usable design; try more starts or another seed."
 
     @property
     def usable(self) -> bool:
         """Whether there is a design to use."""
         return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED)
-
-
-_SENTENCES = {
-    Status.CONVERGED: "Converged to a local optimum that satisfies every limit.",
-    Status.ACCEPTABLE: "Stopped close to a local optimum; more iterations or another seed may gain a little.",
-    Status.ITERATION_LIMIT: "Stopped at the iteration limit with the best design so far; "
-    "raise max_iterations to go on.",
-    Status.TIME_LIMIT: "Stopped at the time limit; raise time_limit to go on.",
-    Status.INTERRUPTED: "Interrupted before the search was done.",
-    Status.SEARCHED: "Searched as long as asked; the best design found satisfies every limit, "
-    "but nothing says that it is an optimum.",
-    Status.UNIMPROVED: "No search ended with a better drive than the best feasible one met on the way, which "
-    "is returned; nothing says that it is an optimum: try more starts or another seed.",
-    Status.SCORED: "Scored as given; nothing was optimised.",
-    Status.UNSCORED: "This drive has no score, for its numbers are not finite.",
-    Status.INFEASIBLE: "No drive that satisfies every limit was found; loosen one of the limits named.",
-    Status.SINGULAR: "No drive found makes all parameters identifiable that the criterion asks about; "
-    "allow more motion, more segments or another regressor.",
-    Status.FAILED: "The solver gave up without a usable design; try more starts or another seed.",
-}
 
 
 NOMINAL = "nominal"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -60,14 +60,14 @@ class Uncertainty(Uncertain):
         return [*flaws, Flaw(("uncertainty",), text)] if text else flaws
 
     def _own_flaws(self, base: System) -> list[Flaw]:
-        units = _units(base)
+        known = _known(base)
         flaws = []
         for given in self.within:
             key = ("uncertainty", given)
             names = base.long_names(given)
-            if names[0] not in units:
+            if names[0] not in known:
                 last = f"of the start the last {len(_starts(base))}"
-                text = f"expected one of {', '.join(units)} ({last}), got {given!r}"
+                text = f"expected one of {', '.join(known)} ({last}), got {given!r}"
                 flaws.append(Flaw(key, text))
                 continue
             if len(names) > 1 and set(names) & set(self.within):
@@ -75,18 +75,16 @@ class Uncertainty(Uncertain):
                 continue
             try:
                 for name in names:
-                    self._range(given, _nominal(base)[name], units[name])
+                    self._range(given, *known[name])
             except ValueError as error:
                 flaws.append(Flaw(key, str(error)))
         return flaws
 
     def ranges(self, base: System) -> dict[str, tuple[float, float]]:
         """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""
-        nominal, units = _nominal(base), _units(base)
+        known = _known(base)
         return {
-            name: self._range(given, nominal[name], units[name])
-            for given in self.within
-            for name in base.long_names(given)
+            name: self._range(given, *known[name]) for given in self.within for name in base.long_names(given)
         }
 
     def without(self, names: Iterable[str], model: System) -> Uncertainty | None:
@@ -248,29 +246,31 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     uncertainty = said if isinstance(said, Uncertainty) else None
     given = tuple(uncertainty.within) if uncertainty is not None else ()
     base = _base((*given, *(prior.names if prior is not None else ())), system)
-    units, nominal = _units(base), _nominal(base)
+    quantities = _known(base)
     ranges = uncertainty.ranges(base) if uncertainty is not None else {}
     named = tuple(ranges)
     low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     known, covariance = _of_prior(prior, base, named)
     for name, square in zip(known, np.diag(covariance), strict=True):
-        low[name], high[name] = nominal[name] - square**0.5, nominal[name] + square**0.5
+        middle, _ = quantities[name]
+        low[name], high[name] = middle - square**0.5, middle + square**0.5
     own = [parameter.name for parameter in base.parameters if parameter.name in low]
     begun = [name for name in _starts(base) if name in low]
     every = [*own, *begun * runs]
     if not every:
         return None
-    ends, middle = np.array([[low[name], high[name]] for name in every]), [nominal[name] for name in every]
+    ends = np.array([[low[name], high[name]] for name in every])
+    nominal, units = zip(*(quantities[name] for name in every), strict=True)
     flat = uncertainty is not None and uncertainty.distribution == "uniform"
     uniform = np.array([flat and name in named for name in every])
-    square = np.ptp(ends, axis=1) ** 2 / 12 + (ends.mean(axis=1) - middle) ** 2
-    moments = np.diag(np.where(uniform, square, (ends[:, 1] - middle) ** 2))
+    square = np.ptp(ends, axis=1) ** 2 / 12 + (ends.mean(axis=1) - nominal) ** 2
+    moments = np.diag(np.where(uniform, square, (ends[:, 1] - nominal) ** 2))
     places = [every.index(name) for name in known]
     moments[np.ix_(places, places)] = covariance
     return Spread(
         names=(*own, *(_start_name(name, run) for run in range(runs) for name in begun)),
-        units=tuple(units[name] for name in every),
-        nominal=np.array(middle),
+        units=units,
+        nominal=np.array(nominal),
         low=ends[:, 0],
         high=ends[:, 1],
         covariance=moments,
@@ -317,9 +317,8 @@ def _of_prior(prior: Prior | None, base: System, besides: Sequence[str]) -> tupl
     names = [parameter.name for parameter in base.parameters if prior and parameter.name in prior.names]
     if prior is None or not names:
         return [], np.zeros((0, 0))
-    nominal, units = _nominal(base), _units(base)
-    values = np.array([nominal[name] for name in names])
-    whole = np.linalg.inv(prior.precision(names, values, [units[name] for name in names]))
+    values, units = zip(*(_known(base)[name] for name in names), strict=True)
+    whole = np.linalg.inv(prior.precision(names, np.array(values), units))
     kept = [index for index, name in enumerate(names) if name not in besides]
     return [names[index] for index in kept], np.asarray(whole[np.ix_(kept, kept)])
 
@@ -337,15 +336,10 @@ def _starts(base: System) -> dict[str, str]:
     return dict(zip(base.states[: base.chosen_states], base.state_units, strict=False))
 
 
-def _units(base: System) -> Mapping[str, str]:
-    return {**{parameter.name: parameter.unit for parameter in base.parameters}, **_starts(base)}
-
-
-def _nominal(base: System) -> Mapping[str, float]:
-    return {
-        **{parameter.name: parameter.nominal for parameter in base.parameters},
-        **dict.fromkeys(_starts(base), 0.0),
-    }
+def _known(base: System) -> dict[str, tuple[float, str]]:
+    # Nominal values and units of what may be uncertain.
+    parameters = {one.name: (one.nominal, one.unit) for one in base.parameters}
+    return parameters | {state: (0.0, unit) for state, unit in _starts(base).items()}
 
 
 def _both_ways(size: int) -> Array:

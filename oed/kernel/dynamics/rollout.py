@@ -189,29 +189,15 @@ def drive_shape(system: System, *, samples: int, runs: int, period: float) -> Dr
         runs: how many.
         period: sample period T [s].
     """
-    count = samples * runs
-    inputs = ca.MX.sym("inputs", count, len(system.inputs))
-    function = signaller(system)
-    signals = {
-        name: ca.MX.sym(name, count, function.size1_out(place))
-        for place, name in enumerate(function.name_out())
-    }
-    states = ca.MX.sym("states", count + runs, len(system.states))
-    motion = signals.get(system.motion_signal, ca.MX(count, 0))
-    return DriveShape(
-        system=system,
+    drive = roll_out(
+        system,
+        inputs=ca.MX.sym("inputs", samples * runs, len(system.inputs)),
         parameters=ca.MX(ca.DM(system.nominal)),
         period=ca.MX(period),
-        inputs=inputs,
-        signals=signals,
-        states=states,
-        path=states,
-        motion=ca.repmat(motion, 2 if follows_state(system) else 1, 1),
-        input_values=inputs,
-        input_rates=inputs,
-        input_jerks=inputs,
+        states=[ca.MX.sym("states", len(system.states), samples + 1) for _ in range(runs)],
         runs=runs,
     )
+    return DriveShape(**vars(drive))
 
 
 def roll_out(
