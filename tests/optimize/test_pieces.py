@@ -20,9 +20,9 @@ from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.layout import PieceLayout
+from oed.optimize.terms.layout import PieceLayout, divisible
 from oed.optimize.terms.needs import Asked, asked_of, needs_of
-from oed.optimize.terms.pieces import Pieces, divisible
+from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.limits import (
     BodySpeed,

@@ -14,7 +14,7 @@ from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.intervals import ONE, Interval, number
-from oed.kernel.dynamics.rollout import Instant, instant_of
+from oed.kernel.dynamics.rollout import Instant, roll_out
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
 
@@ -64,16 +64,19 @@ class Excess:
         ]
         state, held, own, slopes, period = self._given
         asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
-        instant = instant_of(
+        drive = roll_out(
             system,
-            state=state,
-            inputs=held,
-            asked=asked,
+            inputs=held.T,
+            start=state,
             parameters=own,
-            elapsed=fraction * period,
-            begin_sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
-            run=run,
+            period=fraction * period,
+            input_values=asked.T,
+            motion_inputs=asked.T,
         )
+        # The drive from the period's begin ends at the instant.
+        last = {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
+        begun = ca.reshape(slopes, states, -1) if sensitive else None
+        instant = Instant(**vars(drive) | last, begin_sensitivities=begun)
         rows = rows_of(instant)
         self._inputs = inputs
         self.size, excess = rows.size, ca.cse(exceeded(rows))

@@ -316,42 +316,6 @@ class Instant(Drive):
         return carry(self.begin_sensitivities, state, inputs, self.parameters, self.period)
 
 
-def instant_of(
-    system: System,
-    *,
-    state: Expression,
-    inputs: Expression,
-    asked: Expression,
-    parameters: Expression,
-    elapsed: Expression,
-    begin_sensitivities: Expression | None = None,
-    run: int = 0,
-) -> Instant:
-    """The instant `elapsed` [s] after a period began in `state` (states,), of a drive's run.
-
-    Args:
-        system: that is driven.
-        state: at the period's begin.
-        inputs: held in the period, (inputs,).
-        asked: values of the splines at the instant, (inputs,).
-        parameters: (p,).
-        elapsed: [s], at most a period.
-        begin_sensitivities: of the state, (states, p + states).
-        run: which one.
-    """
-    drive = roll_out(
-        system,
-        inputs=inputs.T,
-        start=state,
-        parameters=parameters,
-        period=elapsed,
-        input_values=asked.T,
-        motion_inputs=asked.T,
-    )
-    parts = vars(drive) | {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
-    return Instant(**parts, begin_sensitivities=begin_sensitivities)
-
-
 def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression], drive: Drive) -> Expression:
     # A table's columns at the samples, and between them what a step of a fraction of each period leads to,
     # from what is known where the periods begin.

@@ -13,7 +13,8 @@ from typing import Any
 
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.pieces import Pieces, divisible
+from oed.optimize.terms.layout import divisible
+from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 
 _KEPT: list[tuple[tuple[Any, ...], Terms]] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -54,19 +54,16 @@ class Terms(ABC):
     def drive(self) -> Drive:
         """The drive of the nominal robot, written out (SX of `unknowns`)."""
         space, robot = self.problem.design, self.problem.system
-        coefficients = self.coefficients
-        return roll_out(
+        drive = roll_out(
             robot,
-            inputs=without_zeros(space.sampling_matrix) @ coefficients,
+            inputs=without_zeros(space.sampling_matrix) @ self.coefficients,
             start=self.starts,
             parameters=ca.SX(ca.DM(robot.nominal)),
             period=ca.SX(space.period),
-            input_values=coefficients,
-            input_rates=without_zeros(space.rate_matrix) @ coefficients,
-            input_jerks=without_zeros(space.jerk_matrix) @ coefficients,
             refine=self.refine,
             runs=space.runs,
         )
+        return splines_of(self.problem, drive, self.coefficients)
 
     @property
     def coefficients(self) -> Expression:
@@ -206,6 +203,23 @@ def small_drive(problem: Problem, held: Expression, start: Expression, refine: i
         parameters=ca.SX(ca.DM(problem.system.nominal)),
         period=ca.SX(problem.design.period),
         refine=refine,
+    )
+
+
+def splines_of(problem: Problem, drive: Drive, coefficients: Expression) -> Drive:
+    """The drive with what bounds its inputs and their derivatives at all times.
+
+    Args:
+        problem: whose splines drive.
+        drive: at the samples.
+        coefficients: of the splines, (n, inputs).
+    """
+    space = problem.design
+    return replace(
+        drive,
+        input_values=coefficients,
+        input_rates=without_zeros(space.rate_matrix) @ coefficients,
+        input_jerks=without_zeros(space.jerk_matrix) @ coefficients,
     )
 
 

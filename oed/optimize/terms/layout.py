@@ -9,6 +9,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.space import Space
+from oed.kernel.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -76,31 +77,30 @@ class PieceLayout:
         return np.asarray((offsets[None, :, None] + runs[:, None, :]).reshape(self.count, -1))
 
 
-def best_layout(
-    space: Space, inputs: int, *, multiple: int = 1, divisor: int | None = None
-) -> PieceLayout | None:
-    """The layout of least work whose pieces are of a multiple of `multiple` samples and divide `divisor`.
-
-    None where no piece is both short and long enough.
-
-    Args:
-        space: of the drives.
-        inputs: how many there are.
-        multiple: of the samples of a piece.
-        divisor: of which the samples of a piece are a divisor.
-    """
-    fitting = [
-        PieceLayout(space, count, inputs)
-        for count in range(LEAST, MOST + 1)
-        if (divisor or space.samples) % count == 0 and count % multiple == 0
-    ]
-    return min(fitting, key=_work, default=None)
-
-
 LEAST, MOST = 2, 50
 """Samples of the shortest and the longest piece."""
 _OVERHEAD = 70.0
 """Work of a piece besides that of its samples, in the units of `_work`."""
+
+
+def divisible(problem: Problem) -> PieceLayout | None:
+    """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
+
+    That is so for robust limits and other systems, noise that readings share over time, segments of unequal
+    length, and samples without a divisor that makes a piece both short and long enough. Else they are cut as
+    it takes least work.
+    """
+    space = problem.design
+    cuts = problem.measurement.cuts(space.samples)
+    if problem.robust is not None or cuts is None:
+        return None
+    whole = space.samples if cuts.segment == 1 else cuts.segment
+    fitting = [
+        PieceLayout(space, count, len(problem.system.inputs))
+        for count in range(LEAST, MOST + 1)
+        if whole % count == 0 and count % cuts.multiple == 0
+    ]
+    return min(fitting, key=_work, default=None)
 
 
 def _work(layout: PieceLayout) -> float:

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import small_drive
+from oed.optimize.terms.base import small_drive, splines_of
 
 Known = TypeVar("Known")
 
@@ -76,23 +76,6 @@ def needs_of(problem: Problem, coefficients: Expression, refine: int = 1) -> Nee
         else:
             whole.append(place)
     return Needs(tables, asked, tuple(whole))
-
-
-def splines_of(problem: Problem, drive: Drive, coefficients: Expression) -> Drive:
-    """The drive with what bounds its inputs and their derivatives at all times.
-
-    Args:
-        problem: whose splines drive.
-        drive: at the samples.
-        coefficients: of the splines, (n, inputs).
-    """
-    space = problem.design
-    return replace(
-        drive,
-        input_values=coefficients,
-        input_rates=ca.sparsify(ca.DM(space.rate_matrix)) @ coefficients,
-        input_jerks=ca.sparsify(ca.DM(space.jerk_matrix)) @ coefficients,
-    )
 
 
 def _on_splines(problem: Problem, limit: Limit, coefficients: Expression) -> Rows | None:

@@ -15,27 +15,13 @@ from oed.kernel.problem import Problem
 from oed.optimize.terms.base import RowBounds, Terms
 from oed.optimize.terms.cell import Cell, carry_of
 from oed.optimize.terms.kernel import Kernel
-from oed.optimize.terms.layout import PieceLayout, best_layout
+from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import Plan, Sweep
 from oed.optimize.terms.piece_rows import PieceRows
 from oed.optimize.terms.totals import Totals
 from oed.optimize.terms.whole_rows import Formulas, WholeRows, WholeSweep
-
-
-def divisible(problem: Problem) -> PieceLayout | None:
-    """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
-
-    That is so for robust limits and other systems, noise that readings share over time, segments of unequal
-    length, and samples without a suitable divisor.
-    """
-    space = problem.design
-    cuts = problem.measurement.cuts(space.samples)
-    if problem.robust is not None or cuts is None:
-        return None
-    inputs, divisor = len(problem.system.inputs), None if cuts.segment == 1 else cuts.segment
-    return best_layout(space, inputs, multiple=cuts.multiple, divisor=divisor)
 
 
 class Pieces(Terms):

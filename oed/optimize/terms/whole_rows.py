@@ -18,8 +18,8 @@ from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.limit import Limit, Rows
-from oed.optimize.terms.base import RowBounds, Terms, without_zeros
-from oed.optimize.terms.needs import Asked, Needs, splines_of
+from oed.optimize.terms.base import RowBounds, Terms, splines_of, without_zeros
+from oed.optimize.terms.needs import Asked, Needs
 from oed.optimize.terms.passes import Sweep
 
 
