@@ -34,7 +34,8 @@ from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.robots.models.model import Model, coefficient_values, robot_of
+from oed.robots.models.model import Model, robot_of
+from oed.robots.models.twists import coefficient_values
 
 Array = npt.NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.models import Input, Model
-from oed.robots.models.model import asked_twists, robot_of
+from oed.robots.models.model import robot_of
+from oed.robots.models.twists import asked_twists
 
 Array = npt.NDArray[np.float64]
 

@@ -25,7 +25,8 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
 from oed.foundation.errors import ProblemError
-from oed.robots.models.model import CoefficientRobot, coefficient_values
+from oed.robots.models.model import CoefficientRobot
+from oed.robots.models.twists import coefficient_values
 from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.setup.unknowns import PLACE, Unknowns
-from oed.robots.models.model import Model, coefficient_values
+from oed.robots.models.model import Model
+from oed.robots.models.twists import coefficient_values
 
 Array = npt.NDArray[np.float64]
 

@@ -19,7 +19,8 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, follows_state
 from oed.kernel.limit import BareLimit, LinearBound, Rows, TwoSided, magnitude, rest_flaws
-from oed.robots.models.model import moves_sideways, robot_of
+from oed.robots.models.model import robot_of
+from oed.robots.models.twists import moves_sideways
 
 Array = npt.NDArray[np.float64]
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]

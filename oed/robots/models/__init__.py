@@ -10,7 +10,6 @@ from oed.robots.models.arcs import sinc as sinc
 from oed.robots.models.differential_drive import DifferentialDrive as DifferentialDrive
 from oed.robots.models.mecanum import Mecanum as Mecanum
 from oed.robots.models.model import Model as Model
-from oed.robots.models.model import moves_sideways as moves_sideways
 from oed.robots.models.offset_drive import OffsetDrive as OffsetDrive
 from oed.robots.models.omni_three import OmniThree as OmniThree
 from oed.robots.models.python_robot import PythonRobot as PythonRobot
@@ -19,6 +18,7 @@ from oed.robots.models.skid_steer_icr import SkidSteerIcr as SkidSteerIcr
 from oed.robots.models.skid_steer_slip import SkidSteerSlip as SkidSteerSlip
 from oed.robots.models.tractor_trailer import TractorTrailer as TractorTrailer
 from oed.robots.models.tricycle import Tricycle as Tricycle
+from oed.robots.models.twists import moves_sideways as moves_sideways
 
 MODELS: tuple[type[Model], ...] = tuple(
     found

@@ -283,6 +283,11 @@ class Model(Component, System):
         return np.zeros((len(states), 0, 2))
 
 
+def _of_the_base(name: str) -> Any:
+    # A property that is the base robot's.
+    return property(lambda robot: getattr(robot.base, name))
+
+
 class CoefficientRobot(Model):
     """The robot `base` with the entries of c [Choi, eq. 5] as parameters, its other constants nominal.
 
@@ -306,25 +311,10 @@ class CoefficientRobot(Model):
         """Its base with that rule, seen so."""
         return self.model_copy(update={"base": self.base.system(rule)})
 
-    @property
-    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
-        """The base robot's inputs."""
-        return self.base.inputs
-
-    @property
-    def states(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The base robot's states."""
-        return self.base.states
-
-    @property
-    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
-        """SI units of the states."""
-        return self.base.state_units
-
-    @property
-    def coefficient_names(self) -> tuple[tuple[str, ...], ...]:  # type: ignore[override]
-        """The base robot's coefficient names."""
-        return self.base.coefficient_names
+    inputs: ClassVar[Any] = _of_the_base("inputs")
+    states: ClassVar[Any] = _of_the_base("states")
+    state_units: ClassVar[Any] = _of_the_base("state_units")
+    coefficient_names: ClassVar[Any] = _of_the_base("coefficient_names")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -377,19 +367,6 @@ class CoefficientRobot(Model):
         return self.base
 
 
-def asked_twists(model: Model, inputs: Array) -> Array:
-    """The twists (K, 3) that inputs (K, inputs) ask for, whether or not the robot follows them at once."""
-    symbols = ca.SX.sym("inputs", len(model.inputs))
-    function = ca.Function("asked", [symbols], [model.twist(symbols, ca.DM(model.nominal))])
-    return np.array(function.map(len(inputs))(inputs.T)).T
-
-
-def moves_sideways(model: Model) -> bool:
-    """Whether any drive of the robot has a lateral speed."""
-    inputs, parameters = ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", len(model.parameters))
-    return not model.twist(inputs, parameters)[1].is_zero()
-
-
 def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
     """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
 
@@ -409,21 +386,6 @@ def nominal_coefficients(model: Model) -> Array:
     values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
     largest = np.abs(values).max(axis=1, keepdims=True)
     return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
-
-
-def coefficient_values(model: Model, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
-    """Names (q,), values (q,) and derivatives (q, p) of a robot's coefficients at parameter values (p,), SI.
-
-    Nothing for a robot whose twist is not linear in coefficients.
-    """
-    names = tuple(name for row in model.coefficient_names for name in row)
-    if not names:
-        return (), np.zeros(0), np.zeros((0, len(parameters)))
-    symbols = ca.SX.sym("p", len(parameters))
-    entries = ca.vec(model.coefficients(symbols).T)
-    function = ca.Function("coefficients", [symbols], [entries, ca.densify(ca.jacobian(entries, symbols))])
-    values, slopes = function(parameters)
-    return names, np.array(values).ravel(), np.array(slopes)
 
 
 def robot_of(system: System) -> Model:
