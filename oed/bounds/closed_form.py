@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.bounds.certificate import Bound
 from oed.bounds.reach import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.models.model import robot_of
@@ -59,10 +59,6 @@ def prior_matrix(problem: Problem, one: Estimation) -> Array:
     return np.asarray(known[:size, :size] * np.outer(one.scales, one.scales))
 
 
-def _edges(problem: Problem, measurement: Displacements) -> Places:
-    return measurement.segment_edges(problem.design.samples)
-
-
 def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Bound]:
     # Each segment's rows are sums of T w: no longer than the sum of the lengths.
     factor = grip(problem)
@@ -73,7 +69,7 @@ def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation)
     inputs = [column % len(problem.model.inputs) for column in columns]
     reach = factor * problem.design.period * input_reach(problem)[:, inputs] * weights
     lengths = np.linalg.norm(reach, axis=1)
-    edges = _edges(problem, measurement)
+    edges = measurement.segment_edges(problem.design.samples)
     sums = np.add.reduceat(lengths, edges[:-1])
     value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, one)))) / len(columns)
     yield Bound(
@@ -87,7 +83,7 @@ def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation)
 def _direction_bounds(
     problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
 ) -> Iterator[Bound]:
-    edges = _edges(problem, measurement)
+    edges = measurement.segment_edges(problem.design.samples)
     count, arcs = len(edges) - 1, robot_of(problem.system).integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])

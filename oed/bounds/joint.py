@@ -32,11 +32,14 @@ def joint_bounds(problem: Problem) -> Iterator[Bound]:
     if any(precision is None for precision in precisions) or not sensors:
         return
     weights = [float(precision or 0.0) for precision in precisions]
+    # Of all readings together, per squared displacement.
+    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
+    total = sum(weight * count for weight, count in zip(weights, readings, strict=True))
     (one,) = problem.any_estimations
     if robot_of(problem.system).physical is not problem.system:
-        yield from _circle_bound(problem, one, sensors, weights)
+        yield from _circle_bound(problem, one, sensors, total)
     else:
-        yield from _size_bounds(problem, one, sensors, weights)
+        yield from _size_bounds(problem, one, sensors, weights, total)
 
 
 def _position_precision(sensor: Sensor) -> float | None:
@@ -60,7 +63,7 @@ def _unknown_start(sensors: Sequence[Sensor]) -> bool:
 
 
 def _circle_bound(
-    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
+    problem: Problem, one: Estimation, sensors: Sequence[Sensor], total: float
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
     names = robot_of(problem.model).coefficient_names[1]
@@ -70,9 +73,7 @@ def _circle_bound(
     change = np.zeros(len(one.judged))
     change[[one.judged.index(name) for name in names]] = rows[0]
     centred = _unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
-    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
-    reach = 1.0 if centred else 4.0
-    value = reach * sum(weight * count for weight, count in zip(weights, readings, strict=True))
+    value = total if centred else 4.0 * total
     yield along(
         problem,
         one,
@@ -84,7 +85,7 @@ def _circle_bound(
 
 
 def _size_bounds(
-    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float]
+    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
 ) -> Iterator[Bound]:
     # In m, or in m per something else.
     lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
@@ -96,14 +97,12 @@ def _size_bounds(
     x_min, x_max, y_min, y_max = bounds
     if not _unknown_start(sensors):
         return
-    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
-    total = sum(weight * count for weight, count in zip(weights, readings, strict=True)) * half_squares
     yield along(
         problem,
         one,
         change,
-        total,
+        total * half_squares,
         "all lengths wrong alike: every position in a corner of the room",
         ("every position within the room", "initial pose unknown", "speeds are left out"),
     )

@@ -317,7 +317,7 @@ class _Scorer:
             covariances={
                 one.block.name: root.covariance
                 for one, root in zip(self.estimations, full, strict=True)
-                if one.noisy
+                if one.block.noise is not None
             },
             parameters={one.block.name: one.parameters for one in self.estimations},
             states=states,

@@ -77,11 +77,6 @@ class Estimation:
         return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property
-    def noisy(self) -> bool:
-        """Whether the noise is known, and with it the precision."""
-        return self.block.noise is not None
-
-    @property
     def nominal(self) -> Array:
         """Nominal values of the estimated parameters, SI."""
         return np.array([self.block.nominal[self.block.parameters.index(name)] for name in self.parameters])

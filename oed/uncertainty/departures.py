@@ -59,8 +59,8 @@ def violation_probability(
     Raises:
         ValueError: the problem says nothing of what is uncertain.
     """
-    spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
-    values = spread.draws(draws, seed, stream)
+    limits = path_limits(problem)
+    values = given_spread(problem.uncertain_system).draws(draws, seed, stream)
     if not limits:
         return Violation(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
     excess, certain = _excess(problem, trajectory, values)

@@ -194,8 +194,7 @@ def label_of(system: System) -> str:
 def stepper(system: System) -> ca.Function:
     """The function (state, inputs, parameters, period [s]) -> next state."""
     given = _symbols(system)
-    names = ["state", "inputs", "parameters", "period"]
-    return ca.Function("step", given, [system.step(*given)], names, ["next"])
+    return ca.Function("step", given, [system.step(*given)])
 
 
 @lru_cache(maxsize=32)

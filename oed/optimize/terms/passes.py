@@ -185,13 +185,9 @@ class Sweep:
 
     @cached_property
     def _groups(self) -> Expression:
-        added = self._link.add.map(self._count)(*self._arguments) @ self._membership
+        added = self._link.add.map(self._count)(*self._arguments) @ self.plan.total.membership
         ending = self.plan.ending
         return added if ending is None else added + ending.values.map(self._runs)(*self._end_arguments)
-
-    @cached_property
-    def _membership(self) -> ca.DM:
-        return self.plan.total.membership
 
     @cached_property
     def _sums(self) -> Expression:
@@ -257,7 +253,7 @@ class Sweep:
         link, join = self._link, self._join
         added = link.added_by_begin.chained(self._begin_slopes, begin)
         added = ca.densify(added + join.spread(own, link.added))
-        total = ca.reshape(added, self._size * link.added, self._count) @ self._membership
+        total = ca.reshape(added, self._size * link.added, self._count) @ self.plan.total.membership
         ending = self.plan.ending
         if ending is None:
             return total
