@@ -39,6 +39,13 @@ RENAMED = {
     "validation": "simulation",
 }
 """Folders of the top level by where they are now, under another name."""
+MERGED = {
+    "robots.models.differential_drive": "offset_drive",
+    "robots.models.omnidirectional": "mecanum omni_three",
+    "robots.models.python_robot": "tryout",
+    "robots.models.steered": "ackermann tricycle",
+}
+"""Modules by the neighbour that each has become part of."""
 
 
 NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
@@ -65,7 +72,11 @@ class Moved:
         raise ModuleNotFoundError(text, name=name)
 
 
-PLACES = RENAMED | {name: f"{room}.{name}" for room, names in ROOMS.items() for name in names.split()}
+PLACES = {
+    **RENAMED,
+    **{name: f"{room}.{name}" for room, names in ROOMS.items() for name in names.split()},
+    **{f"{new.rpartition('.')[0]}.{name}": new for new, names in MERGED.items() for name in names.split()},
+}
 
 
 def watch() -> None:

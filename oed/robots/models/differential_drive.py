@@ -1,36 +1,44 @@
-"""The differential drive: two driven wheels on one axle, no slip."""
+"""The differential drive: two driven wheels on one axle, no slip; tracked at their middle or beside it."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
+import casadi as ca
+
+from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import (
-    COEFFICIENT_NAMES,
-    TWO_WHEEL_SPEEDS,
-    TwoSidedGeometry,
-    two_sided_coefficients,
-)
+from oed.kernel.dynamics.system import Parameter
+from oed.robots.models.wheels import TwoSided
 
 
-class DifferentialDrive(TwoSidedGeometry, Model):
+class DifferentialDrive(TwoSided):
     """Two driven wheels at distance `track` [m]; parameters wheel_radius_right, wheel_radius_left, track."""
 
     kind: Literal["differential_drive"] = "differential_drive"
-    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
-    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius_right, wheel_radius_left, track [m]."""
         return self.geometry_parameters
 
-    def coefficients(self, parameters: Expression) -> Expression:
-        """Matrix c (2, 2) of the paper [Choi, eq. 6]."""
-        return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
 
-    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
-        """Forward speed, 0, yaw rate [Choi, eqs 2, 4 with no slip]."""
-        return coefficient_twist(self, inputs, parameters)
+class OffsetDrive(TwoSided):
+    """Two driven wheels, tracked at a point `sensor_offset` [m] to the left of the middle of their axle.
+
+    That point's forward speed is V - Omega * offset: all four coefficients are independent of each other,
+    so linear least squares tells radii, track and offset.
+    """
+
+    kind: Literal["offset_drive"] = "offset_drive"
+    sensor_offset: Length = 0.0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius_right, wheel_radius_left, track, sensor_offset [m]."""
+        return (*self.geometry_parameters, Parameter("sensor_offset", self.sensor_offset, "m", self.track))
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """C (2, 2): the paper's, its forward row less `sensor_offset` times the yaw row."""
+        centre = super().coefficients(parameters)
+        return ca.vertcat(centre[0, :], centre[1, :] - parameters[3] * centre[0, :])

@@ -9,19 +9,13 @@ from pydantic import Field
 
 from oed.foundation.quantities import AngularSpeed, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import (
-    COEFFICIENT_NAMES,
-    TWO_WHEEL_SPEEDS,
-    TwoSidedGeometry,
-    two_sided_coefficients,
-)
+from oed.kernel.dynamics.system import Parameter
+from oed.robots.models.wheels import TwoSided
 
 Slip = Annotated[Ratio, Field(lt=1)]
 
 
-class SkidSteer(TwoSidedGeometry, Model):
+class SkidSteer(TwoSided):
     """Four-wheel skid steer with slips i_o, i_i of the outer and inner side [Choi, eqs 1-6; Wong].
 
     The outer side is the one farther from the turn's centre: the one whose wheels turn faster, whatever
@@ -33,19 +27,13 @@ class SkidSteer(TwoSidedGeometry, Model):
     slip_outer: Slip = 0.0
     slip_inner: Slip = 0.0
     slip_transition: Annotated[AngularSpeed, Field(gt=0)] = 0.1
-    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
-    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """wheel_radius_right, wheel_radius_left, track [m], slip_outer, slip_inner [1]."""
         slips = (Parameter("slip_outer", self.slip_outer, ""), Parameter("slip_inner", self.slip_inner, ""))
         return self.geometry_parameters + slips
-
-    def coefficients(self, parameters: Expression) -> Expression:
-        """Matrix c (2, 2) of the paper [Choi, eq. 6]."""
-        return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
 
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Wheel speeds less slip, w (1 - i), right and left [rad/s] [Choi, eq. 5]."""
@@ -54,10 +42,6 @@ class SkidSteer(TwoSidedGeometry, Model):
         slip_right = inner + (outer - inner) * right_is_outer
         slip_left = outer + (inner - outer) * right_is_outer
         return ca.vertcat(inputs[0] * (1 - slip_right), inputs[1] * (1 - slip_left))
-
-    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
-        """Forward speed V [Choi, eq. 4], 0, yaw rate Omega' [Choi, eq. 2]."""
-        return coefficient_twist(self, inputs, parameters)
 
     def turning_radius(self, wheel_speeds: Expression) -> Expression:
         """Turning radius R' [m] at nominal parameters, positive for a centre on the left [Choi, eq. 1].

@@ -10,13 +10,12 @@ from pydantic import Field, model_validator
 from oed.foundation.quantities import Length, Ratio
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import TWO_WHEEL_SPEEDS, PositiveLength
+from oed.robots.models.wheels import TWO_WHEEL_SPEEDS, LinearInCoefficients, PositiveLength, matrix_names
 
 Alpha = Annotated[Ratio, Field(gt=0)]
 
 
-class SkidSteerIcr(Model):
+class SkidSteerIcr(LinearInCoefficients):
     """Skid steer with the sides' instantaneous centres of rotation at y_icr_left > y_icr_right, the robot's
     at x_icr, all relative to its origin [m]; alpha is what is left of each side's wheel speed.
 
@@ -34,11 +33,7 @@ class SkidSteerIcr(Model):
     alpha_left: Alpha = 1.0
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
-    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = (
-        ("c11", "c12"),
-        ("c21", "c22"),
-        ("c31", "c32"),
-    )
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(3, 2)
 
     @model_validator(mode="after")
     def _robot_within_its_centres(self) -> SkidSteerIcr:
@@ -65,7 +60,3 @@ class SkidSteerIcr(Model):
         yaw = ca.horzcat(speed_right, -speed_left) / width
         forward = ca.horzcat(speed_right * left, -speed_left * right) / width
         return ca.vertcat(yaw, forward, -ahead * yaw)
-
-    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
-        """Forward and lateral speed, yaw rate."""
-        return coefficient_twist(self, inputs, parameters)

@@ -11,14 +11,9 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import (
-    COEFFICIENT_NAMES,
-    TWO_WHEEL_SPEEDS,
-    TwoSidedGeometry,
-    two_sided_coefficients,
-)
+from oed.kernel.dynamics.system import Parameter
+from oed.robots.models.model import Model
+from oed.robots.models.wheels import TwoSided, matrix_names
 
 Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 
@@ -36,7 +31,7 @@ LONG = 500.0
 """Lags after which nothing is left of how a period began."""
 
 
-class SkidSteerSlip(TwoSidedGeometry, Model):
+class SkidSteerSlip(TwoSided):
     """Two sides whose wheels slip; each effect is there only where its key is given.
 
     With none of them it is the differential drive. What slips takes less or more turning out of the same
@@ -63,7 +58,6 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
     x_icr: Length | None = None
     y_icr: Length | None = None
     drift: Drift | None = None
-    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
 
     @model_validator(mode="after")
@@ -91,7 +85,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
         others = (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature, self.y_icr, self.drift)
         if any(one is not None for one in others):
             return ()
-        return COEFFICIENT_NAMES if self.x_icr is None else (*COEFFICIENT_NAMES, ("c31", "c32"))
+        return matrix_names(2 if self.x_icr is None else 3, 2)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -118,8 +112,8 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
             NotImplementedError: the twist is not linear in any coefficients.
         """
         if not self.coefficient_names:
-            return super().coefficients(parameters)
-        matrix = two_sided_coefficients(parameters[0], parameters[1], parameters[2])
+            return Model.coefficients(self, parameters)
+        matrix = super().coefficients(parameters)
         ahead = self._value("x_icr", parameters)
         return matrix if ahead is None else ca.vertcat(matrix, -ahead * matrix[0, :])
 
@@ -128,7 +122,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
         effective track B: what the robot tends to where its yaw rate lags.
         """
         if self.coefficient_names:
-            return coefficient_twist(self, inputs, parameters)
+            return super().twist(inputs, parameters)
         right, left = parameters[0] * inputs[0], parameters[1] * inputs[1]
         yaw_rate = (right - left) / self._effective_track(inputs, parameters)
         return self._slid((right + left) / 2, yaw_rate, parameters)

@@ -10,21 +10,14 @@ import numpy.typing as npt
 
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import (
-    COEFFICIENT_NAMES,
-    TWO_WHEEL_SPEEDS,
-    PositiveLength,
-    TwoSidedGeometry,
-    two_sided_coefficients,
-)
+from oed.kernel.dynamics.system import Parameter
+from oed.robots.models.wheels import PositiveLength, TwoSided
 
 SMALL = 0.05
 """(rate * time)^2 below which series stand for hyperbolic functions."""
 
 
-class TractorTrailer(TwoSidedGeometry, Model):
+class TractorTrailer(TwoSided):
     """A differential drive with a trailer hitched `hitch_offset` [m] behind its axle.
 
     `trailer_length` [m] is from the hitch to the trailer's axle. The state `trailer_angle` [rad] is the
@@ -35,10 +28,8 @@ class TractorTrailer(TwoSidedGeometry, Model):
     kind: Literal["tractor_trailer"] = "tractor_trailer"
     hitch_offset: Length = 0.0
     trailer_length: PositiveLength
-    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     states: ClassVar[tuple[str, ...]] = ("x", "y", "heading", "trailer_angle")
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad", "rad")
-    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = COEFFICIENT_NAMES
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -61,14 +52,6 @@ class TractorTrailer(TwoSidedGeometry, Model):
         hitch = origin - self.hitch_offset * np.column_stack([np.cos(heading), np.sin(heading)])
         axle = hitch - self.trailer_length * np.column_stack([np.cos(along), np.sin(along)])
         return np.stack([hitch, axle], axis=1)
-
-    def coefficients(self, parameters: Expression) -> Expression:
-        """The tractor's matrix c (2, 2) [Choi, eq. 6]."""
-        return two_sided_coefficients(parameters[0], parameters[1], parameters[2])
-
-    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
-        """Forward speed, 0, yaw rate of the tractor."""
-        return coefficient_twist(self, inputs, parameters)
 
     def internal_step(
         self, state: Expression, twist: Expression, parameters: Expression, period: Expression

@@ -1,16 +1,18 @@
-"""What wheeled robots have in common: inputs and geometry of two sides or a steered axle, the matrix c."""
+"""What wheeled robots have in common: the matrix c, and inputs and geometry of two sides."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, ClassVar
 
 import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.quantities import Angle, Length
+from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 
 PositiveLength = Annotated[Length, Field(gt=0)]
 
@@ -19,7 +21,10 @@ TWO_WHEEL_SPEEDS = (
     Input("wheel_speed_left", "wheel_speed", "rad/s"),
 )
 
-COEFFICIENT_NAMES = (("c11", "c12"), ("c21", "c22"))
+
+def matrix_names(rows: int, columns: int) -> tuple[tuple[str, ...], ...]:
+    """Names of the entries of a matrix c: c11, c12, ... of its first row."""
+    return tuple(tuple(f"c{row + 1}{column + 1}" for column in range(columns)) for row in range(rows))
 
 
 class TwoSidedGeometry(Component):
@@ -33,11 +38,6 @@ class TwoSidedGeometry(Component):
     wheel_radius_right: PositiveLength | None = None
     wheel_radius_left: PositiveLength | None = None
     track: PositiveLength
-
-    @property
-    def body_width(self) -> float:
-        """The track [m]."""
-        return self.track
 
     @model_validator(mode="after")
     def _one_way_to_give_radii(self) -> TwoSidedGeometry:
@@ -68,41 +68,28 @@ class TwoSidedGeometry(Component):
         )
 
 
-class SteeredGeometry(Component):
-    """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
-    the steering is off, `steering_offset` [rad].
-    """
+class LinearInCoefficients(Model):
+    """A robot whose twist is linear in the coefficients that it names, as they stand in the matrix c."""
 
-    wheel_radius: PositiveLength
-    wheelbase: PositiveLength
-    steering_offset: Angle = 0.0
+    @abstractmethod
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The matrix c of [yaw rate; forward speed; lateral speed, where it has one]."""
 
-    @property
-    def body_width(self) -> float:
-        """That of a cart of such a wheelbase [m]."""
-        return 0.6 * self.wheelbase
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward and lateral speed, yaw rate [Choi, eqs 2, 4]."""
+        return coefficient_twist(self, inputs, parameters)
 
-    @property
-    def geometry_parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, wheelbase [m], steering_offset [rad]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("wheelbase", self.wheelbase, "m"),
-            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
+
+class TwoSided(TwoSidedGeometry, LinearInCoefficients):
+    """A robot with a right and a left side, each driven; parameters begin with both radii and the track."""
+
+    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(2, 2)
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
+        radius_right, radius_left, track = parameters[0], parameters[1], parameters[2]
+        return ca.vertcat(
+            ca.horzcat(radius_right / track, -radius_left / track),
+            ca.horzcat(radius_right / 2, radius_left / 2),
         )
-
-
-def two_sided_coefficients(
-    radius_right: Expression, radius_left: Expression, track: Expression
-) -> Expression:
-    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6].
-
-    Args:
-        radius_right: [m].
-        radius_left: [m].
-        track: [m].
-    """
-    return ca.vertcat(
-        ca.horzcat(radius_right / track, -radius_left / track),
-        ca.horzcat(radius_right / 2, radius_left / 2),
-    )
