@@ -44,6 +44,11 @@ MERGED = {
     "robots.models.omnidirectional": "mecanum omni_three",
     "robots.models.python_robot": "tryout",
     "robots.models.steered": "ackermann tricycle",
+    "robots.baselines.paths": "suitability",
+    "robots.limits.body_motion": "path_length",
+    "robots.limits.shapes": "outline",
+    "robots.own_parts": "tried",
+    "robots.sensors.biased": "yaw_rate",
 }
 """Modules by the neighbour that each has become part of."""
 

@@ -29,10 +29,10 @@ from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.baselines import BaselineName, baseline_flaws
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
+from oed.robots.own_parts import code_flaw, judge_flaws, measurement_flaws
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
-from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain

@@ -18,9 +18,10 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows, magnitude
-from oed.robots.limits.outline import Extent, Outline
 from oed.robots.limits.shapes import (
     ConvexShape,
+    Extent,
+    Outline,
     Point,
     Wall,
     convex_pieces,
