@@ -40,6 +40,9 @@ RENAMED = {
 }
 """Folders of the top level by where they are now, under another name."""
 MERGED = {
+    "exporters.two_sides": "controller_limits",
+    "exporters.vehicle": "recorded",
+    "foundation.own.code": "modules place",
     "robots.models.differential_drive": "offset_drive",
     "robots.models.omnidirectional": "mecanum omni_three",
     "robots.models.python_robot": "tryout",

@@ -13,9 +13,8 @@ from pydantic import BaseModel, ConfigDict
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.own.code import in_words, lent_streams
+from oed.foundation.own.code import in_words, lent_streams, place_of
 from oed.foundation.own.part import OwnCodeError, OwnPart, is_own
-from oed.foundation.own.place import place_of
 from oed.foundation.shown import written
 from oed.kernel.criteria import CRITERIA, Criterion, Epigraph
 from oed.kernel.dynamics.rollout import drive_shape
