@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 ROOMS = {
-    "cli": "commands",
     "cli.terminal": "console messages streams",
     "estimation.prediction": "regressors segments",
     "foundation": "component errors extras files names quantities shown",
@@ -31,6 +30,7 @@ ROOMS = {
 """Modules and folders of the top level by the room that each has moved to."""
 RENAMED = {
     "calibration": "estimation",
+    "commands": "cli.program",
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
@@ -40,6 +40,11 @@ RENAMED = {
 }
 """Folders of the top level by where they are now, under another name."""
 MERGED = {
+    "cli.designing": "run solve sweep",
+    "cli.logged": "estimate next",
+    "cli.program": "commands",
+    "cli.recorded": "animate export report validate",
+    "cli.studies": "bound check evaluate init schema",
     "exporters.two_sides": "controller_limits",
     "exporters.vehicle": "recorded",
     "foundation.own.code": "modules place",

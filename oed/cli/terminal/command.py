@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from oed.cli.terminal.messages import say
+
 if TYPE_CHECKING:
     from oed.foundation.errors import Failure, OedError
     from oed.records.record import Record
@@ -87,7 +89,6 @@ def place(folder: Path | None, trouble: Exception | None) -> dict[str, str | Non
 
 def noted(notes: Sequence[str], trouble: Exception | None) -> None:
     """Say on standard error what is to be known of a run."""
-    from oed.cli.terminal.messages import say
     from oed.foundation.shown import shown
     from oed.workflow.runner import CUT_SHORT
 

@@ -1,4 +1,4 @@
-"""`oed next`: the drive that adds most information to that of logs."""
+"""Commands on logs of drives: `oed estimate` and `next`."""
 
 from __future__ import annotations
 
@@ -6,14 +6,69 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oed.cli.terminal.arguments import add_trust, add_working, duration, pair, share, workers_of
+from oed.cli.terminal.arguments import (
+    add_quiet,
+    add_trust,
+    add_working,
+    duration,
+    pair,
+    share,
+    whole,
+    workers_of,
+)
 from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved, verdict
+from oed.cli.terminal.messages import print_json, say, tell
 
 if TYPE_CHECKING:
     from oed.workflow.next_drive import NextDrive
 
 
-def _arguments(parser: argparse.ArgumentParser) -> None:
+def _estimate_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("logs", metavar="LOG", nargs="+", help="as the study's key `log` says")
+    parser.add_argument(
+        "--apart",
+        metavar="LOG",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="test logs, which nothing is estimated from: dead reckoning is tried on them",
+    )
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+    parser.add_argument("--seed", type=whole, help="seed of the bootstrap, instead of the study's")
+    add_quiet(parser)
+
+
+def _estimate(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import print_estimate, progress
+    from oed.report import write_estimate
+    from oed.workflow.estimate_logs import estimate
+    from oed.workflow.studies import load_study
+
+    out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
+    study = load_study(options.study)
+    more = {"apart": options.apart, "out": out, "seed": options.seed}
+    with progress(options.quiet) as listener:
+        record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
+    page, unwritten = None, None
+    if trouble is None:
+        page, unwritten = reported(lambda: write_estimate(record, out), out)
+    if options.json:
+        print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
+    else:
+        print_estimate(record)
+        if page is not None:
+            tell(f"report: {page}")
+    noted((), trouble or unwritten)
+    return FAILED if trouble or unwritten else DONE
+
+
+ESTIMATE = Command(
+    "estimate", "estimate a robot's parameters from logs of its drives", _estimate, _estimate_arguments
+)
+
+
+def _next_arguments(parser: argparse.ArgumentParser) -> None:
     add_working(parser)
     parser.add_argument("folder", metavar="DIR", help="the record of the design that was driven")
     parser.add_argument("logs", metavar="LOG", nargs="+", help="of the drives since, all together")
@@ -37,9 +92,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     add_trust(parser)
 
 
-def _run(options: argparse.Namespace) -> int:
+def _next(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_next, progress
-    from oed.cli.terminal.messages import print_json, say, tell
     from oed.foundation.files import inside
     from oed.records.record import load_record
     from oed.report.film.animation import folder_of
@@ -85,5 +139,8 @@ def _pages(found: NextDrive, out: Path) -> Path:
 
 
 NEXT = Command(
-    "next", "estimate from logs of a saved design, and design the drive that adds most", _run, _arguments
+    "next",
+    "estimate from logs of a saved design, and design the drive that adds most",
+    _next,
+    _next_arguments,
 )
