@@ -1,4 +1,4 @@
-"""What a robot is told, command by command, and what it does then: the same for every format."""
+"""What a robot is commanded, step by step, and what it does then: the same for every format."""
 
 from __future__ import annotations
 

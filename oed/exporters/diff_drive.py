@@ -41,7 +41,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a kind of robot is told to the controller.
+    """How a kind of robot is described to the controller.
 
     Attributes:
         sides: what the controller needs of the robot with these parameter values.

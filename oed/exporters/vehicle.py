@@ -21,7 +21,7 @@ POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
 LATERAL = 0.01
 """Share of its way that a robot goes sideways, above which it counts as one that does."""
 FARTHEST_TURN = 0.75
-"""Share of a full turn in one period beyond which a chord tells no speed."""
+"""Share of a full turn in one period beyond which no speed follows from a chord."""
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,7 @@ ATTRIBUTES = {
     "Evaluation": {"poses": "states"},
     "Margin": {"kept": "satisfied"},
     "Problem": {"robot": "system", "judged_robots": "judged_systems", "told": "judging"},
+    "Robust": {"kept": "added_scenarios"},
     "Solution": {"leaving": "violation"},
     "Nonlinear": ESTIMATOR,
     "Regression": ESTIMATOR,

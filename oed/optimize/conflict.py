@@ -14,7 +14,7 @@ from oed.optimize.transcription.program import Program
 Array = npt.NDArray[np.float64]
 
 NEGLIGIBLE = 1e-4
-"""Relaxation, as a share of a limit's size, below which the limit counts as kept."""
+"""Relaxation, as a share of a limit's size, below which the limit counts as satisfied."""
 
 
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
@@ -53,7 +53,7 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
 def _relaxed_alone(
     program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
 ) -> float | None:
-    # A small relaxation of one limit with the others kept, from the first start that finds one.
+    # A small relaxation of one limit with the others satisfied, from the first start that finds one.
     count = len(design.rows)
     upper = np.zeros(count)
     upper[index] = np.inf

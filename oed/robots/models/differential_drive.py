@@ -27,7 +27,7 @@ class OffsetDrive(TwoSided):
     """Two driven wheels, tracked at a point `sensor_offset` [m] to the left of the middle of their axle.
 
     That point's forward speed is V - Omega * offset: all four coefficients are independent of each other,
-    so linear least squares tells radii, track and offset.
+    so linear least squares identifies radii, track and offset.
     """
 
     kind: Literal["offset_drive"] = "offset_drive"

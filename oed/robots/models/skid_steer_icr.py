@@ -21,7 +21,7 @@ class SkidSteerIcr(LinearInCoefficients):
 
     [Martinez, Mandow, Morales, Pedraza, Garcia-Cerezo: Approximating kinematics for tracked mobile robots,
     2005; Mandow et al.: Experimental kinematics for wheeled skid-steer mobile robots, 2007]. The wheel radius
-    is taken as known: it cannot be told from the alphas.
+    is taken as known: it is not identifiable beside the alphas.
     """
 
     kind: Literal["skid_steer_icr"] = "skid_steer_icr"
