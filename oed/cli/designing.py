@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved, verdict
-from oed.cli.terminal.messages import print_json, say, tell
+from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved, verdict
+from oed.cli.terminal.messages import say
 
 if TYPE_CHECKING:
     from oed.optimize import Progress
     from oed.records.stored.sweep import StoredSweep
+
+GOES_ON = "; the same command goes on where this one stopped"
+"""What is to be known of an interrupted sweep."""
 
 
 def _solve_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,15 +36,10 @@ def _solve(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
         record, trouble = saved(lambda: run(study, out, search_only=True, **more))
-    if options.json:
-        kept = ("format", "oed_version", "seed", "parameters", "results")
-        where = {} if out is None else place(record.folder, trouble)
-        print_json({**{key: record.data[key] for key in kept}, **where})
-    else:
-        print_results(record.results, record.robustness)
-    noted((), trouble)
-    if record.interrupted and trouble is None:
-        say(cut_short(record.folder, out))
+    outcome = Outcome(record.folder, out, trouble, record.interrupted)
+    kept = ("format", "oed_version", "seed", "parameters", "results")
+    data = {key: record.data[key] for key in kept} | ({} if out is None else outcome.place)
+    outcome.show(options, data, lambda: print_results(record.results, record.robustness))
     return FAILED if trouble else verdict(record)
 
 
@@ -59,7 +57,7 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_certificate, print_results, progress
     from oed.report import write_report
-    from oed.workflow.runner import run
+    from oed.workflow.runner import CUT_SHORT, run
     from oed.workflow.studies import load_study
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
@@ -69,22 +67,17 @@ def _run(options: argparse.Namespace) -> int:
         record, trouble = saved(
             lambda: run(study, out, seed=options.seed, workers=workers, progress=listener)
         )
-    page, unwritten, interrupted = None, None, record.interrupted
-    # Whoever interrupts waits for nothing that can be made later.
-    if record.folder is not None and not interrupted:
-        page, unwritten = reported(lambda: write_report(record, out), out)
-    if options.json:
-        print_json({**record.data, **place(record.folder, trouble or unwritten)})
-    else:
+    outcome = Outcome(record.folder, out, trouble, record.interrupted)
+    outcome.report(lambda: write_report(record, out))
+
+    def lines() -> None:
         print_results(record.results, record.robustness)
         if record.certificate is not None:
             print_certificate(record.certificate)
-        if page is not None:
-            tell(f"report: {page}")
-    noted(record.notes, trouble or unwritten)
-    if interrupted and trouble is None:
-        say(cut_short(record.folder, out))
-    return FAILED if trouble or unwritten else verdict(record)
+
+    notes = [note for note in record.notes if note != CUT_SHORT]
+    outcome.show(options, {**record.data, **outcome.place}, lines, notes)
+    return FAILED if outcome.trouble else verdict(record)
 
 
 RUN = Command("run", "do everything a study asks for; write the record and the report", _run, _run_arguments)
@@ -116,23 +109,14 @@ def _sweep(options: argparse.Namespace) -> int:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
         done, trouble = saved(lambda: sweep(options.study, axes, out, **more))
         found = done.found
-        page, unwritten = None, None
-        if done.folder is not None and not found.interrupted:
-            folders = [one.folder for one in found.points if options.reports and one.record]
-            page, unwritten = reported(lambda: _pages(found, out, folders, listener), out)
+        outcome = Outcome(done.folder, out, trouble, found.interrupted, GOES_ON)
+        folders = [one.folder for one in found.points if options.reports and one.record]
+        outcome.report(lambda: _pages(found, out, folders, listener))
     if found.kept:
         say(f"note: {found.kept} of {len(found.points)} points kept as they were found in {out}")
-    if options.json:
-        print_json({**done.data, **place(done.folder, trouble or unwritten)})
-    else:
-        print_sweep(found)
-        if page is not None:
-            tell(f"report: {page}")
-    noted((), trouble or unwritten)
-    if found.interrupted and trouble is None:
-        say(f"{cut_short(done.folder, out)}; the same command goes on where this one stopped")
+    outcome.show(options, {**done.data, **outcome.place}, lambda: print_sweep(found))
     any_drive = any(one.objective is not None for one in found.points)
-    return DONE if any_drive and not (found.interrupted or trouble or unwritten) else FAILED
+    return DONE if any_drive and not (found.interrupted or outcome.trouble) else FAILED
 
 
 def _pages(found: StoredSweep, out: Path, folders: Sequence[str], listener: Progress) -> Path:

@@ -16,8 +16,7 @@ from oed.cli.terminal.arguments import (
     whole,
     workers_of,
 )
-from oed.cli.terminal.command import DONE, FAILED, Command, cut_short, noted, place, reported, saved, verdict
-from oed.cli.terminal.messages import print_json, say, tell
+from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved, verdict
 
 if TYPE_CHECKING:
     from oed.workflow.next_drive import NextDrive
@@ -50,17 +49,10 @@ def _estimate(options: argparse.Namespace) -> int:
     more = {"apart": options.apart, "out": out, "seed": options.seed}
     with progress(options.quiet) as listener:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
-    page, unwritten = None, None
-    if trouble is None:
-        page, unwritten = reported(lambda: write_estimate(record, out), out)
-    if options.json:
-        print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
-    else:
-        print_estimate(record)
-        if page is not None:
-            tell(f"report: {page}")
-    noted((), trouble or unwritten)
-    return FAILED if trouble or unwritten else DONE
+    outcome = Outcome(None if trouble else out, out, trouble)
+    outcome.report(lambda: write_estimate(record, out))
+    outcome.show(options, {**record.data, **outcome.place}, lambda: print_estimate(record))
+    return FAILED if outcome.trouble else DONE
 
 
 ESTIMATE = Command(
@@ -114,19 +106,10 @@ def _next(options: argparse.Namespace) -> int:
         before = load_record(options.folder)
         found, trouble = saved(lambda: next_drive(before, options.logs, progress=listener, **more))
     interrupted = found.record is not None and found.record.interrupted
-    page, unwritten = None, None
-    if found.folder is not None and not interrupted:
-        page, unwritten = reported(lambda: _pages(found, out), out)
-    if options.json:
-        print_json({**found.data, **place(found.folder, trouble or unwritten)})
-    else:
-        print_next(found)
-        if page is not None:
-            tell(f"report: {page}")
-    noted((), trouble or unwritten)
-    if interrupted and trouble is None:
-        say(cut_short(found.folder, out))
-    if trouble or unwritten:
+    outcome = Outcome(found.folder, out, trouble, interrupted)
+    outcome.report(lambda: _pages(found, out))
+    outcome.show(options, {**found.data, **outcome.place}, lambda: print_next(found))
+    if outcome.trouble:
         return FAILED
     return DONE if found.record is None else verdict(found.record)
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, noted, reported, saved
+from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved
 from oed.cli.terminal.messages import print_json, tell
 
 
@@ -93,20 +93,13 @@ def _validate(options: argparse.Namespace) -> int:
                 before, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
             )
         record, trouble = saved(lambda: save_into(draft, record))
-    page, unwritten = None, None
-    if record.folder is not None:
-        page, unwritten = reported(lambda: write_report(record, draft.target), draft.target)
+    outcome = Outcome(record.folder, draft.target, trouble)
+    outcome.report(lambda: write_report(record, draft.target))
     found = record.validation
     assert found is not None
-    if options.json:
-        print_json(found.plain())
-    else:
-        for one in found.results:
-            tell(shown(f"{one.name}, {one.estimator}: {one.verdict}"))
-        if page is not None:
-            tell(f"report: {page}")
-    noted((), trouble or unwritten)
-    return FAILED if trouble or unwritten else DONE
+    verdicts = [shown(f"{one.name}, {one.estimator}: {one.verdict}") for one in found.results]
+    outcome.show(options, found.plain(), lambda: tell(*verdicts))
+    return FAILED if outcome.trouble else DONE
 
 
 VALIDATE = Command(

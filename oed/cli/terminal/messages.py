@@ -15,9 +15,9 @@ def print_json(data: Mapping[str, Any]) -> None:
     sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
-def tell(text: str) -> None:
-    """A line on standard output."""
-    sys.stdout.write(f"{shown_lines(text)}\n")
+def tell(*lines: str) -> None:
+    """Lines on standard output."""
+    sys.stdout.write("".join(f"{shown_lines(text)}\n" for text in lines))
 
 
 def say(text: str) -> None:
