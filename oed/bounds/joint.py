@@ -21,8 +21,8 @@ from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
+from oed.robots.sensors.placed import Ranges
 from oed.robots.sensors.poses import Poses
-from oed.robots.sensors.ranges import Ranges
 
 Array = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from oed.cli.logged import ESTIMATE, NEXT
 from oed.cli.recorded import ANIMATE, EXPORT, REPORT, VALIDATE
 from oed.cli.studies import BOUND, CHECK, EVALUATE, INIT, SCHEMA
 from oed.cli.terminal.command import FAILED, MISTAKE, Command
-from oed.cli.terminal.messages import print_json, say
+from oed.cli.terminal.messages import print_json, say, steady_streams, warnings_shown
 
 if TYPE_CHECKING:
     from oed.foundation.errors import OedError
@@ -48,7 +48,6 @@ OBJECTS = 50_000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    from oed.cli.terminal.streams import steady_streams, warnings_shown
     from oed.foundation.errors import Failure
 
     with steady_streams(), warnings_shown():

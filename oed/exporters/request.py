@@ -10,8 +10,7 @@ from pathlib import Path
 from oed.exporters.commands import Commands, commands, commands_along
 from oed.exporters.vehicle import Vehicle, motions_of, recorded_vehicle, vehicle_of
 from oed.foundation.errors import RecordError, UserMistake
-from oed.foundation.files import inside
-from oed.foundation.names import file_stem
+from oed.foundation.files import file_stem, inside
 from oed.kernel.problem import Problem
 from oed.records.record import FILE, Record
 from oed.records.recorded_study import recorded_study

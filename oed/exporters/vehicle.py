@@ -13,13 +13,11 @@ from oed.foundation.errors import RecordError
 from oed.records.record import FILE, Record
 from oed.records.stored.result import StoredDrive
 from oed.robots.models import Input, Model, moves_sideways
-from oed.robots.models.arcs import moves
+from oed.robots.models.arcs import goes_sideways, moves
 
 Array = npt.NDArray[np.float64]
 
 POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
-LATERAL = 0.01
-"""Share of its way that a robot goes sideways, above which it counts as one that does."""
 FARTHEST_TURN = 0.75
 """Share of a full turn in one period beyond which no speed follows from a chord."""
 
@@ -67,7 +65,8 @@ def recorded_vehicle(record: Record, drive: StoredDrive) -> Vehicle:
     named = [(one.name, one.unit) for one in record.states]
     states = named or [*POSE, *((f"state_{place + 1}", "") for place in range(3, motions[0].states.shape[1]))]
     names, units = zip(*states, strict=True)
-    return Vehicle(inputs, names, units, any(motion.sideways for motion in motions), None)
+    sideways = any(goes_sideways(motion.states, least=0.0) for motion in motions)
+    return Vehicle(inputs, names, units, sideways, None)
 
 
 @dataclass(frozen=True)
@@ -107,12 +106,6 @@ class RecordedMotion:
         """Twists, and states at the times of inputs held at a rate [Hz]: where the design has it then."""
         states = self.at(np.arange(len(held) + 1) / rate)
         return self.twists_between(states, rate), states
-
-    @property
-    def sideways(self) -> bool:
-        """Whether it goes sideways for more than a trifling share of its way."""
-        speeds = np.abs(self.twists_between(self.states, 1 / self.period)[:, :2])
-        return bool(speeds[:, 1].sum() > LATERAL * np.hypot(*speeds.T).sum())
 
     def _shortening(self, turn: Array) -> Array:
         # Of a chord against its arc.

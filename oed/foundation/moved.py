@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 ROOMS = {
-    "cli.terminal": "console messages streams",
+    "cli.terminal": "console messages",
     "estimation.prediction": "regressors segments",
-    "foundation": "component errors extras files names quantities shown",
+    "foundation": "component errors extras files quantities shown",
     "foundation.work": "folders locks signals",
     "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
     "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
@@ -34,8 +34,10 @@ RENAMED = {
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
+    "names": "foundation.files",
     "physics_film": "report.film.physics",
     "solvers": "optimize",
+    "streams": "cli.terminal.messages",
     "validation": "simulation",
 }
 """Folders of the top level by where they are now, under another name."""
@@ -44,19 +46,23 @@ MERGED = {
     "cli.logged": "estimate next",
     "cli.program": "commands",
     "cli.recorded": "animate export report validate",
+    "cli.terminal.messages": "streams",
     "cli.studies": "bound check evaluate init schema",
     "exporters.two_sides": "controller_limits",
     "exporters.vehicle": "recorded",
+    "foundation.files": "names",
     "foundation.own.code": "modules place",
-    "robots.models.differential_drive": "offset_drive",
+    "robots.models.differential_drive": "offset_drive tractor_trailer",
     "robots.models.omnidirectional": "mecanum omni_three",
     "robots.models.python_robot": "tryout",
+    "robots.models.skid_steer": "skid_steer_icr",
     "robots.models.steered": "ackermann tricycle",
     "robots.baselines.paths": "suitability",
     "robots.limits.body_motion": "path_length",
     "robots.limits.shapes": "outline",
     "robots.own_parts": "tried",
     "robots.sensors.biased": "yaw_rate",
+    "robots.sensors.placed": "ranges",
 }
 """Modules by the neighbour that each has become part of."""
 

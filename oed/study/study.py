@@ -17,7 +17,7 @@ from oed.estimation.methods import EstimatorName, Heading, estimator_flaws
 from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
-from oed.foundation.names import file_stem, name_flaw
+from oed.foundation.files import file_stem, name_flaw
 from oed.foundation.own.part import OwnCodeError
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable

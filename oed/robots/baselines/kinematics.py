@@ -50,12 +50,15 @@ class Kinematics:
         self.drives = [place for place, entry in enumerate(model.inputs) if entry.drives]
         self.steers = [place for place, entry in enumerate(model.inputs) if not entry.drives]
         self.reach = np.array([min(0.999 * model.inputs[place].below, math.pi) for place in self.steers])
-        self.sideways = _rank(model, [0, 1, 2]) == 3
-        self.rows = [0, 1, 2] if self.sideways else [0, 2]
-        self.free = not self.steers and _rank(model, self.rows) == len(self.rows)
         inputs = ca.SX.sym("inputs", len(model.inputs))
-        twist = ca.vertcat(*(model.twist(inputs, ca.DM(model.nominal))[row] for row in self.rows))
-        slopes = ca.jacobian(twist, inputs)
+        twist = model.twist(inputs, ca.DM(model.nominal))
+        # How much the inputs choose independently shows where they have no symmetries.
+        slopes = ca.Function("slopes", [inputs], [ca.densify(ca.jacobian(twist, inputs))])
+        typical = np.array(slopes(np.linspace(0.5, 0.9, len(model.inputs))))
+        self.sideways = _rank(typical) == 3
+        self.rows = [0, 1, 2] if self.sideways else [0, 2]
+        self.free = not self.steers and _rank(typical[self.rows]) == len(self.rows)
+        twist = ca.vertcat(*(twist[row] for row in self.rows))
         wanted, speeds = ca.SX.sym("wanted", len(self.rows)), ca.SX.sym("speeds", len(self.drives))
         angles = ca.SX.sym("angles", len(self.steers))
         entries = dict(zip(self.drives, ca.vertsplit(speeds), strict=True))
@@ -65,7 +68,7 @@ class Kinematics:
         newton = speeds - ca.pinv(ca.jacobian(residual, speeds)) @ residual
         self._newton = lru_cache(maxsize=64)(ca.Function("newton", [speeds, angles, wanted], [newton]).map)
         self._twist = lru_cache(maxsize=64)(
-            ca.Function("twist", [inputs], [twist, ca.vec(ca.densify(slopes))]).map
+            ca.Function("twist", [inputs], [twist, ca.vec(ca.densify(ca.jacobian(twist, inputs)))]).map
         )
 
     def wanted(self, moves: Sequence[Move]) -> Array:
@@ -181,12 +184,7 @@ def kinematics(model: Model) -> Kinematics:
     return Kinematics(model)
 
 
-def _rank(model: Model, rows: list[int]) -> int:
-    # How many of the twist's `rows` depend on the inputs independently, at inputs without symmetries.
-    inputs = ca.SX.sym("inputs", len(model.inputs))
-    slopes = ca.jacobian(model.twist(inputs, ca.DM(model.nominal)), inputs)
-    typical = np.linspace(0.5, 0.9, len(model.inputs))
-    matrix = np.array(ca.Function("slopes", [inputs], [ca.densify(slopes)])(typical))[rows]
+def _rank(matrix: Array) -> int:
     return int(np.linalg.matrix_rank(matrix, tol=1e-6 * np.abs(matrix).max()))
 
 

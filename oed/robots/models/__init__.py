@@ -8,17 +8,17 @@ from oed.robots.models.arcs import chord as chord
 from oed.robots.models.arcs import sinc as sinc
 from oed.robots.models.differential_drive import DifferentialDrive as DifferentialDrive
 from oed.robots.models.differential_drive import OffsetDrive as OffsetDrive
+from oed.robots.models.differential_drive import TractorTrailer as TractorTrailer
 from oed.robots.models.model import Model as Model
 from oed.robots.models.model import moves_sideways as moves_sideways
 from oed.robots.models.omnidirectional import Mecanum as Mecanum
 from oed.robots.models.omnidirectional import OmniThree as OmniThree
 from oed.robots.models.python_robot import PythonRobot as PythonRobot
 from oed.robots.models.skid_steer import SkidSteer as SkidSteer
-from oed.robots.models.skid_steer_icr import SkidSteerIcr as SkidSteerIcr
+from oed.robots.models.skid_steer import SkidSteerIcr as SkidSteerIcr
 from oed.robots.models.skid_steer_slip import SkidSteerSlip as SkidSteerSlip
 from oed.robots.models.steered import Ackermann as Ackermann
 from oed.robots.models.steered import Tricycle as Tricycle
-from oed.robots.models.tractor_trailer import TractorTrailer as TractorTrailer
 
 MODELS: tuple[type[Model], ...] = tuple(
     found

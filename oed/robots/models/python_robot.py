@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from oed.foundation.component import Component
-from oed.foundation.names import identifier_flaw
+from oed.foundation.files import identifier_flaw
 from oed.foundation.own.part import OwnPart
 from oed.foundation.quantities import LARGEST, parse_quantity
 from oed.foundation.shown import shown, written

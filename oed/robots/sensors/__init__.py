@@ -13,9 +13,9 @@ from oed.robots.sensors.displacements import Displacements as Displacements
 from oed.robots.sensors.displacements import PoseNoise as PoseNoise
 from oed.robots.sensors.placed import LeverArm as LeverArm
 from oed.robots.sensors.placed import PosePrior as PosePrior
+from oed.robots.sensors.placed import Ranges as Ranges
 from oed.robots.sensors.poses import AbsoluteNoise as AbsoluteNoise
 from oed.robots.sensors.poses import Poses as Poses
-from oed.robots.sensors.ranges import Ranges as Ranges
 from oed.robots.sensors.several import SENSORS as SENSORS
 from oed.robots.sensors.several import Several as Several
 
