@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from oed.cli.designing import RUN, SOLVE, SWEEP
-from oed.cli.logged import ESTIMATE, NEXT
-from oed.cli.recorded import ANIMATE, EXPORT, REPORT, VALIDATE
-from oed.cli.studies import BOUND, CHECK, EVALUATE, INIT, SCHEMA
+from oed.cli.design_commands import RUN, SOLVE, SWEEP
+from oed.cli.log_commands import ESTIMATE, NEXT
+from oed.cli.record_commands import ANIMATE, EXPORT, REPORT, VALIDATE
+from oed.cli.study_commands import BOUND, CHECK, EVALUATE, INIT, SCHEMA
 from oed.cli.terminal.command import FAILED, MISTAKE, Command
 from oed.cli.terminal.messages import print_json, say, steady_streams, warnings_shown
 

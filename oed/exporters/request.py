@@ -24,17 +24,11 @@ MOST_COMMANDS = 1_000_000
 
 @dataclass(frozen=True)
 class Request:
-    """One export.
+    """One export, as `oed.export` is asked for it.
 
     Attributes:
-        folder: where the record lies.
+        folder: where the record lies; and where to write, unless `out` says it.
         record: the record.
-        result: name of the result, None for the best.
-        rate: of the commands [Hz], None for the design's own.
-        out: where to write, None for a name of the format's own in `folder`.
-        storage: of a bag.
-        force: whether a bag that exists is replaced.
-        trust: whether Python code that the record names may be run.
     """
 
     folder: Path

@@ -17,7 +17,6 @@ from oed.robots.models.arcs import goes_sideways, moves
 
 Array = npt.NDArray[np.float64]
 
-POSE = (("x", "m"), ("y", "m"), ("heading", "rad"))
 FARTHEST_TURN = 0.75
 """Share of a full turn in one period beyond which no speed follows from a chord."""
 
@@ -62,8 +61,11 @@ def recorded_vehicle(record: Record, drive: StoredDrive) -> Vehicle:
         raise RecordError.about(record.file or FILE, text, "inputs")
     inputs = tuple(Input(one.name, one.quantity, one.unit) for one in record.inputs)
     motions = motions_of(record, drive, 1.0)
-    named = [(one.name, one.unit) for one in record.states]
-    states = named or [*POSE, *((f"state_{place + 1}", "") for place in range(3, motions[0].states.shape[1]))]
+    states = [(one.name, one.unit) for one in record.states]
+    if not states:
+        others = range(len(Model.states), motions[0].states.shape[1])
+        pose = zip(Model.states, Model.state_units, strict=True)
+        states = [*pose, *((f"state_{place + 1}", "") for place in others)]
     names, units = zip(*states, strict=True)
     sideways = any(goes_sideways(motion.states, least=0.0) for motion in motions)
     return Vehicle(inputs, names, units, sideways, None)

@@ -42,12 +42,12 @@ RENAMED = {
 }
 """Folders of the top level by where they are now, under another name."""
 MERGED = {
-    "cli.designing": "run solve sweep",
-    "cli.logged": "estimate next",
+    "cli.design_commands": "run solve sweep",
+    "cli.log_commands": "estimate next",
     "cli.program": "commands",
-    "cli.recorded": "animate export report validate",
+    "cli.record_commands": "animate export report validate",
     "cli.terminal.messages": "streams",
-    "cli.studies": "bound check evaluate init schema",
+    "cli.study_commands": "bound check evaluate init schema",
     "exporters.two_sides": "controller_limits",
     "exporters.vehicle": "recorded",
     "foundation.files": "names",
@@ -109,6 +109,7 @@ ESTIMATOR = {"promised": "covariance", "replicate": "simulate"}
 ATTRIBUTES = {
     "Calibration": {"left_out": "cross_validation", "untold": "weak_directions"},
     "Certificate": {"caps": "bounds"},
+    "DrivenPath": {"share_of_best": "efficiency"},
     "Evaluation": {"poses": "states"},
     "Margin": {"kept": "satisfied"},
     "Problem": {"robot": "system", "judged_robots": "judged_systems", "told": "judging"},

@@ -53,7 +53,7 @@ def saved(work: Callable[[], Found]) -> tuple[Found, Failure | None]:
 
 
 @dataclass
-class Outcome:
+class CommandResult:
     """Where a command has saved what it found, and what is wrong with that.
 
     Attributes:

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Parameter
-from oed.robots.models.wheels import PositiveLength, TwoSided
+from oed.robots.models.wheels import PositiveLength, TwoSidedRobot
 
 SMALL = 0.05
 """(rate * time)^2 below which series stand for hyperbolic functions."""
 
 
-class DifferentialDrive(TwoSided):
+class DifferentialDrive(TwoSidedRobot):
     """Two driven wheels at distance `track` [m]; parameters wheel_radius_right, wheel_radius_left, track."""
 
     kind: Literal["differential_drive"] = "differential_drive"
@@ -28,7 +28,7 @@ class DifferentialDrive(TwoSided):
         return self.geometry_parameters
 
 
-class OffsetDrive(TwoSided):
+class OffsetDrive(TwoSidedRobot):
     """Two driven wheels, tracked at a point `sensor_offset` [m] to the left of the middle of their axle.
 
     That point's forward speed is V - Omega * offset: all four coefficients are independent of each other,
@@ -49,7 +49,7 @@ class OffsetDrive(TwoSided):
         return ca.vertcat(centre[0, :], centre[1, :] - parameters[3] * centre[0, :])
 
 
-class TractorTrailer(TwoSided):
+class TractorTrailer(TwoSidedRobot):
     """A differential drive with a trailer hitched `hitch_offset` [m] behind its axle.
 
     `trailer_length` [m] is from the hitch to the trailer's axle. The state `trailer_angle` [rad] is the

@@ -23,7 +23,7 @@ from oed.robots.models.model import Model, nominal_coefficients
 
 MOST_NAMES = 200
 """Inputs, states or parameters of a robot, and its coefficients; real ones have a tenth of it."""
-POSE, POSE_UNITS = ("x", "y", "heading"), ("m", "m", "rad")
+POSE, POSE_UNITS = Model.states, Model.state_units
 """What every robot's states begin with."""
 COLUMNS = ("t", "run")
 """What else stands in the files of drives, beside inputs and states."""

@@ -16,7 +16,7 @@ from oed.robots.models.wheels import (
     TWO_WHEEL_SPEEDS,
     LinearInCoefficients,
     PositiveLength,
-    TwoSided,
+    TwoSidedRobot,
     matrix_names,
 )
 
@@ -24,7 +24,7 @@ Slip = Annotated[Ratio, Field(lt=1)]
 Alpha = Annotated[Ratio, Field(gt=0)]
 
 
-class SkidSteer(TwoSided):
+class SkidSteer(TwoSidedRobot):
     """Four-wheel skid steer with slips i_o, i_i of the outer and inner side [Choi, eqs 1-6; Wong].
 
     The outer side is the one farther from the turn's centre: the one whose wheels turn faster, whatever

@@ -13,7 +13,7 @@ from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Parameter
 from oed.robots.models.model import Model
-from oed.robots.models.wheels import TwoSided, matrix_names
+from oed.robots.models.wheels import TwoSidedRobot, matrix_names
 
 Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 
@@ -31,7 +31,7 @@ LONG = 500.0
 """Lags after which nothing is left of how a period began."""
 
 
-class SkidSteerSlip(TwoSided):
+class SkidSteerSlip(TwoSidedRobot):
     """Two sides whose wheels slip; each effect is there only where its key is given.
 
     With none of them it is the differential drive. What slips takes less or more turning out of the same

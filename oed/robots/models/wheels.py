@@ -80,7 +80,7 @@ class LinearInCoefficients(Model):
         return coefficient_twist(self, inputs, parameters)
 
 
-class TwoSided(TwoSidedGeometry, LinearInCoefficients):
+class TwoSidedRobot(TwoSidedGeometry, LinearInCoefficients):
     """A robot with a right and a left side, each driven; parameters begin with both radii and the track."""
 
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS

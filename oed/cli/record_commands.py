@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved
+from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved
 from oed.cli.terminal.messages import print_json, tell
 
 
@@ -93,7 +93,7 @@ def _validate(options: argparse.Namespace) -> int:
                 before, chosen, seed=options.seed, workers=workers, progress=listener, trust=options.trust
             )
         record, trouble = saved(lambda: save_into(draft, record))
-    outcome = Outcome(record.folder, draft.target, trouble)
+    outcome = CommandResult(record.folder, draft.target, trouble)
     outcome.report(lambda: write_report(record, draft.target))
     found = record.validation
     assert found is not None

@@ -16,7 +16,7 @@ from oed.cli.terminal.arguments import (
     whole,
     workers_of,
 )
-from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved, verdict
+from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved, verdict
 
 if TYPE_CHECKING:
     from oed.workflow.next_drive import NextDrive
@@ -49,7 +49,7 @@ def _estimate(options: argparse.Namespace) -> int:
     more = {"apart": options.apart, "out": out, "seed": options.seed}
     with progress(options.quiet) as listener:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
-    outcome = Outcome(None if trouble else out, out, trouble)
+    outcome = CommandResult(None if trouble else out, out, trouble)
     outcome.report(lambda: write_estimate(record, out))
     outcome.show(options, {**record.data, **outcome.place}, lambda: print_estimate(record))
     return FAILED if outcome.trouble else DONE
@@ -106,7 +106,7 @@ def _next(options: argparse.Namespace) -> int:
         before = load_record(options.folder)
         found, trouble = saved(lambda: next_drive(before, options.logs, progress=listener, **more))
     interrupted = found.record is not None and found.record.interrupted
-    outcome = Outcome(found.folder, out, trouble, interrupted)
+    outcome = CommandResult(found.folder, out, trouble, interrupted)
     outcome.report(lambda: _pages(found, out))
     outcome.show(options, {**found.data, **outcome.place}, lambda: print_next(found))
     if outcome.trouble:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from oed.cli.terminal.arguments import add_working, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, Outcome, saved, verdict
+from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved, verdict
 from oed.cli.terminal.messages import say
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def _solve(options: argparse.Namespace) -> int:
     with progress(options.quiet) as listener:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
         record, trouble = saved(lambda: run(study, out, search_only=True, **more))
-    outcome = Outcome(record.folder, out, trouble, record.interrupted)
+    outcome = CommandResult(record.folder, out, trouble, record.interrupted)
     kept = ("format", "oed_version", "seed", "parameters", "results")
     data = {key: record.data[key] for key in kept} | ({} if out is None else outcome.place)
     outcome.show(options, data, lambda: print_results(record.results, record.robustness))
@@ -67,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
         record, trouble = saved(
             lambda: run(study, out, seed=options.seed, workers=workers, progress=listener)
         )
-    outcome = Outcome(record.folder, out, trouble, record.interrupted)
+    outcome = CommandResult(record.folder, out, trouble, record.interrupted)
     outcome.report(lambda: write_report(record, out))
 
     def lines() -> None:
@@ -109,7 +109,7 @@ def _sweep(options: argparse.Namespace) -> int:
         more = {"seed": options.seed, "workers": workers, "progress": listener}
         done, trouble = saved(lambda: sweep(options.study, axes, out, **more))
         found = done.found
-        outcome = Outcome(done.folder, out, trouble, found.interrupted, GOES_ON)
+        outcome = CommandResult(done.folder, out, trouble, found.interrupted, GOES_ON)
         folders = [one.folder for one in found.points if options.reports and one.record]
         outcome.report(lambda: _pages(found, out, folders, listener))
     if found.kept:
