@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from oed.cli.terminal.arguments import add_working, workers_of
 from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved, verdict
@@ -13,10 +13,24 @@ from oed.cli.terminal.messages import say
 
 if TYPE_CHECKING:
     from oed.optimize import Progress
+    from oed.records.record import Record
     from oed.records.stored.sweep import StoredSweep
 
 GOES_ON = "; the same command goes on where this one stopped"
 """What is to be known of an interrupted sweep."""
+
+
+def _searched(options: argparse.Namespace, out: Path | None, **more: Any) -> tuple[Record, CommandResult]:
+    # A run of the study with these options, and where it is.
+    from oed.cli.terminal.console import progress
+    from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
+
+    study = load_study(options.study)
+    more |= {"seed": options.seed, "workers": workers_of(options)}
+    with progress(options.quiet) as listener:
+        record, trouble = saved(lambda: run(study, out, progress=listener, **more))
+    return record, CommandResult(record.folder, out, trouble, record.interrupted)
 
 
 def _solve_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,21 +40,14 @@ def _solve_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import print_results, progress
-    from oed.workflow.runner import run
-    from oed.workflow.studies import load_study
+    from oed.cli.terminal.console import print_results
 
-    study = load_study(options.study)
-    workers = workers_of(options)
     out = Path(options.out) if options.out else None
-    with progress(options.quiet) as listener:
-        more = {"seed": options.seed, "workers": workers, "progress": listener}
-        record, trouble = saved(lambda: run(study, out, search_only=True, **more))
-    outcome = CommandResult(record.folder, out, trouble, record.interrupted)
+    record, outcome = _searched(options, out, search_only=True)
     kept = ("format", "oed_version", "seed", "parameters", "results")
     data = {key: record.data[key] for key in kept} | ({} if out is None else outcome.place)
     outcome.show(options, data, lambda: print_results(record.results, record.robustness))
-    return FAILED if trouble else verdict(record)
+    return FAILED if outcome.trouble else verdict(record)
 
 
 SOLVE = Command(
@@ -55,19 +62,12 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import print_certificate, print_results, progress
+    from oed.cli.terminal.console import print_certificate, print_results
     from oed.report import write_report
-    from oed.workflow.runner import CUT_SHORT, run
-    from oed.workflow.studies import load_study
+    from oed.workflow.runner import CUT_SHORT
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
-    study = load_study(options.study)
-    workers = workers_of(options)
-    with progress(options.quiet) as listener:
-        record, trouble = saved(
-            lambda: run(study, out, seed=options.seed, workers=workers, progress=listener)
-        )
-    outcome = CommandResult(record.folder, out, trouble, record.interrupted)
+    record, outcome = _searched(options, out)
     outcome.report(lambda: write_report(record, out))
 
     def lines() -> None:
