@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Parameter
-from oed.robots.models.wheels import PositiveLength, TwoSidedRobot
+from oed.robots.models.wheels import Constant, PositiveLength, TwoSidedRobot
 
 SMALL = 0.05
 """(rate * time)^2 below which series stand for hyperbolic functions."""
@@ -21,11 +20,6 @@ class DifferentialDrive(TwoSidedRobot):
     """Two driven wheels at distance `track` [m]; parameters wheel_radius_right, wheel_radius_left, track."""
 
     kind: Literal["differential_drive"] = "differential_drive"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m]."""
-        return self.geometry_parameters
 
 
 class OffsetDrive(TwoSidedRobot):
@@ -37,11 +31,7 @@ class OffsetDrive(TwoSidedRobot):
 
     kind: Literal["offset_drive"] = "offset_drive"
     sensor_offset: Length = 0.0
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track, sensor_offset [m]."""
-        return (*self.geometry_parameters, Parameter("sensor_offset", self.sensor_offset, "m", self.track))
+    constants: ClassVar[tuple[Constant, ...]] = (Constant("sensor_offset", "m", size="track"),)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """C (2, 2): the paper's, its forward row less `sensor_offset` times the yaw row."""
@@ -62,15 +52,10 @@ class TractorTrailer(TwoSidedRobot):
     trailer_length: PositiveLength
     states: ClassVar[tuple[str, ...]] = ("x", "y", "heading", "trailer_angle")
     state_units: ClassVar[tuple[str, ...]] = ("m", "m", "rad", "rad")
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track, hitch_offset, trailer_length [m]."""
-        return (
-            *self.geometry_parameters,
-            Parameter("hitch_offset", self.hitch_offset, "m", self.trailer_length),
-            Parameter("trailer_length", self.trailer_length, "m"),
-        )
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("hitch_offset", "m", size="trailer_length"),
+        Constant("trailer_length", "m"),
+    )
 
     @property
     def towed(self) -> tuple[float, float]:

@@ -8,8 +8,8 @@ from typing import ClassVar, Literal
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.wheels import LinearInCoefficients, PositiveLength, matrix_names
+from oed.kernel.dynamics.system import Input
+from oed.robots.models.wheels import Constant, LinearInCoefficients, PositiveLength, matrix_names
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 PLACES = {"front_left": (0.5, sqrt(0.75)), "rear": (-1.0, 0.0), "front_right": (0.5, -sqrt(0.75))}
@@ -31,19 +31,15 @@ class Mecanum(LinearInCoefficients):
         Input(f"wheel_speed_{corner}", "wheel_speed", "rad/s") for corner in CORNERS
     )
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(3, 4)
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("wheel_radius", "m"),
+        Constant("half_wheelbase_plus_half_track", "m"),
+    )
 
     @property
     def body_width(self) -> float:
         """As much as its length [m]."""
         return self.half_wheelbase_plus_half_track
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, half_wheelbase_plus_half_track [m]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("half_wheelbase_plus_half_track", self.half_wheelbase_plus_half_track, "m"),
-        )
 
     def coefficients(self, parameters: Expression) -> Expression:
         """C (3, 4) of yaw rate, forward and lateral speed: least squares of the wheels' rolling."""
@@ -66,19 +62,15 @@ class OmniThree(LinearInCoefficients):
         Input(f"wheel_speed_{place}", "wheel_speed", "rad/s") for place in PLACES
     )
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(3, 3)
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("wheel_radius", "m"),
+        Constant("centre_distance", "m"),
+    )
 
     @property
     def body_width(self) -> float:
         """Width of the triangle of its wheels [m]."""
         return 1.5 * self.centre_distance
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, centre_distance [m]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("centre_distance", self.centre_distance, "m"),
-        )
 
     def coefficients(self, parameters: Expression) -> Expression:
         """C (3, 3) of yaw rate, forward and lateral speed: the inverse of r w = J (forward, lateral, yaw)."""

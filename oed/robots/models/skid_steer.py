@@ -11,9 +11,10 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import AngularSpeed, Length, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
+from oed.kernel.dynamics.system import Input
 from oed.robots.models.wheels import (
     TWO_WHEEL_SPEEDS,
+    Constant,
     LinearInCoefficients,
     PositiveLength,
     TwoSidedRobot,
@@ -37,12 +38,7 @@ class SkidSteer(TwoSidedRobot):
     slip_inner: Slip = 0.0
     slip_transition: Annotated[AngularSpeed, Field(gt=0)] = 0.1
     skids: ClassVar[bool] = True
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m], slip_outer, slip_inner [1]."""
-        slips = (Parameter("slip_outer", self.slip_outer, ""), Parameter("slip_inner", self.slip_inner, ""))
-        return self.geometry_parameters + slips
+    constants: ClassVar[tuple[Constant, ...]] = (Constant("slip_outer"), Constant("slip_inner"))
 
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Wheel speeds less slip, w (1 - i), right and left [rad/s] [Choi, eq. 5]."""
@@ -94,23 +90,24 @@ class SkidSteerIcr(LinearInCoefficients):
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(3, 2)
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("y_icr_left", "m"),
+        Constant("y_icr_right", "m"),
+        Constant("x_icr", "m", size="centres_apart"),
+        Constant("alpha_right"),
+        Constant("alpha_left"),
+    )
+
+    @property
+    def centres_apart(self) -> float:
+        """The effective track: the distance of the sides' centres [m]."""
+        return self.y_icr_left - self.y_icr_right
 
     @model_validator(mode="after")
     def _robot_within_its_centres(self) -> SkidSteerIcr:
-        if abs(self.x_icr) > 10 * (self.y_icr_left - self.y_icr_right):
+        if abs(self.x_icr) > 10 * self.centres_apart:
             raise ValueError("x_icr lies far outside the robot; is its unit right?")
         return self
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """y_icr_left, y_icr_right, x_icr [m], alpha_right, alpha_left [1]."""
-        return (
-            Parameter("y_icr_left", self.y_icr_left, "m"),
-            Parameter("y_icr_right", self.y_icr_right, "m"),
-            Parameter("x_icr", self.x_icr, "m", self.y_icr_left - self.y_icr_right),
-            Parameter("alpha_right", self.alpha_right, ""),
-            Parameter("alpha_left", self.alpha_left, ""),
-        )
 
     def coefficients(self, parameters: Expression) -> Expression:
         """C (3, 2) of yaw rate, forward and lateral speed [Martinez et al., eqs 2-4]."""

@@ -11,9 +11,8 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Parameter
 from oed.robots.models.model import Model
-from oed.robots.models.wheels import TwoSidedRobot, matrix_names
+from oed.robots.models.wheels import Constant, TwoSidedRobot, matrix_names
 
 Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 
@@ -59,6 +58,16 @@ class SkidSteerSlip(TwoSidedRobot):
     y_icr: Length | None = None
     drift: Drift | None = None
     skids: ClassVar[bool] = True
+    # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift as
+    # fast as the way ahead at 1 rad/s.
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("yaw_lag", "s"),
+        Constant("track_per_yaw_rate", "m*s/rad", size="track"),
+        Constant("track_per_curvature", "m", size="track"),
+        Constant("x_icr", "m", size="track"),
+        Constant("y_icr", "m", size="track"),
+        Constant("drift", "s^2", size=1.0),
+    )
 
     @model_validator(mode="after")
     def _a_track_in_every_turn(self) -> SkidSteerSlip:
@@ -86,24 +95,6 @@ class SkidSteerSlip(TwoSidedRobot):
         if any(one is not None for one in others):
             return ()
         return matrix_names(2 if self.x_icr is None else 3, 2)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m]; of yaw_lag [s], track_per_yaw_rate [m s/rad],
-        track_per_curvature, x_icr and y_icr [m] and drift [s^2] those that are given.
-        """
-        # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift
-        # as fast as the way ahead at 1 rad/s.
-        own = (
-            ("yaw_lag", self.yaw_lag, "s", 0.0),
-            ("track_per_yaw_rate", self.track_per_yaw_rate, "m*s/rad", self.track),
-            ("track_per_curvature", self.track_per_curvature, "m", self.track),
-            ("x_icr", self.x_icr, "m", self.track),
-            ("y_icr", self.y_icr, "m", self.track),
-            ("drift", self.drift, "s^2", 1.0),
-        )
-        given = (Parameter(name, value, unit, size) for name, value, unit, size in own if value is not None)
-        return (*self.geometry_parameters, *given)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """Matrix c (2, 2) of the paper [Choi, eq. 6], with x_icr a third row for the lateral speed.

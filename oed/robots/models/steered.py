@@ -10,12 +10,11 @@ from pydantic import Field
 
 from oed.foundation.quantities import Angle, Ratio
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model
-from oed.robots.models.wheels import PositiveLength
+from oed.kernel.dynamics.system import Input
+from oed.robots.models.wheels import Constant, PositiveLength, WheeledRobot
 
 
-class Steered(Model):
+class Steered(WheeledRobot):
     """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
     the steering is off, `steering_offset` [rad].
     """
@@ -23,20 +22,16 @@ class Steered(Model):
     wheel_radius: PositiveLength
     wheelbase: PositiveLength
     steering_offset: Angle = 0.0
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("wheel_radius", "m"),
+        Constant("wheelbase", "m"),
+        Constant("steering_offset", "rad", size=1.0),
+    )
 
     @property
     def body_width(self) -> float:
         """That of a cart of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
-
-    @property
-    def geometry_parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, wheelbase [m], steering_offset [rad]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("wheelbase", self.wheelbase, "m"),
-            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
-        )
 
 
 class Ackermann(Steered):
@@ -48,6 +43,7 @@ class Ackermann(Steered):
 
     kind: Literal["ackermann"] = "ackermann"
     steering_gain: Annotated[Ratio, Field(gt=0)] = 1.0
+    constants: ClassVar[tuple[Constant, ...]] = (*Steered.constants, Constant("steering_gain"))
 
     @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
@@ -58,11 +54,6 @@ class Ackermann(Steered):
             Input("wheel_speed", "wheel_speed", "rad/s"),
             Input("steering_angle", "steering_angle", "rad", below=most),
         )
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, wheelbase [m], steering_offset [rad], steering_gain [1]."""
-        return (*self.geometry_parameters, Parameter("steering_gain", self.steering_gain, ""))
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed V = r w, 0, yaw rate V tan(delta) / L [Rajamani, Vehicle Dynamics, 2.2]."""
@@ -83,11 +74,6 @@ class Tricycle(Steered):
         Input("wheel_speed", "wheel_speed", "rad/s"),
         Input("steering_angle", "steering_angle", "rad"),
     )
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, wheelbase [m], steering_offset [rad]."""
-        return self.geometry_parameters
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed r w cos(delta), 0, yaw rate r w sin(delta) / L, of the steered wheel's velocity

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import casadi as ca
@@ -57,18 +58,37 @@ class TwoSidedGeometry(Component):
         assert self.wheel_radius_left is not None
         return self.wheel_radius_right, self.wheel_radius_left
 
+
+@dataclass(frozen=True)
+class Constant:
+    """A field of a robot that is one of its parameters, where it is given.
+
+    Attributes:
+        name: of the field, and of the parameter.
+        unit: SI unit ("" for a ratio).
+        size: what a relative precision refers to where it is 0, SI: a number, or another field's name.
+    """
+
+    name: str
+    unit: str = ""
+    size: str | float = 0.0
+
+
+class WheeledRobot(Model):
+    """A robot whose parameters are fields: its `constants`, in their order."""
+
+    constants: ClassVar[tuple[Constant, ...]] = ()
+
     @property
-    def geometry_parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m]."""
-        right, left = self.radii
-        return (
-            Parameter("wheel_radius_right", right, "m"),
-            Parameter("wheel_radius_left", left, "m"),
-            Parameter("track", self.track, "m"),
-        )
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its constants, but for those that are None."""
+        given = [one for one in self.constants if getattr(self, one.name) is not None]
+        sizes = (getattr(self, one.size) if isinstance(one.size, str) else one.size for one in given)
+        pairs = zip(given, sizes, strict=True)
+        return tuple(Parameter(one.name, getattr(self, one.name), one.unit, size) for one, size in pairs)
 
 
-class LinearInCoefficients(Model):
+class LinearInCoefficients(WheeledRobot):
     """A robot whose twist is linear in the coefficients that it names, as they stand in the matrix c."""
 
     @abstractmethod
@@ -81,10 +101,17 @@ class LinearInCoefficients(Model):
 
 
 class TwoSidedRobot(TwoSidedGeometry, LinearInCoefficients):
-    """A robot with a right and a left side, each driven; parameters begin with both radii and the track."""
+    """A robot with a right and a left side, each driven; its constants follow both radii and the track."""
 
     inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(2, 2)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius_right, wheel_radius_left, track [m], and its constants."""
+        right, left = self.radii
+        sides = (("wheel_radius_right", right), ("wheel_radius_left", left), ("track", self.track))
+        return (*(Parameter(name, value, "m") for name, value in sides), *super().parameters)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
