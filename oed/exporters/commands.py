@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.robots.models import Input, Model
 from oed.robots.models.model import asked_twists
-
-Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Share of a period by which two clocks may differ and still count as the same."""
@@ -40,7 +38,7 @@ class Commands:
 
     rate: float
     inputs: Array
-    moving: npt.NDArray[np.bool_]
+    moving: Bools
     twists: Array
     poses: Array
 
@@ -117,7 +115,7 @@ def commands_along(
     return tuple(found)
 
 
-def resampled(inputs: Array, period: float, rate: float, moving: npt.NDArray[np.bool_]) -> Array:
+def resampled(inputs: Array, period: float, rate: float, moving: Bools) -> Array:
     """Inputs held for `period` [s] each, (N, inputs), as inputs to be held for 1 / rate each, (K, inputs).
 
     Where the new clock divides the old one, every input is repeated and nothing changes. Else each new

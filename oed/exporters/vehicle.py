@@ -7,15 +7,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import RecordError
 from oed.records.record import FILE, Record
 from oed.records.stored.result import StoredDrive
 from oed.robots.models import Input, Model, moves_sideways
 from oed.robots.models.arcs import goes_sideways, moves
-
-Array = npt.NDArray[np.float64]
 
 FARTHEST_TURN = 0.75
 """Share of a full turn in one period beyond which no speed follows from a chord."""

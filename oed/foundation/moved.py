@@ -30,41 +30,52 @@ ROOMS = {
 """Modules and folders of the top level by the room that each has moved to."""
 RENAMED = {
     "calibration": "estimation",
+    "cli.animate": "cli.record_commands",
+    "cli.bound": "cli.study_commands",
+    "cli.check": "cli.study_commands",
+    "cli.commands": "cli.program",
+    "cli.estimate": "cli.log_commands",
+    "cli.evaluate": "cli.study_commands",
+    "cli.export": "cli.record_commands",
+    "cli.init": "cli.study_commands",
+    "cli.next": "cli.log_commands",
+    "cli.report": "cli.record_commands",
+    "cli.run": "cli.design_commands",
+    "cli.schema": "cli.study_commands",
+    "cli.solve": "cli.design_commands",
+    "cli.sweep": "cli.design_commands",
+    "cli.terminal.streams": "cli.terminal.messages",
+    "cli.validate": "cli.record_commands",
     "commands": "cli.program",
     "estimators": "estimation.methods",
+    "exporters.controller_limits": "exporters.two_sides",
+    "exporters.recorded": "exporters.vehicle",
+    "foundation.names": "foundation.files",
+    "foundation.own.modules": "foundation.own.code",
+    "foundation.own.place": "foundation.own.code",
     "measurements": "robots.sensors",
-    "readings": "estimation.prediction.drive_readings",
     "names": "foundation.files",
     "physics_film": "report.film.physics",
+    "readings": "estimation.prediction.drive_readings",
+    "robots.baselines.suitability": "robots.baselines.paths",
+    "robots.limits.outline": "robots.limits.shapes",
+    "robots.limits.path_length": "robots.limits.body_motion",
+    "robots.models.ackermann": "robots.models.steered",
+    "robots.models.mecanum": "robots.models.omnidirectional",
+    "robots.models.offset_drive": "robots.models.differential_drive",
+    "robots.models.omni_three": "robots.models.omnidirectional",
+    "robots.models.skid_steer_icr": "robots.models.skid_steer",
+    "robots.models.tractor_trailer": "robots.models.differential_drive",
+    "robots.models.tricycle": "robots.models.steered",
+    "robots.models.tryout": "robots.models.python_robot",
+    "robots.sensors.ranges": "robots.sensors.placed",
+    "robots.sensors.yaw_rate": "robots.sensors.biased",
+    "robots.tried": "robots.own_parts",
     "solvers": "optimize",
     "streams": "cli.terminal.messages",
     "validation": "simulation",
 }
-"""Folders of the top level by where they are now, under another name."""
-MERGED = {
-    "cli.design_commands": "run solve sweep",
-    "cli.log_commands": "estimate next",
-    "cli.program": "commands",
-    "cli.record_commands": "animate export report validate",
-    "cli.terminal.messages": "streams",
-    "cli.study_commands": "bound check evaluate init schema",
-    "exporters.two_sides": "controller_limits",
-    "exporters.vehicle": "recorded",
-    "foundation.files": "names",
-    "foundation.own.code": "modules place",
-    "robots.models.differential_drive": "offset_drive tractor_trailer",
-    "robots.models.omnidirectional": "mecanum omni_three",
-    "robots.models.python_robot": "tryout",
-    "robots.models.skid_steer": "skid_steer_icr",
-    "robots.models.steered": "ackermann tricycle",
-    "robots.baselines.paths": "suitability",
-    "robots.limits.body_motion": "path_length",
-    "robots.limits.shapes": "outline",
-    "robots.own_parts": "tried",
-    "robots.sensors.biased": "yaw_rate",
-    "robots.sensors.placed": "ranges",
-}
-"""Modules by the neighbour that each has become part of."""
+"""Folders and modules by where they are now, under another name or as part of another."""
 
 
 NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
@@ -91,11 +102,7 @@ class Moved:
         raise ModuleNotFoundError(text, name=name)
 
 
-PLACES = {
-    **RENAMED,
-    **{name: f"{room}.{name}" for room, names in ROOMS.items() for name in names.split()},
-    **{f"{new.rpartition('.')[0]}.{name}": new for new, names in MERGED.items() for name in names.split()},
-}
+PLACES = RENAMED | {name: f"{room}.{name}" for room, names in ROOMS.items() for name in names.split()}
 
 
 def watch() -> None:

@@ -8,13 +8,10 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools, Places
 from oed.robots.baselines.patterns import Move
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 SPEED_STEPS = 8
 """Newton steps on a move's speeds; without slip the first one is exact."""
@@ -91,7 +88,7 @@ class Kinematics:
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values
 
-    def directions(self, moves: Sequence[Move], bounds: Array) -> tuple[Array, Flags]:
+    def directions(self, moves: Sequence[Move], bounds: Array) -> tuple[Array, Bools]:
         """Inputs (moves, inputs) that make each move in one second, and whether the robot can make it.
 
         Steering angles keep to their `bounds` (inputs, 2) where some within them make the move; beyond them
@@ -110,7 +107,7 @@ class Kinematics:
         order = [distinct.index(move) for move in moves]
         return values[order], made[order]
 
-    def _unhurried(self, wanted: Array, angles: Array) -> tuple[Array, Flags]:
+    def _unhurried(self, wanted: Array, angles: Array) -> tuple[Array, Bools]:
         # Inputs that make each move in one second, and whether they do. A robot that slips may turn no faster
         # than so: from the fraction of the speed that it can make, as if it slipped no more.
         values = self.inputs(wanted, angles)
@@ -125,7 +122,7 @@ class Kinematics:
             values[left[made[left]]] = found[made[left]]
         return values, made
 
-    def _makes(self, values: Array, wanted: Array) -> Flags:
+    def _makes(self, values: Array, wanted: Array) -> Bools:
         missed = np.abs(self._linear(values)[0] - wanted).max(axis=1)
         return np.asarray(missed <= MADE * np.abs(wanted).max(axis=1))
 
@@ -134,7 +131,7 @@ class Kinematics:
         twists, slopes = (np.array(part) for part in self._twist(len(values))(values.T))
         return twists.T, slopes.T.reshape(len(values), values.shape[1], -1).transpose(0, 2, 1)
 
-    def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Flags]:
+    def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Bools]:
         # Angles (moves, steers) that allow each move, within their bounds where possible.
         far = np.stack([-self.reach, self.reach], axis=1)
         near = np.clip(bounds[self.steers], far[:, :1], far[:, 1:])
@@ -144,7 +141,7 @@ class Kinematics:
             angles[~found] = np.where(solved[:, None], others, angles[~found])
         return angles, found
 
-    def _searched(self, wanted: Array, box: Array, bounds: Array) -> tuple[Array, Flags]:
+    def _searched(self, wanted: Array, box: Array, bounds: Array) -> tuple[Array, Bools]:
         # Angles in `box` (steers, 2) by a damped Newton method from many starts, and whether they fit.
         scale = np.abs(wanted).max(axis=1, keepdims=True)
         scale[scale == 0] = 1.0
@@ -167,7 +164,7 @@ class Kinematics:
         chosen = np.arange(len(wanted)), best
         return values.reshape(*shape, -1)[chosen][:, self.steers], missed.reshape(shape)[chosen] < MADE
 
-    def _preferred(self, values: Array, missed: Array, bounds: Array) -> npt.NDArray[np.int64]:
+    def _preferred(self, values: Array, missed: Array, bounds: Array) -> Places:
         # For each move: what makes it, drives in no forbidden direction, steers least, drives forwards.
         speeds = values[:, :, self.drives]
         low, high = bounds[self.drives].T

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import Kinematics, kinematics
 from oed.robots.baselines.patterns import Move
 from oed.robots.limits.workspace import workspace_of
 
-Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 STEERING_TIME = 0.25

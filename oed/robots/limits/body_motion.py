@@ -9,9 +9,9 @@ from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Length, Unit
 from oed.kernel.dynamics.expression import Expression
@@ -21,7 +21,6 @@ from oed.kernel.dynamics.system import System, follows_state, label_of
 from oed.kernel.limit import BareLimit, LinearBound, PathLimit, Rows, TwoSided, magnitude, rest_flaws
 from oed.robots.models.model import moves_sideways, robot_of
 
-Array = npt.NDArray[np.float64]
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
 CREEP = 2e-3
 """Yaw rate [rad/s] over which a turning radius, which rest has none of, is rounded."""

@@ -13,11 +13,10 @@ from itertools import combinations, pairwise
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 
-Array = npt.NDArray[np.float64]
 Point = tuple[float, float]
 Extent = tuple[float, float, float, float]
 

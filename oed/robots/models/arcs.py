@@ -8,11 +8,10 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 
-Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
 
 FULL_TURN = 2 * math.pi - 0.05

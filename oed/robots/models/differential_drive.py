@@ -6,8 +6,8 @@ from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.robots.models.wheels import Constant, PositiveLength, TwoSidedRobot
@@ -62,7 +62,7 @@ class TractorTrailer(TwoSidedRobot):
         """From its axle back to the hitch, and from there to the trailer's axle [m]."""
         return self.hitch_offset, self.trailer_length
 
-    def body(self, states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def body(self, states: Array) -> Array:
         """The hitch and the trailer's axle, (n, 2, 2) [m]."""
         x, y, heading, angle = states[:, :4].T
         origin, along = np.column_stack([x, y]), heading + angle

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
@@ -22,7 +22,6 @@ from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.logged import Mount, Noise
 from oed.robots.sensors.placed import PlacedSensor
 
-Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
 UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
