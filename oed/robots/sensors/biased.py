@@ -26,10 +26,12 @@ class BiasedSensor(Sensor):
     """A quantity plus a bias.
 
     Attributes:
+        name: of the quantity.
         noise: standard deviation of one reading, in `unit`.
         bias: "unknown" (eliminated), "known" (none), or the standard deviation of its prior, in `unit`.
     """
 
+    name: ClassVar[str]
     unit: ClassVar[str]
     noise: float
     bias: str | float
@@ -58,6 +60,10 @@ class BiasedSensor(Sensor):
         """The unit of a reading."""
         return (self.unit,)
 
+    def brief(self, samples: int) -> str:
+        """How many are read."""
+        return count(len(self.columns(samples)), self.name)
+
     @property
     def remark(self) -> str:
         """That there is no bias, where that is known."""
@@ -73,7 +79,7 @@ class YawRate(BiasedSensor):
     """
 
     kind: Literal["yaw_rate"] = "yaw_rate"
-    unit = "rad/s"
+    name, unit = "yaw rate", "rad/s"
     when: ClassVar[Literal["at samples", "in periods"]] = "in periods"
     noise: Annotated[AngularSpeed, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[AngularSpeed, Field(gt=0)] = "unknown"
@@ -81,10 +87,6 @@ class YawRate(BiasedSensor):
     def quantity(self, moment: Moment) -> Expression:
         """The yaw rate."""
         return moment.signals["twist"][2]
-
-    def brief(self, samples: int) -> str:
-        """How many are read."""
-        return count(len(self.columns(samples)), "yaw rate")
 
 
 class TrailerAngle(BiasedSensor):
@@ -98,7 +100,7 @@ class TrailerAngle(BiasedSensor):
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"
-    unit = "rad"
+    name, unit = "trailer angle", "rad"
     noise: Annotated[Angle, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[Angle, Field(gt=0)] = "known"
     initial_pose: InitialPose = "unknown"
@@ -121,10 +123,6 @@ class TrailerAngle(BiasedSensor):
     def subject(self) -> str:
         """The angle."""
         return "the trailer's angle"
-
-    def brief(self, samples: int) -> str:
-        """How many are read."""
-        return count(len(self.columns(samples)), "trailer angle")
 
     @property
     def noises(self) -> dict[str, Noise]:
