@@ -281,7 +281,7 @@ EXAMPLES["python"] = (
     Example(
         "python",
         PythonRobot(
-            object="oed.robots.models.offset_drive:OffsetDrive",
+            object="oed.robots.models.differential_drive:OffsetDrive",
             wheel_radius_right=0.051,
             wheel_radius_left="4.7 cm",
             track=TRACK,

@@ -94,6 +94,6 @@ def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> flo
     """
     if widened is None or not evaluation.feasible:
         return exact
-    kept = all(margin.violation <= EXACT * margin.size for margin in evaluation.margins)
-    # What is kept to rounding may exceed by rounding.
-    return exact if kept and evaluation.objective <= exact else widened
+    satisfied = all(margin.violation <= EXACT * margin.size for margin in evaluation.margins)
+    # What is satisfied to rounding may exceed by rounding.
+    return exact if satisfied and evaluation.objective <= exact else widened

@@ -20,9 +20,9 @@ from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
+from oed.robots.sensors.biased import YawRate
+from oed.robots.sensors.placed import Ranges
 from oed.robots.sensors.poses import Poses
-from oed.robots.sensors.ranges import Ranges
-from oed.robots.sensors.yaw_rate import YawRate
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:

@@ -9,7 +9,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.system import follows_state, stepper
 from oed.kernel.dynamics.trajectory import middles
 from oed.kernel.problem import Problem
-from oed.robots.limits.path_length import PathLength
+from oed.robots.limits.body_motion import PathLength
 from oed.robots.limits.workspace import workspace_of
 from oed.robots.models.model import robot_of
 from oed.robots.models.skid_steer import SkidSteer

@@ -13,12 +13,33 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from oed.cli.commands import COMMANDS
-from oed.cli.terminal.command import FAILED, MISTAKE
+from oed.cli.design_commands import RUN, SOLVE, SWEEP
+from oed.cli.log_commands import ESTIMATE, NEXT
+from oed.cli.record_commands import ANIMATE, EXPORT, REPORT, VALIDATE
+from oed.cli.study_commands import BOUND, CHECK, EVALUATE, INIT, SCHEMA
+from oed.cli.terminal.command import FAILED, MISTAKE, Command
+from oed.cli.terminal.messages import print_json, say, steady_streams, warnings_shown
 
 if TYPE_CHECKING:
     from oed.foundation.errors import OedError
 
+COMMANDS: tuple[Command, ...] = (
+    INIT,
+    RUN,
+    CHECK,
+    SOLVE,
+    SWEEP,
+    BOUND,
+    EVALUATE,
+    ESTIMATE,
+    NEXT,
+    REPORT,
+    VALIDATE,
+    EXPORT,
+    ANIMATE,
+    SCHEMA,
+)
+"""In the order of `oed --help`. They compute nothing, and load what computes when they are run."""
 DEBUG = "OED_DEBUG"
 """Environment variable with which what nobody has foreseen is shown as Python shows it."""
 OBJECTS = 50_000
@@ -27,8 +48,6 @@ OBJECTS = 50_000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    from oed.cli.terminal.messages import say
-    from oed.cli.terminal.streams import steady_streams, warnings_shown
     from oed.foundation.errors import Failure
 
     with steady_streams(), warnings_shown():
@@ -131,8 +150,6 @@ def _defect(options: argparse.Namespace, error: BaseException) -> int:
 
 
 def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:
-    from oed.cli.terminal.messages import print_json, say
-
     say(message)
     if options.json:
         print_json({"error": message, "flaws": flaws})

@@ -11,7 +11,7 @@ from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.work.folders import in_order
 from oed.records.calibration_record import FILE as ESTIMATE
 from oed.records.calibration_record import load_estimate
@@ -93,6 +93,6 @@ def _record_in(place: Path, to: str) -> Record:
     if to == "ros2_yaml" and not (place / RECORD).is_file() and (place / ESTIMATE).is_file():
         found = load_estimate(place)
         if found.study is None:
-            raise RecordError([FileFlaw(str(found.file), 0, 0, "study", "missing")])
+            raise RecordError.about(found.file, "missing", "study")
         return Record({"study": found.study, "results": []}, found.file)
     return load_record(place)

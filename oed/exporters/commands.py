@@ -1,35 +1,26 @@
-"""What a robot is told, command by command, and what it does then: the same for every format."""
+"""What a robot is commanded, step by step, and what it does then: the same for every format."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from oed.exporters.recorded import RecordedMotion
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.problem import Problem
 from oed.robots.models import Input, Model
-from oed.robots.models.model import robot_of
 from oed.robots.models.twists import asked_twists
-
-Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9
 """Share of a period by which two clocks may differ and still count as the same."""
 
 
-class Driven(Protocol):
-    """What has inputs."""
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """They, in their order."""
+Motion = Callable[[Array, float], tuple[Array, Array]]
+"""Twists (K, 3) and states (K + 1, states) of inputs (K, inputs) that are held at a rate [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +38,7 @@ class Commands:
 
     rate: float
     inputs: Array
-    moving: npt.NDArray[np.bool_]
+    moving: Bools
     twists: Array
     poses: Array
 
@@ -81,54 +72,29 @@ class Commands:
         return np.where(self.moving, self.inputs, rates)
 
 
-def commands(problem: Problem, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
-    """The commands of every run of a drive.
-
-    Args:
-        problem: whose robot and integration rule tell what the commands do.
-        trajectory: the drive.
-        rate: of the commands [Hz], above 0; by default the drive's own, one command per period.
-    """
-    return modelled(robot_of(problem.model), trajectory, rate)
-
-
-def modelled(model: Model, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
+def commands(model: Model, trajectory: Trajectory, rate: float | None = None) -> tuple[Commands, ...]:
     """The commands of every run of a robot's drive, its poses integrated by its rule.
 
     Args:
         model: the robot, with its integration rule.
         trajectory: the drive.
-        rate: of the commands [Hz]; by default one command per period.
+        rate: of the commands [Hz], above 0; by default the drive's own, one command per period.
     """
-    chosen = 1 / trajectory.period if rate is None else rate
-    return tuple(_of_run(model, run, chosen) for run in trajectory.each)
+    motions = [partial(_simulated, model, run.start) for run in trajectory.each]
+    return commands_along(model.inputs, motions, trajectory, rate)
 
 
-def _of_run(model: Model, run: Trajectory, rate: float) -> Commands:
-    moving = np.array([entry.drives for entry in model.inputs])
-    held = resampled(run.inputs, run.period, rate, moving)
+def _simulated(model: Model, start: Array, held: Array, rate: float) -> tuple[Array, Array]:
     # With numbers in place of symbols a roll-out is a simulation.
-    drive = roll_out(
-        model,
-        inputs=held,
-        start=run.start,
-        parameters=np.array(model.nominal),
-        period=np.array(1 / rate),
-    )
-    asked = asked_twists(model, held)
-    return Commands(
-        rate=rate,
-        inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
-        moving=moving,
-        twists=np.vstack([asked, np.zeros((1, 3))]),
-        poses=np.array(drive.states),
-    )
+    parameters, period = np.array(model.nominal), np.array(1 / rate)
+    drive = roll_out(model, inputs=held, start=start, parameters=parameters, period=period)
+    return asked_twists(model, held), np.array(drive.states)
 
 
-def recorded(
-    inputs: Sequence[Input], motions: Sequence[RecordedMotion], trajectory: Trajectory, rate: float | None
+def commands_along(
+    inputs: Sequence[Input], motions: Sequence[Motion], trajectory: Trajectory, rate: float | None
 ) -> tuple[Commands, ...]:
-    """The commands of a robot whose code is not run; its poses are where the design has it at their times.
+    """The commands of every run of a drive.
 
     Args:
         inputs: of the robot.
@@ -138,25 +104,18 @@ def recorded(
     """
     chosen = 1 / trajectory.period if rate is None else rate
     moving = np.array([entry.drives for entry in inputs])
-    each = zip(trajectory.each, motions, strict=True)
-    return tuple(_recorded_run(moving, run, motion, chosen) for run, motion in each)
+    found = []
+    for run, motion in zip(trajectory.each, motions, strict=True):
+        held = resampled(run.inputs, run.period, chosen, moving)
+        twists, poses = motion(held, chosen)
+        last = np.where(moving, 0.0, held[-1:])
+        found.append(
+            Commands(chosen, np.vstack([held, last]), moving, np.vstack([twists, np.zeros((1, 3))]), poses)
+        )
+    return tuple(found)
 
 
-def _recorded_run(
-    moving: npt.NDArray[np.bool_], run: Trajectory, motion: RecordedMotion, rate: float
-) -> Commands:
-    held = resampled(run.inputs, run.period, rate, moving)
-    poses = motion.at(np.arange(len(held) + 1) / rate)
-    return Commands(
-        rate=rate,
-        inputs=np.vstack([held, np.where(moving, 0.0, held[-1:])]),
-        moving=moving,
-        twists=np.vstack([motion.twists_between(poses, rate), np.zeros((1, 3))]),
-        poses=poses,
-    )
-
-
-def resampled(inputs: Array, period: float, rate: float, moving: npt.NDArray[np.bool_]) -> Array:
+def resampled(inputs: Array, period: float, rate: float, moving: Bools) -> Array:
     """Inputs held for `period` [s] each, (N, inputs), as inputs to be held for 1 / rate each, (K, inputs).
 
     Where the new clock divides the old one, every input is repeated and nothing changes. Else each new
@@ -184,11 +143,10 @@ def resampled(inputs: Array, period: float, rate: float, moving: npt.NDArray[np.
     return np.asarray(np.where(moving, changes * rate, changes / inside))
 
 
-def joint_name(model: Driven, name: str) -> str:
+def joint_name(entry: Input) -> str:
     """Name of the joint that an input drives: of `wheel_speed_right` it is `wheel_right_joint`, of
     `steering_angle` it is `steering_joint`.
     """
-    quantity = next(entry.quantity for entry in model.inputs if entry.name == name)
-    part, _, what = quantity.rpartition("_")
-    stem = name.replace(quantity, part) if part and what in ("speed", "angle") else name
+    part, _, what = entry.quantity.rpartition("_")
+    stem = entry.name.replace(entry.quantity, part) if part and what in ("speed", "angle") else entry.name
     return f"{stem}_joint"

@@ -16,10 +16,9 @@ from typing import Any
 import yaml
 
 from oed.exporters.commands import joint_name
-from oed.exporters.controller_limits import controller_limits
 from oed.exporters.request import Request
-from oed.exporters.two_sides import Sides
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.exporters.two_sides import Sides, controller_limits
+from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import write_text
 from oed.records.calibration_record import FILE as ESTIMATE
 from oed.records.stored.door import checked, read_object
@@ -42,7 +41,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a kind of robot is told to the controller.
+    """How a kind of robot is described to the controller.
 
     Attributes:
         sides: what the controller needs of the robot with these parameter values.
@@ -165,11 +164,11 @@ def _listed(robot: Model, given: Values) -> str:
 
 def _geometry(robot: Model, wheels: Sides, found: Sides) -> dict[str, Any]:
     # One radius for both sides, and what tells them apart in the multipliers.
-    right, left = robot.input_names
+    right, left = robot.inputs
     radius = (wheels.radius_right + wheels.radius_left) / 2
     return {
-        "left_wheel_names": [joint_name(robot, left)],
-        "right_wheel_names": [joint_name(robot, right)],
+        "left_wheel_names": [joint_name(left)],
+        "right_wheel_names": [joint_name(right)],
         "wheels_per_side": 1,
         "wheel_separation": float(wheels.separation),
         "wheel_radius": float(radius),
@@ -208,10 +207,10 @@ def _estimated(file: Path, model: Model) -> dict[str, float]:
         data = read_object(file, text, text)
         values = {one.name: one.value for one in checked(Estimates, data, file).parameters}
     except RecordError:
-        raise RecordError([FileFlaw(str(file), 0, 0, "parameters", text)]) from None
+        raise RecordError.about(file, text, "parameters") from None
     known = [parameter.name for parameter in model.parameters]
     own = {name: value for name, value in values.items() if name in known}
     if not own:
         text = f"expected some of the robot's {', '.join(known)}; got {', '.join(values) or 'none'}"
-        raise RecordError([FileFlaw(str(file), 0, 0, "parameters", text)])
+        raise RecordError.about(file, text, "parameters")
     return own

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from oed.exporters.commands import Commands, modelled, recorded
-from oed.exporters.recorded import motions_of
-from oed.exporters.vehicle import Vehicle, recorded_vehicle, vehicle_of
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
-from oed.foundation.files import inside
-from oed.foundation.names import file_stem
-from oed.kernel.dynamics.trajectory import Trajectory
+from oed.exporters.commands import Commands, commands, commands_along
+from oed.exporters.vehicle import Vehicle, motions_of, recorded_vehicle, vehicle_of
+from oed.foundation.errors import RecordError, UserMistake
+from oed.foundation.files import file_stem, inside
 from oed.kernel.problem import Problem
 from oed.records.record import FILE, Record
 from oed.records.recorded_study import recorded_study
@@ -27,17 +24,11 @@ MOST_COMMANDS = 1_000_000
 
 @dataclass(frozen=True)
 class Request:
-    """One export.
+    """One export, as `oed.export` is asked for it.
 
     Attributes:
-        folder: where the record lies.
+        folder: where the record lies; and where to write, unless `out` says it.
         record: the record.
-        result: name of the result, None for the best.
-        rate: of the commands [Hz], None for the design's own.
-        out: where to write, None for a name of the format's own in `folder`.
-        storage: of a bag.
-        force: whether a bag that exists is replaced.
-        trust: whether Python code that the record names may be run.
     """
 
     folder: Path
@@ -87,15 +78,6 @@ class Request:
         """The result's name."""
         return self.entry.name
 
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """The result's drive.
-
-        Raises:
-            RecordError: no such result, or one that is no drive.
-        """
-        return self._drive.trajectory
-
     @property
     def _drive(self) -> StoredDrive:
         drive = self.entry.drive
@@ -112,30 +94,22 @@ class Request:
             RecordError: no such result, or one that is no drive.
             UserMistake: a rate that makes too many commands.
         """
-        drive = self.trajectory
+        drive = self._drive.trajectory
         if self.rate is not None and self.rate * drive.duration / drive.runs > MOST_COMMANDS:
             text = f"more than {MOST_COMMANDS} commands in {drive.duration / drive.runs:g} s"
             raise UserMistake(f"rate: {self.rate:g} Hz would be {text}")
         model = self.vehicle.model
         if model is not None:
-            return modelled(model.system(self.record.study.trajectory.integration), drive, self.rate)
-        motions = motions_of(self.record, self._drive, drive.period)
-        return recorded(self.vehicle.inputs, motions, drive, self.rate)
+            return commands(model.system(self.record.study.trajectory.integration), drive, self.rate)
+        motions = [one.driven for one in motions_of(self.record, self._drive, drive.period)]
+        return commands_along(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:
         """Where to write: `out`, or the folder's file named after the result and `ending`."""
         return self.out if self.out is not None else inside(self.folder, f"{file_stem(self.name)}_{ending}")
 
     def _flaw(self, text: str) -> RecordError:
-        return RecordError([FileFlaw(str(self.folder / FILE), 0, 0, "", text)])
-
-    @property
-    def twist_columns(self) -> dict[str, int]:
-        """Columns of the twists that the robot can have, by name: v, omega, and v_lateral of a robot that
-        moves sideways.
-        """
-        columns = {"v": 0, "omega": 2}
-        return {**columns, "v_lateral": 1} if self.vehicle.sideways else columns
+        return RecordError.about(self.folder / FILE, text)
 
 
 def require_rate(rate: float | None) -> None:

@@ -134,8 +134,7 @@ def _write_run(bag: Path, request: Request, run: Commands, messages: _Messages) 
 
 def _timeline(request: Request, run: Commands, messages: _Messages) -> Iterator[tuple[int, str, Any]]:
     # Stamp [ns], topic and message, in the order of time.
-    vehicle = request.vehicle
-    names = [joint_name(vehicle, name) for name in vehicle.input_names]
+    names = [joint_name(entry) for entry in request.vehicle.inputs]
     stamps = [round(time * 1e9) for time in run.times.tolist()]
     yield 0, PLAN, messages.plan(stamps, run.poses)
     each = zip(stamps, run.twists.tolist(), run.positions, run.velocities, strict=True)

@@ -12,10 +12,13 @@ import numpy as np
 
 from oed.exporters.commands import Commands
 from oed.exporters.request import Request
+from oed.exporters.vehicle import Vehicle
 from oed.foundation.files import write_text
 
 FORMAT = 1
 """Of the JSON file."""
+TWIST = {"v": (0, "m/s"), "omega": (2, "rad/s"), "v_lateral": (1, "m/s")}
+"""Columns of twists and their units, by name."""
 
 
 def write_csv(request: Request) -> Path:
@@ -34,18 +37,20 @@ def _csv(request: Request) -> str:
     vehicle, runs = request.vehicle, request.runs
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    names = ["t", *vehicle.input_names, *request.twist_columns, *vehicle.states]
+    twists = _twists(vehicle)
+    names = ["t", *vehicle.input_names, *twists, *vehicle.states]
     several = len(runs) > 1
     writer.writerow([*(["run"] if several else []), *names])
     for number, run in enumerate(runs, start=1):
-        for row in _rows(run, list(request.twist_columns.values())):
-            writer.writerow([*([str(number)] if several else []), *row])
+        twist = run.twists[:, list(twists.values())]
+        table = np.column_stack([np.round(run.times, 9), run.inputs, twist, run.poses])
+        writer.writerows([*([number] if several else []), *row] for row in table.tolist())
     return buffer.getvalue()
 
 
-def _rows(run: Commands, twists: list[int]) -> list[list[str]]:
-    table = np.column_stack([np.round(run.times, 9), run.inputs, run.twists[:, twists], run.poses])
-    return [[repr(value) for value in row] for row in table.tolist()]
+def _twists(vehicle: Vehicle) -> dict[str, int]:
+    # Columns of the twists that a robot can have, by name.
+    return {name: column for name, (column, _) in TWIST.items() if vehicle.sideways or name != "v_lateral"}
 
 
 def write_json(request: Request) -> Path:
@@ -70,11 +75,10 @@ def _json(request: Request) -> dict[str, Any]:
 
 def _units(request: Request) -> dict[str, str]:
     vehicle = request.vehicle
-    twist = {"v": "m/s", "omega": "rad/s", "v_lateral": "m/s"}
     return {
         "t": "s",
         **{entry.name: entry.unit for entry in vehicle.inputs},
-        **{name: twist[name] for name in request.twist_columns},
+        **{name: TWIST[name][1] for name in _twists(vehicle)},
         **dict(zip(vehicle.states, vehicle.state_units, strict=True)),
     }
 
@@ -84,6 +88,6 @@ def _json_run(request: Request, run: Commands) -> dict[str, Any]:
     return {
         "t": np.round(run.times, 9).tolist(),
         "inputs": dict(zip(vehicle.input_names, run.inputs.T.tolist(), strict=True)),
-        "twist": {name: run.twists[:, column].tolist() for name, column in request.twist_columns.items()},
+        "twist": {name: run.twists[:, column].tolist() for name, column in _twists(vehicle).items()},
         "poses": dict(zip(vehicle.states, run.poses.T.tolist(), strict=True)),
     }

@@ -48,13 +48,7 @@ class ProblemError(UserMistake):
 
     @classmethod
     def about(cls, key: tuple[str | int, ...], message: str) -> Self:
-        """An error of one flaw, by its key in a study.
-
-        Args:
-            file: its name.
-            message: what is wrong.
-            key: that names it.
-        """
+        """An error of one flaw, by its key in a study."""
         return cls([Flaw(key, message)])
 
 
@@ -97,7 +91,13 @@ class FileError(UserMistake):
 
     @classmethod
     def about(cls, file: object, message: str, key: str = "") -> Self:
-        """An error about a file as a whole, or about what a key of it names."""
+        """An error about a file as a whole, or about what a key of it names.
+
+        Args:
+            file: its name.
+            message: what is wrong.
+            key: that names it.
+        """
         return cls([FileFlaw(str(file), 0, 0, key, message)])
 
 

@@ -26,7 +26,7 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 
 TOLERANCE = 1e-3
-"""A limit counts as kept when it is exceeded by at most this share of its size, and as active within it."""
+"""A limit is satisfied when it is exceeded by at most this share of its size, and active within it."""
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
@@ -149,7 +149,7 @@ class Evaluation(Renamed):
 
     @property
     def feasible(self) -> bool:
-        """Whether every limit is kept."""
+        """Whether every limit is satisfied."""
         return all(margin.satisfied for margin in self.margins)
 
     @property
@@ -159,7 +159,7 @@ class Evaluation(Renamed):
 
     @property
     def violations(self) -> dict[str, float]:
-        """Amount by which each limit that is not kept is exceeded, in its SI unit."""
+        """Amount by which each limit that is not satisfied is exceeded, in its SI unit."""
         return {margin.name: margin.violation for margin in self.margins if not margin.satisfied}
 
 
@@ -344,7 +344,7 @@ def _margin(problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Ar
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
     spare = problem.excess * rows.size
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
-    # Nothing to keep to, as with a limit of changes on a drive of one sample, is kept as by a robot at rest.
+    # Nothing to satisfy, as with a limit of changes on a drive of one sample, is satisfied as at rest.
     excess = excess if excess.size else np.array([-rows.size])
     most, certain = most_exceeded(problem, limit, sight, excess)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)

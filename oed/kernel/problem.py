@@ -102,7 +102,7 @@ class Problem(Renamed):
             the measurement is informative about by default. Other parameters are taken as known.
         prior: what is known of them beforehand.
         uncertainty: how far the system may be from its nominal parameters; that of the prior if None.
-        robust: how limits are kept all the same; by the nominal system alone if None.
+        robust: how limits are satisfied all the same; by the nominal system alone if None.
         excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
             `widened`.
 
@@ -356,7 +356,7 @@ def _estimation_flaws(problem: Problem) -> list[Flaw]:
     if strangers:
         text = (
             f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
-            f"which tell {', '.join(known)}"
+            f"which identify {', '.join(known)}"
         )
         return [Flaw(("estimate",), text)]
     estimated = problem.estimate or known

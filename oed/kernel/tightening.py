@@ -80,7 +80,7 @@ class Uncertain(Component, ABC):
 
 
 class Tightening(Component, ABC):
-    """How limits are kept although the system is uncertain, and for which of its parameters a drive is good.
+    """How limits are satisfied by uncertain systems, and for which of their parameters a drive is good.
 
     Attributes:
         kind: in files.
@@ -129,7 +129,7 @@ def tightened_rows(
     """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them.
 
     Args:
-        tightening: how limits are kept.
+        tightening: how limits are satisfied.
         limits: all of the problem.
         drive: of the nominal system.
         system: with what is uncertain of it.
@@ -141,7 +141,7 @@ def tightened_rows(
         drive.again(ca.DM(parameters), begin + ca.DM(shift), seen) for parameters, shift in scenarios.each
     ]
     if seen != drive.system:
-        # Seen through other parameters, a system would not tell by itself how its own ones move it.
+        # Seen through other parameters, a system would not say by itself how its own ones move it.
         own = drive.again(ca.DM(seen.nominal), begin, seen)
 
     def tightened(limit: PathLimit) -> Rows:

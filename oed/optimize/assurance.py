@@ -24,7 +24,7 @@ UNTRIED = "It was not tried with other robots."
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
-    """What `options` find for a problem; of a robust one, kept by as many robots as its confidence asks.
+    """What `options` find for a problem; of a robust one, satisfied by as many robots as its confidence asks.
 
     Args:
         options: of the search.

@@ -12,7 +12,7 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Program
 
 NEGLIGIBLE = 1e-4
-"""Relaxation, as a share of a limit's size, below which the limit counts as kept."""
+"""Relaxation, as a share of a limit's size, below which the limit counts as satisfied."""
 
 
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
@@ -51,7 +51,7 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
 def _relaxed_alone(
     program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
 ) -> float | None:
-    # A small relaxation of one limit with the others kept, from the first start that finds one.
+    # A small relaxation of one limit with the others satisfied, from the first start that finds one.
     count = len(design.terms.rows)
     upper = np.zeros(count)
     upper[index] = np.inf

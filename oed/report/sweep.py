@@ -197,7 +197,7 @@ def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
         Picture(
             f"paths_{number}",
             f"Paths of {count(len(paths), 'best drive')} in the same room",
-            "Best drives; colour and width tell the speed.",
+            "Best drives; colour and width show the speed.",
             path_figures.paths(paths, room),
         )
         for number, (room, paths) in enumerate(rooms.values(), start=1)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.quantities import Angle, Length
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.robots.models.arcs import Integration
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 
 class StartPose(Component):

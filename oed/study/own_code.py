@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from oed.foundation.own.part import UNMADE, OwnPart
-from oed.robots.tried import components
+from oed.robots.own_parts import components
 from oed.study.study import StudyFile
 
 

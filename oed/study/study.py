@@ -17,7 +17,7 @@ from oed.estimation.methods import EstimatorName, Heading, estimator_flaws
 from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
-from oed.foundation.names import file_stem, name_flaw
+from oed.foundation.files import file_stem, name_flaw
 from oed.foundation.own.part import OwnCodeError
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
@@ -29,10 +29,10 @@ from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.baselines import BaselineName, baseline_flaws
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
+from oed.robots.own_parts import code_flaw, judge_flaws, measurement_flaws
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
-from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain

@@ -7,15 +7,16 @@ tightened by how far its distance moves with the parameters, through the sensiti
 from __future__ import annotations
 
 from math import ceil, log
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 import scipy
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
+from oed.foundation.moved import Renamed
 from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -35,32 +36,39 @@ OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: om
 """Why the objective cannot be of other robots."""
 
 
-class Robust(Tightening):
+class Robust(Renamed, Tightening):
     """How a drive is kept within its limits for all robots that may be.
 
     Attributes:
         kind: "chance": a back-off of `beta` standard deviations of every limit's distance. "tube": of the
             farthest that the distance moves, to first order, within all ranges together. "scenarios": no
-            back-off, but the limits kept by robots at the corners of the ranges as well: for ranges so wide
+            back-off, but the limits satisfied by robots at the corners of the ranges too: for ranges so wide
             that first order means nothing.
-        confidence: least probability of keeping all limits for the whole drive, by simulation.
+        confidence: least probability of satisfying all limits for the whole drive, by simulation.
         objective: what the design maximises: the criterion of the "nominal" robot, its "mean" over robots
             of the uncertainty's covariance, or that of the "worst" of the nominal robot and those at
             either end of one of the ranges.
         draws: robots simulated to find that probability.
-        beta: back-off in standard deviations; from the confidence if None. Raised until draws keep the
-            limits.
-        kept: values of the uncertain quantities, SI, with which the limits are to be kept as well; of a tube
-            and of scenarios the worst draws are added.
+        beta: back-off in standard deviations; from the confidence if None. Raised until draws satisfy
+            the limits.
+        added_scenarios: values of the uncertain quantities, SI, with which the limits are to be satisfied as
+            well; of a tube and of scenarios the worst draws are added. In files `kept`.
         compare: whether to search without all this too, to say what it costs.
     """
+
+    model_config = ConfigDict(populate_by_name=True)
 
     kind: Literal["chance", "tube", "scenarios"] = "chance"
     confidence: Annotated[Ratio, Field(ge=0.5, lt=1)] = 0.99
     draws: Annotated[int, Field(ge=100, le=10_000_000)] = 10_000
     beta: Annotated[float, Field(gt=0)] | None = None
-    kept: tuple[tuple[float, ...], ...] = ()
+    added_scenarios: Annotated[tuple[tuple[float, ...], ...], Field(alias="kept")] = ()
     compare: bool = True
+
+    @model_serializer(mode="wrap")
+    def _as_files_have_it(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = plain(self)
+        return {"kept" if key == "added_scenarios" else key: data[key] for key in data}
 
     @model_validator(mode="after")
     def _draws_that_can_show_it(self) -> Robust:
@@ -76,7 +84,7 @@ class Robust(Tightening):
 
     @property
     def backs_off(self) -> bool:
-        """Whether limits have a back-off; else other robots keep them."""
+        """Whether limits have a back-off; else other robots satisfy them."""
         return self.kind != "scenarios"
 
     def tighter(self, worst: Array) -> Robust:
@@ -84,7 +92,7 @@ class Robust(Tightening):
         if self.kind == "chance":
             return self.model_copy(update={"beta": TIGHTER * self.reach})
         added = tuple(tuple(float(value) for value in values) for values in worst[:ADDED])
-        return self.model_copy(update={"kept": (*self.kept, *added)})
+        return self.model_copy(update={"added_scenarios": (*self.added_scenarios, *added)})
 
     def flaws(self, system: UncertainSystem) -> list[Flaw]:
         """Nothing uncertain, robots that cannot be, an objective of parameters that are not estimated, values
@@ -97,7 +105,7 @@ class Robust(Tightening):
             return [Flaw(("prior",), text)]
         if self.objective != "nominal" and spread.system != system.estimated:
             return [Flaw(("robust", "objective"), OTHER_PARAMETERS)]
-        if any(len(values) != len(spread.names) for values in self.kept):
+        if any(len(values) != len(spread.names) for values in self.added_scenarios):
             text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
             return [Flaw(("robust", "kept"), text)]
         return []
@@ -110,9 +118,9 @@ class Robust(Tightening):
     def scenarios(self, system: UncertainSystem) -> Scenarios:
         """Robots at the corners of the ranges, and those added."""
         spread = given_spread(system)
-        kept = np.reshape(np.array(self.kept, dtype=float), (-1, len(spread.names)))
+        added = np.reshape(np.array(self.added_scenarios, dtype=float), (-1, len(spread.names)))
         return spread.scenarios(
-            np.vstack([spread.extremes(self.reach), kept]) if self.kind == "scenarios" else kept
+            np.vstack([spread.extremes(self.reach), added]) if self.kind == "scenarios" else added
         )
 
     def judged(self, system: UncertainSystem) -> Scenarios:

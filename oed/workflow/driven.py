@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from oed.bounds import bound, bound_on
 from oed.foundation.errors import LogError
+from oed.foundation.moved import Renamed
 from oed.foundation.work.folders import in_order
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -39,21 +40,21 @@ SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "cr
 
 
 @dataclass(frozen=True)
-class DrivenPath:
+class DrivenPath(Renamed):
     """A part of a log, as long as the study's drives, scored by the study's problem.
 
     Attributes:
         name: of the log and the part.
         seconds: how much of it is motion; the rest of the study's duration the robot is taken to stand [s].
         result: its numbers, as records hold them.
-        share_of_best: its efficiency against the best design known, None where none is.
-        share_of_bound: the same against what is proved that no drive exceeds.
+        efficiency: against the best design known, None where none is.
+        share_of_bound: objective against what is proved that no drive exceeds.
     """
 
     name: str
     seconds: float
     result: Result
-    share_of_best: float | None
+    efficiency: float | None
     share_of_bound: float | None
 
 
@@ -89,7 +90,7 @@ class DrivenPaths:
                 "name": one.name,
                 "objective": one.result.objective,
                 "seconds": one.seconds,
-                "share_of_best": one.share_of_best,
+                "share_of_best": one.efficiency,
                 "share_of_bound": one.share_of_bound,
             }
             for one in self.paths

@@ -60,14 +60,16 @@ def estimate(
         require_usable(out)
     _require_different([*logs, *apart])
     chosen = study.seed if seed is None else seed
-    told = _Stages(progress or Silent())
-    told("reading logs")
+    stage = _Stages(progress or Silent())
+    stage("reading logs")
     kept, other = _read(study, logs), _read(study, apart) if apart else ()
     try:
-        found = calibrate(study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=told)
+        found = calibrate(
+            study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=stage
+        )
     except ProblemError as error:
         raise study.error(error.flaws) from None
-    told.done()
+    stage.done()
     record = estimate_of(
         found,
         oed_version=package_version("oed"),

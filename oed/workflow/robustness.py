@@ -129,7 +129,7 @@ def _tried(solution: Solution) -> Tried:
         solution.evaluation,
         name=solution.name,
         back_off=None if robust is None else robust.reach,
-        added=None if robust is None else len(robust.kept),
+        added=None if robust is None else len(robust.added_scenarios),
     )
 
 

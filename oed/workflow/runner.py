@@ -12,7 +12,7 @@ from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
 from oed.foundation.errors import NotFinite
-from oed.foundation.names import file_stem
+from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
 from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import A, Criterion, D, E

@@ -42,9 +42,9 @@ from oed.robots.sensors.logged import Noise
 
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 SITS = (0.11, -0.06, 0.15)
-OFFSET = PythonRobot(object="oed.robots.models.offset_drive:OffsetDrive", wheel_radius=0.05, track=0.2).made(
-    Model
-)
+OFFSET = PythonRobot(
+    object="oed.robots.models.differential_drive:OffsetDrive", wheel_radius=0.05, track=0.2
+).made(Model)
 ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.2)
 
 CASES: dict[str, tuple[Model, dict[str, float], tuple[str, ...]]] = {

@@ -39,7 +39,7 @@ def test_twists_are_those_asked_for_of_a_robot_that_lags():
     drive = Trajectory.from_samples(
         np.random.default_rng(0).uniform(-2, 2, (30, 2)), 6.0, (0, 0, 0, 0), rest_to_rest=False
     )
-    (found,) = commands(lagging, drive)
+    (found,) = commands(lagging.model, drive)
     right, left = 0.05 * drive.inputs.T
     asked = np.column_stack([(right + left) / 2, 0 * right, (right - left) / 0.2])
     assert found.twists[:-1] == pytest.approx(asked, abs=1e-14)
@@ -87,7 +87,7 @@ class TestCommands:
     def test_at_the_own_rate_the_robot_does_what_the_design_says(self):
         study = study_of()
         drive = winding(study)
-        (run,) = commands(study.problem, drive)
+        (run,) = commands(study.problem.model, drive)
         assert run.rate == pytest.approx(4.0)
         assert run.times == pytest.approx(np.arange(9) * 0.25)
         assert np.array_equal(run.inputs[:-1], drive.inputs)
@@ -98,7 +98,7 @@ class TestCommands:
     def test_at_a_multiple_of_it_too(self, rate: float):
         study = study_of()
         drive = winding(study)
-        (run,) = commands(study.problem, drive, rate)
+        (run,) = commands(study.problem.model, drive, rate)
         every = round(rate / 4)
         assert run.poses[::every] == pytest.approx(simulated(study.problem.model, drive), abs=1e-11)
 
@@ -107,13 +107,13 @@ class TestCommands:
         # The heading of two wheels follows from the angles turned alone.
         study = study_of()
         drive = winding(study)
-        (run,) = commands(study.problem, drive, rate)
+        (run,) = commands(study.problem.model, drive, rate)
         assert run.turned[-1] == pytest.approx(drive.inputs.sum(axis=0) * drive.period)
         assert run.poses[-1, 2] == pytest.approx(simulated(study.problem.model, drive)[-1, 2])
 
     def test_twists_are_the_robots(self):
         study = study_of()
-        (run,) = commands(study.problem, winding(study))
+        (run,) = commands(study.problem.model, winding(study))
         right, left = run.inputs.T
         assert run.twists[:, 0] == pytest.approx((0.051 * right + 0.049 * left) / 2)
         assert run.twists[:, 1] == pytest.approx(0.0)
@@ -121,14 +121,14 @@ class TestCommands:
 
     def test_the_last_command_stops_and_leaves_the_steering(self):
         study = study_of(TRICYCLE, STEERED)
-        (run,) = commands(study.problem, winding(study))
+        (run,) = commands(study.problem.model, winding(study))
         assert run.inputs[-1].tolist() == [0.0, run.inputs[-2, 1]]
         assert run.twists[-1].tolist() == [0.0, 0.0, 0.0]
 
     @pytest.mark.parametrize("rate", [None, 7.0])
     def test_every_joint_moves_by_its_velocity(self, rate: float | None):
         study = study_of(TRICYCLE, STEERED)
-        (run,) = commands(study.problem, winding(study), rate)
+        (run,) = commands(study.problem.model, winding(study), rate)
         assert np.diff(run.positions, axis=0) == pytest.approx(run.velocities[:-1] / run.rate)
         assert run.positions[:, 1] == pytest.approx(run.inputs[:, 1])
         assert run.velocities[-1].tolist() == [0.0, 0.0]
@@ -136,7 +136,7 @@ class TestCommands:
     def test_runs_begin_at_their_own_starts(self):
         study = study_of(runs=2)
         drive = winding(study)
-        first, second = commands(study.problem, drive, 8.0)
+        first, second = commands(study.problem.model, drive, 8.0)
         assert first.poses[0] == pytest.approx(drive.starts[0])
         assert second.poses[0] == pytest.approx(drive.starts[1])
         assert first.times[0] == second.times[0] == 0.0
@@ -158,7 +158,7 @@ class TestCommands:
 )
 def test_joint_names(robot: str, limits: str, joints: list[str]):
     model = study_of(robot, limits).problem.model
-    assert [joint_name(model, name) for name in model.input_names] == joints
+    assert [joint_name(entry) for entry in model.inputs] == joints
 
 
 class TestMistakes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pickle
+from itertools import chain
 
 import pytest
 
@@ -34,7 +35,8 @@ def test_every_attribute_has_a_new_name():
         kinds = [kind for kind in Renamed.__subclasses__() if kind.__name__ == name]
         for kind in kinds:
             for old, new in renamed.items():
-                assert new in {*vars(kind), *getattr(kind, "__dataclass_fields__", ())}, f"{name}.{old}"
+                fields = (getattr(kind, name, ()) for name in ("__dataclass_fields__", "model_fields"))
+                assert new in {*vars(kind), *chain(*fields)}, f"{name}.{old}"
 
 
 def test_an_attribute_by_its_old_name():

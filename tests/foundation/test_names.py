@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from oed.cli.terminal.console import print_results
 from oed.cli.terminal.messages import say, tell
 from oed.foundation.errors import FileFlaw, Flaw, UserMistake
-from oed.foundation.files import inside
-from oed.foundation.names import file_stem, name_flaw
+from oed.foundation.files import file_stem, inside, name_flaw
 from oed.foundation.shown import shown
 from oed.records.stored.result import Result
 

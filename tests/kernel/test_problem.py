@@ -194,7 +194,7 @@ class TestEstimate:
         measurement = Displacements(segments=4, regressor=regressor)
         found = flaws_of(measurement=measurement, estimate=names)
         assert list(found) == ["estimate"]
-        assert f"{names[0]} cannot be estimated from displacements, which tell c" in found["estimate"]
+        assert f"{names[0]} cannot be estimated from displacements, which identify c" in found["estimate"]
 
     def test_a_robot_without_coefficients_names_its_parameters_only(self):
         found = flaws_of(model=Unicycle(), measurement=POSES, estimate=("c11",), limits=())

@@ -144,7 +144,7 @@ class TestRaised:
         normal = {**RADII, "distribution": "normal"}
         problem = robust_problem(robust=tightened(kind=kind), within=normal)
         solution = solve(problem, Larger(), seed=3, workers=1)
-        kept = solution.robust.kept
+        kept = solution.robust.added_scenarios
         assert len(Larger.asked) > 1
         assert 0 < len(kept) <= ADDED * (len(Larger.asked) - 2)
         assert enough(problem, solution)

@@ -16,7 +16,7 @@ from own_parts import OWN_PARTS
 import oed
 from oed.cli import main
 from oed.foundation.errors import RecordError, StudyError, UserMistake
-from oed.foundation.own import modules
+from oed.foundation.own import code
 from oed.kernel.criteria import PythonCriterion
 from oed.records.record import load_record, save_record
 from oed.records.recorded_study import recorded_study
@@ -54,9 +54,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def forget() -> None:
     """Let modules be read anew, as another process would."""
-    for name in [name for name in sys.modules if name.startswith(modules.PREFIX)]:
+    for name in [name for name in sys.modules if name.startswith(code.PREFIX)]:
         del sys.modules[name]
-    modules._packages.clear()
+    code._packages.clear()
 
 
 def load(folder: Path, text: str = STUDY, module: str = OWN_PARTS) -> Study:

@@ -403,11 +403,11 @@ class TestSensors:
         assert (flaw.line, flaw.key) == (line_of(text, "prior"), "prior")
         assert "scaling: relative" in flaw.message
 
-    def test_what_displacements_do_not_tell(self):
+    def test_what_displacements_do_not_identify(self):
         text = small(estimate="[track]")
         (flaw,) = flaws_of(text)
         assert (flaw.line, flaw.key) == (line_of(text, "estimate"), "estimate")
-        assert "track cannot be estimated from displacements, which tell c21, c22" in flaw.message
+        assert "track cannot be estimated from displacements, which identify c21, c22" in flaw.message
 
     @pytest.mark.parametrize("value", ["[]", "[3]", "[[]]"])
     def test_lists_of_no_sensors(self, value: str):

@@ -305,7 +305,7 @@ class TestScenarios:
     def test_further_robots_are_kept_as_well(self, kind: str):
         far = (0.06, 0.04, 0.2)
         problem, drive = made(CASES["rectangle"], Robust(kind=kind))
-        more = replace(problem, robust=Robust(kind=kind, kept=(far,)))
+        more = replace(problem, robust=Robust(kind=kind, added_scenarios=(far,)))
         expected = min(
             workspace_margin(problem, drive), workspace_margin(*other(problem, drive, np.array(far)))
         )
@@ -387,15 +387,15 @@ class TestOptions:
         worst = np.arange(12.0).reshape(4, 3)
         careful = Robust(confidence=0.9).tighter(worst)
         assert careful.reach == pytest.approx(1.15 * Robust(confidence=0.9).reach)
-        assert careful.kept == ()
+        assert careful.added_scenarios == ()
         assert careful.tighter(worst).reach == pytest.approx(1.15 * careful.reach)
 
     @pytest.mark.parametrize("kind", ["tube", "scenarios"])
     def test_tighter_is_more_robots(self, kind: str):
         first = Robust(kind=kind).tighter(np.arange(12.0).reshape(4, 3))
         second = first.tighter(10 * np.ones((1, 3)))
-        assert first.kept == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
-        assert second.kept == (*first.kept, (10.0, 10.0, 10.0))
+        assert first.added_scenarios == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
+        assert second.added_scenarios == (*first.added_scenarios, (10.0, 10.0, 10.0))
         assert second.reach == Robust(kind=kind).reach
 
     @pytest.mark.parametrize(
@@ -427,6 +427,6 @@ class TestOptions:
 
     def test_robots_kept_have_a_value_for_everything_uncertain(self):
         with pytest.raises(ProblemError, match="expected 3 values each"):
-            robust_problem(robust=Robust(kept=((0.05, 0.05),)), within=RADII)
+            robust_problem(robust=Robust(added_scenarios=((0.05, 0.05),)), within=RADII)
         with pytest.raises(ProblemError, match="y, y, run 2"):
-            robust_problem(robust=Robust(kept=((0.05,),)), within={"y": "1 cm"}, design=TWO_RUNS)
+            robust_problem(robust=Robust(added_scenarios=((0.05,),)), within={"y": "1 cm"}, design=TWO_RUNS)

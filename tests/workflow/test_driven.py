@@ -51,9 +51,9 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     )
     best = record.best
     assert found.best == (best.name, best.objective)
-    assert found.first.share_of_best == pytest.approx(found.first.result.objective / best.objective)
+    assert found.first.efficiency == pytest.approx(found.first.result.objective / best.objective)
     assert found.bound >= best.objective
-    assert 0 < found.first.share_of_bound <= found.first.share_of_best
+    assert 0 < found.first.share_of_bound <= found.first.efficiency
 
 
 def test_what_is_found_in_the_log_is_told(study, record, saved, tmp_path, capsys):
@@ -76,12 +76,12 @@ def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path)
 def test_a_path_file_is_scored_as_it_is(study, record, saved):
     found = score_path(study, saved / "figure_eight.csv", saved)
     assert found.first.result.objective == pytest.approx(record.result("figure_eight").objective)
-    assert found.first.share_of_best is not None
+    assert found.first.efficiency is not None
 
 
 def test_records_of_other_problems_are_not_compared_with(study, saved):
     other = parse_study(STUDY.replace("33 mm", "34 mm"))
-    assert score_path(other, saved / "square.csv", saved).first.share_of_best is None
+    assert score_path(other, saved / "square.csv", saved).first.efficiency is None
 
 
 def test_a_robot_that_never_moves(study, tmp_path):

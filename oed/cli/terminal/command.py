@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from oed.cli.terminal.messages import print_json, say, tell
+from oed.foundation.shown import shown
 
 if TYPE_CHECKING:
     from oed.foundation.errors import Failure, OedError
@@ -49,53 +52,88 @@ def saved(work: Callable[[], Found]) -> tuple[Found, Failure | None]:
         return cast("Found", error.found), error
 
 
-def reported(work: Callable[[], Path], folder: str | Path) -> tuple[Path | None, OedError | None]:
-    """The page that work writes of what is saved in a folder; None, and the error, where it cannot.
+@dataclass
+class CommandResult:
+    """Where a command has saved what it found, and what is wrong with that.
 
-    The error says that the record is saved, and how the report is made.
-
-    Raises:
-        Failure: interrupted; says the same.
+    Attributes:
+        folder: where it is saved; None where it is not.
+        out: where it was to be saved; None for nowhere.
+        trouble: why it could not be saved, or the page of it not be written.
+        interrupted: whether the work was cut short.
+        hint: what else to say then.
+        page: the page of what is saved; None without one.
     """
-    from oed.foundation.errors import Failure, OedError
 
-    later = f"the record is saved: `oed report {folder}` makes the report"
-    try:
-        return work(), None
-    except KeyboardInterrupt:
-        raise Failure(f"interrupted; {later}") from None
-    except (OedError, OSError) as error:
-        return None, Failure(f"{error}; {later}")
+    folder: Path | None
+    out: Path | None
+    trouble: OedError | None
+    interrupted: bool = False
+    hint: str = ""
+    page: Path | None = None
 
+    @property
+    def place(self) -> dict[str, str | None]:
+        """Where, and what is wrong, for JSON."""
+        directory = {"directory": None if self.folder is None else str(self.folder)}
+        return directory if self.trouble is None else {**directory, "error": str(self.trouble)}
 
-def cut_short(folder: Path | None, out: Path | None) -> str:
-    """Where an interrupted run into `out` is kept, in a line."""
-    from oed.foundation.work.folders import kept_in
+    def report(self, write: Callable[[], Path]) -> None:
+        """Have the page written of what is saved.
 
-    if out is None:
-        return "interrupted: this is what had been done by then"
-    kept = "nothing had been found by then" if folder is None else kept_in(folder)
-    untouched = f"; {out} is as it was" if folder != out else ""
-    return f"interrupted: {kept}{untouched}"
+        Raises:
+            Failure: interrupted; says that the record is saved, and how the report is made.
+        """
+        from oed.foundation.errors import Failure, OedError
 
+        # Whoever interrupts waits for nothing that can be made later.
+        if self.folder is None or self.interrupted:
+            return
+        later = f"the record is saved: `oed report {self.out}` makes the report"
+        try:
+            self.page = write()
+        except KeyboardInterrupt:
+            raise Failure(f"interrupted; {later}") from None
+        except (OedError, OSError) as error:
+            self.trouble = Failure(f"{error}; {later}")
 
-def place(folder: Path | None, trouble: Exception | None) -> dict[str, str | None]:
-    """Where results are saved, and what is wrong with that, for JSON."""
-    directory = {"directory": None if folder is None else str(folder)}
-    return directory if trouble is None else {**directory, "error": str(trouble)}
+    def show(
+        self,
+        options: argparse.Namespace,
+        data: Mapping[str, Any],
+        lines: Callable[[], None],
+        notes: Iterable[str] = (),
+    ) -> None:
+        """Print what was found and, on standard error, what is to be known of it.
 
-
-def noted(notes: Sequence[str], trouble: Exception | None) -> None:
-    """Say on standard error what is to be known of a run."""
-    from oed.cli.terminal.messages import say
-    from oed.foundation.shown import shown
-    from oed.workflow.runner import CUT_SHORT
-
-    for note in notes:
-        if note != CUT_SHORT:
+        Args:
+            options: of the command, `json` among them.
+            data: what was found, for JSON.
+            lines: prints it for readers.
+            notes: on it.
+        """
+        if options.json:
+            print_json(data)
+        else:
+            lines()
+            if self.page is not None:
+                tell(f"report: {self.page}")
+        for note in notes:
             say(shown(f"note: {note}"))
-    if trouble is not None:
-        say(str(trouble))
+        if self.trouble is not None:
+            say(str(self.trouble))
+        elif self.interrupted:
+            say(f"interrupted: {self._kept}{self.hint}")
+
+    @property
+    def _kept(self) -> str:
+        # What had been done by then, in words.
+        from oed.foundation.work.folders import kept_in
+
+        if self.out is None:
+            return "this is what had been done by then"
+        kept = "nothing had been found by then" if self.folder is None else kept_in(self.folder)
+        return kept if self.folder == self.out else f"{kept}; {self.out} is as it was"
 
 
 def verdict(record: Record) -> int:

@@ -128,8 +128,8 @@ def print_worth(found: DrivenPaths) -> None:
     """The information of driven paths, as a share of the best design's and of what no drive exceeds."""
     for one in found.paths:
         shares = []
-        if one.share_of_best is not None and found.best is not None:
-            shares.append(f"{percent(one.share_of_best)} of the best design known ({found.best[0]})")
+        if one.efficiency is not None and found.best is not None:
+            shares.append(f"{percent(one.efficiency)} of the best design known ({found.best[0]})")
         if one.share_of_bound is not None:
             shares.append(f"at least {percent(one.share_of_bound)} of what any drive of the study can give")
         if shares:

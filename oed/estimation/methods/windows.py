@@ -44,7 +44,7 @@ def usual_seconds(layout: SegmentLayout) -> float:
 
 def require_windows(layout: SegmentLayout, unknowns: Unknowns, method: Method) -> None:
     """Raise ProblemError unless windows show whole motions that nothing but the inputs and the poses at their
-    ends tell, and more of them than there are unknowns.
+    ends determine, and more of them than there are unknowns.
 
     Args:
         layout: of the logs.

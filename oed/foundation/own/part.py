@@ -18,8 +18,7 @@ from pydantic import ConfigDict, ValidationError, model_validator
 
 from oed.foundation.component import Component
 from oed.foundation.errors import OedError, UserMistake
-from oed.foundation.own.code import in_words, lent_streams
-from oed.foundation.own.place import class_at, place_of
+from oed.foundation.own.code import class_at, in_words, lent_streams, place_of
 
 UNMADE = {"code": "is not run"}
 """Pydantic's context in which parts of the user's own are read as the names they are."""

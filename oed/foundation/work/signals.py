@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -40,18 +40,23 @@ def ending_alike() -> Iterator[None]:
         yield
         return
     # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
-    before = {number: signal.getsignal(number) for number in ENDING}
-    own = (signal.SIG_DFL, signal.default_int_handler)
-    taken = [number for number, handler in before.items() if handler in own]
-    ending = Ending()
-    for number in taken:
-        signal.signal(number, ending)
+    own, ending = (signal.SIG_DFL, signal.default_int_handler), Ending()
+    with _handled({number: ending for number in ENDING if signal.getsignal(number) in own}):
+        try:
+            yield
+        finally:
+            ending.forget()
+
+
+@contextmanager
+def _handled(handlers: Mapping[int, Callable[[int, FrameType | None], Any]]) -> Iterator[None]:
+    # Answer signals by other handlers while the context lasts.
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
     finally:
-        ending.forget()
-        for number in taken:
-            signal.signal(number, before[number])
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Ending:
@@ -108,14 +113,8 @@ def noted() -> Iterator[list[int]]:
     def note(number: int, frame: FrameType | None) -> None:
         caught.append(number)
 
-    before = answered()
-    for number in before:
-        signal.signal(number, note)
-    try:
+    with _handled(dict.fromkeys(answered(), note)):
         yield caught
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def answered() -> dict[int, Any]:
@@ -141,20 +140,15 @@ def interrupts_named() -> Iterator[None]:
 
         return note
 
-    before = answered()
-    for number, answer in before.items():
-        signal.signal(number, noting(answer))
     try:
-        yield
+        with _handled({number: noting(answer) for number, answer in answered().items()}):
+            yield
     except (OedError, OSError):
         raise
     except Exception as error:
         if not (signalled or _tells_of_interrupt(error)):
             raise
         raise _interrupt(error) from None
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _tells_of_interrupt(error: Exception) -> bool:

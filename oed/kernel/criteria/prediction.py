@@ -31,7 +31,7 @@ from oed.kernel.measurement.square_root import SquareRoot
 FAINT = 1e-8
 """Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
 
-It leaves factors to matrices of drives that tell no more than what the predictions need.
+It leaves factors to matrices of drives that identify no more than what the predictions need.
 """
 
 

@@ -62,7 +62,7 @@ class ModifiedE(RootCriterion):
 
     It asks for equally good precision in all directions, however poor. Maximised as -k with
     s F - I = L L' and k I - s F = M M', s free: without a quotient of eigenvalues. Only s <= 1/`FAINTEST`
-    keeps a search from drives that tell nothing, and that equally well.
+    keeps a search from drives that identify nothing, and that equally well.
     """
 
     number: ClassVar[str] = "-cond(F)"

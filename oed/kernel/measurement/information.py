@@ -170,7 +170,7 @@ def scaling_flaws(
     flaws = []
     for block, names in zip(blocks, chosen, strict=True):
         if block.noise is None:
-            text = f"the {block.name} noise is needed to weigh the information (or use scaling: none)"
+            text = f"the {block.name} noise is needed to weight the information (or use scaling: none)"
             flaws.append(Flaw(("measurement", "noise"), text))
         if scaling == "relative":
             zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]

@@ -11,7 +11,7 @@ from oed.kernel.dynamics.expression import Expression
 PIVOT = 1e-14
 """Share of a diagonal entry below which what is left of it is rounding, and fades out as a pivot.
 
-What nothing tells (a lever arm on a straight), alone or beside the others, is then eliminated as if it were
+What is not identifiable (a lever arm on a straight), alone or beside the others, is then eliminated as if
 known in no way, smoothly, rather than by a division of rounding by rounding.
 """
 NOTHING = 1e-60

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
-from oed.foundation.names import identifier_flaw, name_flaw
+from oed.foundation.files import identifier_flaw, name_flaw
 from oed.foundation.quantities import LARGEST as FARTHEST
 from oed.records.numbers import plain
 

@@ -14,7 +14,7 @@ from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.reading import NOWHERE, heading, segments, with_drive
 from oed.robots.limits import Obstacle, Workspace
-from oed.robots.limits.outline import Outline
+from oed.robots.limits.shapes import Outline
 from oed.robots.models.arcs import finer, goes_sideways, signed_speeds
 
 Array = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ from oed.report.figures import spec
 from oed.report.figures.driven import Array, Box, Path, Room, Run
 from oed.report.figures.spec import FAINT, INK, WIDTH, Look, legend_columns, mark, stroke
 from oed.report.parts.reading import NOWHERE
-from oed.robots.limits.outline import Outline
+from oed.robots.limits.shapes import Outline
 
 BEYOND = 0.3
 """How far beyond the limits a panel shows a drive that breaks them, as a share of the limits' width."""

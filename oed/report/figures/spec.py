@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.text import unit_text
-from oed.robots.limits.outline import Outline
+from oed.robots.limits.shapes import Outline
 
 Array = npt.NDArray[np.float64]
 Look = Mapping[str, Any]

@@ -23,7 +23,7 @@ from oed.report.parts.inputs import Group, Series, groups_of, series_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import in_place, runs_of, segments, with_drive
 from oed.report.parts.section import Animation, Picture, Section
-from oed.robots.limits.outline import Outline
+from oed.robots.limits.shapes import Outline
 
 SAY = Prose("drives")
 DASHES = ("solid", "dashed", "dash-dotted", "dotted")

@@ -5,18 +5,11 @@ as the limits allow and stretched in time to the study's duration; a second vari
 a given design, as the paper's comparison has.
 """
 
-from oed.robots.baselines.paths import baselines
-from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, BaselineName, Move, Pattern
-from oed.robots.baselines.suitability import baseline_flaws, suited
-
-__all__ = [
-    "NAMES",
-    "PATTERNS",
-    "RANDOM",
-    "BaselineName",
-    "Move",
-    "Pattern",
-    "baseline_flaws",
-    "baselines",
-    "suited",
-]
+from oed.robots.baselines.paths import baseline_flaws as baseline_flaws
+from oed.robots.baselines.paths import baselines as baselines
+from oed.robots.baselines.paths import suited as suited
+from oed.robots.baselines.patterns import NAMES as NAMES
+from oed.robots.baselines.patterns import PATTERNS as PATTERNS
+from oed.robots.baselines.patterns import RANDOM as RANDOM
+from oed.robots.baselines.patterns import BaselineName as BaselineName
+from oed.robots.baselines.patterns import Move as Move

@@ -1,4 +1,4 @@
-"""Families of drives of one form: the largest that keeps the limits, and the one of a given length."""
+"""Families of drives of one form: the largest that satisfies the limits, and the one of a given length."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Shape:
 
 
 def largest(problem: Problem, shape: Shape) -> Trajectory:
-    """The largest size that keeps every limit; where none does, a small one, whose violations say why."""
+    """The largest size that satisfies every limit; where none does, a small one, whose violations say why."""
 
     def exceeded(size: float) -> frozenset[str]:
         return _exceeded(problem, shape.drive(size, 1))
@@ -66,7 +66,7 @@ def largest(problem: Problem, shape: Shape) -> Trajectory:
 
 
 def _scanned(exceeded: Callable[[float], frozenset[str]], most: float) -> tuple[float, float] | None:
-    # A size that keeps the limits and the next larger one that does not (or the same, for the largest of
+    # A size that satisfies the limits and the next larger one that does not (or the same, for the largest of
     # all). A limit of turning forbids small sizes, so that the sizes that fit are an interval.
     above = exceeded(most)
     if not above:

@@ -8,13 +8,10 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools, Places
 from oed.robots.baselines.patterns import Move
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 SPEED_STEPS = 8
 """Newton steps on a move's speeds; without slip the first one is exact."""
@@ -50,12 +47,15 @@ class Kinematics:
         self.drives = [place for place, entry in enumerate(model.inputs) if entry.drives]
         self.steers = [place for place, entry in enumerate(model.inputs) if not entry.drives]
         self.reach = np.array([min(0.999 * model.inputs[place].below, math.pi) for place in self.steers])
-        self.sideways = _rank(model, [0, 1, 2]) == 3
-        self.rows = [0, 1, 2] if self.sideways else [0, 2]
-        self.free = not self.steers and _rank(model, self.rows) == len(self.rows)
         inputs = ca.SX.sym("inputs", len(model.inputs))
-        twist = ca.vertcat(*(model.twist(inputs, ca.DM(model.nominal))[row] for row in self.rows))
-        slopes = ca.jacobian(twist, inputs)
+        twist = model.twist(inputs, ca.DM(model.nominal))
+        # How much the inputs choose independently shows where they have no symmetries.
+        slopes = ca.Function("slopes", [inputs], [ca.densify(ca.jacobian(twist, inputs))])
+        typical = np.array(slopes(np.linspace(0.5, 0.9, len(model.inputs))))
+        self.sideways = _rank(typical) == 3
+        self.rows = [0, 1, 2] if self.sideways else [0, 2]
+        self.free = not self.steers and _rank(typical[self.rows]) == len(self.rows)
+        twist = ca.vertcat(*(twist[row] for row in self.rows))
         wanted, speeds = ca.SX.sym("wanted", len(self.rows)), ca.SX.sym("speeds", len(self.drives))
         angles = ca.SX.sym("angles", len(self.steers))
         entries = dict(zip(self.drives, ca.vertsplit(speeds), strict=True))
@@ -65,7 +65,7 @@ class Kinematics:
         newton = speeds - ca.pinv(ca.jacobian(residual, speeds)) @ residual
         self._newton = lru_cache(maxsize=64)(ca.Function("newton", [speeds, angles, wanted], [newton]).map)
         self._twist = lru_cache(maxsize=64)(
-            ca.Function("twist", [inputs], [twist, ca.vec(ca.densify(slopes))]).map
+            ca.Function("twist", [inputs], [twist, ca.vec(ca.densify(ca.jacobian(twist, inputs)))]).map
         )
 
     def wanted(self, moves: Sequence[Move]) -> Array:
@@ -88,7 +88,7 @@ class Kinematics:
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values
 
-    def directions(self, moves: Sequence[Move], bounds: Array) -> tuple[Array, Flags]:
+    def directions(self, moves: Sequence[Move], bounds: Array) -> tuple[Array, Bools]:
         """Inputs (moves, inputs) that make each move in one second, and whether the robot can make it.
 
         Steering angles keep to their `bounds` (inputs, 2) where some within them make the move; beyond them
@@ -107,7 +107,7 @@ class Kinematics:
         order = [distinct.index(move) for move in moves]
         return values[order], made[order]
 
-    def _unhurried(self, wanted: Array, angles: Array) -> tuple[Array, Flags]:
+    def _unhurried(self, wanted: Array, angles: Array) -> tuple[Array, Bools]:
         # Inputs that make each move in one second, and whether they do. A robot that slips may turn no faster
         # than so: from the fraction of the speed that it can make, as if it slipped no more.
         values = self.inputs(wanted, angles)
@@ -122,7 +122,7 @@ class Kinematics:
             values[left[made[left]]] = found[made[left]]
         return values, made
 
-    def _makes(self, values: Array, wanted: Array) -> Flags:
+    def _makes(self, values: Array, wanted: Array) -> Bools:
         missed = np.abs(self._linear(values)[0] - wanted).max(axis=1)
         return np.asarray(missed <= MADE * np.abs(wanted).max(axis=1))
 
@@ -131,7 +131,7 @@ class Kinematics:
         twists, slopes = (np.array(part) for part in self._twist(len(values))(values.T))
         return twists.T, slopes.T.reshape(len(values), values.shape[1], -1).transpose(0, 2, 1)
 
-    def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Flags]:
+    def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Bools]:
         # Angles (moves, steers) that allow each move, within their bounds where possible.
         far = np.stack([-self.reach, self.reach], axis=1)
         near = np.clip(bounds[self.steers], far[:, :1], far[:, 1:])
@@ -141,7 +141,7 @@ class Kinematics:
             angles[~found] = np.where(solved[:, None], others, angles[~found])
         return angles, found
 
-    def _searched(self, wanted: Array, box: Array, bounds: Array) -> tuple[Array, Flags]:
+    def _searched(self, wanted: Array, box: Array, bounds: Array) -> tuple[Array, Bools]:
         # Angles in `box` (steers, 2) by a damped Newton method from many starts, and whether they fit.
         scale = np.abs(wanted).max(axis=1, keepdims=True)
         scale[scale == 0] = 1.0
@@ -164,7 +164,7 @@ class Kinematics:
         chosen = np.arange(len(wanted)), best
         return values.reshape(*shape, -1)[chosen][:, self.steers], missed.reshape(shape)[chosen] < MADE
 
-    def _preferred(self, values: Array, missed: Array, bounds: Array) -> npt.NDArray[np.int64]:
+    def _preferred(self, values: Array, missed: Array, bounds: Array) -> Places:
         # For each move: what makes it, drives in no forbidden direction, steers least, drives forwards.
         speeds = values[:, :, self.drives]
         low, high = bounds[self.drives].T
@@ -181,12 +181,7 @@ def kinematics(model: Model) -> Kinematics:
     return Kinematics(model)
 
 
-def _rank(model: Model, rows: list[int]) -> int:
-    # How many of the twist's `rows` depend on the inputs independently, at inputs without symmetries.
-    inputs = ca.SX.sym("inputs", len(model.inputs))
-    slopes = ca.jacobian(model.twist(inputs, ca.DM(model.nominal)), inputs)
-    typical = np.linspace(0.5, 0.9, len(model.inputs))
-    matrix = np.array(ca.Function("slopes", [inputs], [ca.densify(slopes)])(typical))[rows]
+def _rank(matrix: Array) -> int:
     return int(np.linalg.matrix_rank(matrix, tol=1e-6 * np.abs(matrix).max()))
 
 

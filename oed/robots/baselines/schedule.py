@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import Kinematics, kinematics
 from oed.robots.baselines.patterns import Move
 from oed.robots.limits.workspace import workspace_of
 
-Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 STEERING_TIME = 0.25
@@ -128,7 +128,7 @@ def _changes(problem: Problem, held: Array) -> list[_Change]:
     rest = np.zeros((1, held.shape[1]))
     ends = (rest, rest) if space.rest_to_rest else (held[:1], held[-1:])
     via = np.vstack([ends[0], held, ends[1]])
-    bounds, changes = rate_bounds(problem)[steers], []
+    bounds, changes = problem.rate_bounds[steers], []
     for index, (before, after) in enumerate(pairwise(via)):
         first, last = index == 0, index == len(held)
         seconds = _steering_time(after - before, bounds)
@@ -185,7 +185,7 @@ class Trapezoid:
     def fastest(cls, problem: Problem, direction: Array) -> Trapezoid:
         """The fastest progress along inputs `direction` (inputs,) that speed and acceleration allow."""
         drives = kinematics(problem.model).drives
-        speeds, rates, values = problem.input_bounds[drives], rate_bounds(problem)[drives], direction[drives]
+        speeds, rates, values = problem.input_bounds[drives], problem.rate_bounds[drives], direction[drives]
         speed = min(most(value, low, high) for value, (low, high) in zip(values, speeds, strict=True))
         rate = min(
             min(most(value, low, high), most(-value, low, high))
@@ -223,12 +223,3 @@ def most(value: float, low: float, high: float) -> float:
     """
     bound = (high if value > 0 else -low) or max(abs(low), abs(high))
     return math.inf if value == 0 else abs(bound / value)
-
-
-def rate_bounds(problem: Problem) -> Array:
-    """Bounds (inputs, 2) that the limits set on each input's rate."""
-    bounds = np.tile([-np.inf, np.inf], (len(problem.model.inputs), 1))
-    for limit in problem.limits:
-        for name, pair in limit.rate_bounds(problem.model).items():
-            bounds[problem.model.input_names.index(name)] = pair
-    return bounds

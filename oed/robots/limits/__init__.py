@@ -3,24 +3,31 @@
 from typing import Annotated, Any
 
 from oed.foundation.component import OneOf
-from oed.kernel.limit import Limit, Rows
-from oed.robots.limits.body_motion import BodySpeed, LateralAcceleration, TurningRadius, YawRate
-from oed.robots.limits.end_pose import EndHeading, EndPosition
-from oed.robots.limits.inputs import SteeringAngle, SteeringRate, WheelAcceleration, WheelJerk, WheelSpeed
-from oed.robots.limits.path_length import PathLength
-from oed.robots.limits.python_limit import PythonLimit
-from oed.robots.limits.trailer_angle import TrailerAngle
-from oed.robots.limits.workspace import (
-    WORKSPACES,
-    Circle,
-    CircularObstacle,
-    Obstacle,
-    Obstacles,
-    Polygon,
-    PolygonalObstacle,
-    Rectangle,
-    Workspace,
-)
+from oed.kernel.limit import Limit as Limit
+from oed.kernel.limit import Rows as Rows
+from oed.robots.limits.body_motion import BodySpeed as BodySpeed
+from oed.robots.limits.body_motion import LateralAcceleration as LateralAcceleration
+from oed.robots.limits.body_motion import PathLength as PathLength
+from oed.robots.limits.body_motion import TrailerAngle as TrailerAngle
+from oed.robots.limits.body_motion import TurningRadius as TurningRadius
+from oed.robots.limits.body_motion import YawRate as YawRate
+from oed.robots.limits.end_pose import EndHeading as EndHeading
+from oed.robots.limits.end_pose import EndPosition as EndPosition
+from oed.robots.limits.inputs import SteeringAngle as SteeringAngle
+from oed.robots.limits.inputs import SteeringRate as SteeringRate
+from oed.robots.limits.inputs import WheelAcceleration as WheelAcceleration
+from oed.robots.limits.inputs import WheelJerk as WheelJerk
+from oed.robots.limits.inputs import WheelSpeed as WheelSpeed
+from oed.robots.limits.workspace import WORKSPACES
+from oed.robots.limits.workspace import Circle as Circle
+from oed.robots.limits.workspace import CircularObstacle as CircularObstacle
+from oed.robots.limits.workspace import Obstacle as Obstacle
+from oed.robots.limits.workspace import Obstacles as Obstacles
+from oed.robots.limits.workspace import Polygon as Polygon
+from oed.robots.limits.workspace import PolygonalObstacle as PolygonalObstacle
+from oed.robots.limits.workspace import Rectangle as Rectangle
+from oed.robots.limits.workspace import Workspace as Workspace
+from oed.robots.own_parts import PythonLimit as PythonLimit
 
 LIMITS: dict[str, Any] = {
     one.name: Annotated[one, OneOf(WORKSPACES)] if one is Workspace else one
@@ -43,31 +50,3 @@ LIMITS: dict[str, Any] = {
     )
 }
 """What a study's `limits:` may hold: key -> type."""
-
-__all__ = [
-    "LIMITS",
-    "BodySpeed",
-    "Circle",
-    "CircularObstacle",
-    "EndHeading",
-    "EndPosition",
-    "LateralAcceleration",
-    "Limit",
-    "Obstacle",
-    "Obstacles",
-    "PathLength",
-    "Polygon",
-    "PolygonalObstacle",
-    "PythonLimit",
-    "Rectangle",
-    "Rows",
-    "SteeringAngle",
-    "SteeringRate",
-    "TrailerAngle",
-    "TurningRadius",
-    "WheelAcceleration",
-    "WheelJerk",
-    "WheelSpeed",
-    "Workspace",
-    "YawRate",
-]

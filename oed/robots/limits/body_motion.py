@@ -1,4 +1,4 @@
-"""Limits on how the body moves: speed, turning, what the tyres have to hold."""
+"""Limits on how the robot moves: speed, turning, what the tyres have to hold, its way, a trailer's angle."""
 
 from __future__ import annotations
 
@@ -9,29 +9,33 @@ from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Length, Unit
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
-from oed.kernel.dynamics.system import System, follows_state
-from oed.kernel.limit import BareLimit, LinearBound, Rows, TwoSided, magnitude, rest_flaws
+from oed.kernel.dynamics.system import System, follows_state, label_of
+from oed.kernel.limit import BareLimit, LinearBound, PathLimit, Rows, TwoSided, magnitude, rest_flaws
 from oed.robots.models.model import robot_of
 from oed.robots.models.twists import moves_sideways
 
-Array = npt.NDArray[np.float64]
 Acceleration = Annotated[float, Unit("m/s^2", "0.5 m/s^2")]
 CREEP = 2e-3
 """Yaw rate [rad/s] over which a turning radius, which rest has none of, is rounded."""
+SOFT = 1e-4
+"""Speed [m/s] over which the corner of the speed at rest is rounded, upwards, where a way is summed."""
+TRAILER = "trailer_angle"
+"""The state that a robot with a trailer has."""
 
 
 class MotionLimit(BareLimit):
     """A limit on how the robot moves, at each instant by itself."""
 
     looks_at: ClassVar[Literal["state"]] = "state"
+    unit: ClassVar[str]
 
     @abstractmethod
     def rows_at(self, motion: Expression, system: System) -> Rows:
@@ -54,6 +58,10 @@ class MotionLimit(BareLimit):
             if place in parts
         ]
 
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """Bounds that exclude rest."""
+        return rest_flaws(self, self.motion_bounds().values(), self.unit, space)
+
 
 class BodySpeed(MotionLimit):
     """The speed of the robot's origin within `bounds` [m/s]: forwards positive, backwards negative.
@@ -61,7 +69,7 @@ class BodySpeed(MotionLimit):
     A robot that also moves sideways keeps the whole speed below the larger bound.
     """
 
-    name: ClassVar[str] = "body_speed"
+    name, unit = "body_speed", "m/s"
     bounds: Annotated[tuple[float, float], TwoSided("m/s", "0.5 m/s")]
 
     def rows_at(self, motion: Expression, system: System) -> Rows:
@@ -70,48 +78,39 @@ class BodySpeed(MotionLimit):
         forward, count = motion[:, 0], motion.shape[0]
         size = max(abs(low), abs(high))
         if not moves_sideways(robot_of(system)):
-            return Rows(forward, np.full(count, low), np.full(count, high), size, "m/s")
+            return Rows(forward, np.full(count, low), np.full(count, high), size, self.unit)
         whole = magnitude(forward, motion[:, 1], size)
         lower, upper = np.full(2 * count, low), np.full(2 * count, high)
         lower[count:], upper[count:] = -np.inf, size
-        return Rows(ca.vertcat(forward, whole), lower, upper, size, "m/s")
+        return Rows(ca.vertcat(forward, whole), lower, upper, size, self.unit)
 
     def motion_bounds(self) -> dict[int, tuple[float, float]]:
         """The bounds of the forward speed; sideways no robot is faster than the larger bound."""
         size = max(map(abs, self.bounds))
         return {0: self.bounds, 1: (-size, size)}
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
-        """Bounds that exclude rest."""
-        return rest_flaws(self, [self.bounds], "m/s", space)
-
 
 class YawRate(MotionLimit):
     """The yaw rate within `bounds` [rad/s], to the left positive."""
 
-    name: ClassVar[str] = "yaw_rate"
-    in_degrees: ClassVar[bool] = True
+    name, unit, in_degrees = "yaw_rate", "rad/s", True
     bounds: Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
 
     def rows_at(self, motion: Expression, system: System) -> Rows:
         """Yaw rate."""
         count, (low, high) = motion.shape[0], self.bounds
         size = max(abs(low), abs(high))
-        return Rows(motion[:, 2], np.full(count, low), np.full(count, high), size, "rad/s")
+        return Rows(motion[:, 2], np.full(count, low), np.full(count, high), size, self.unit)
 
     def motion_bounds(self) -> dict[int, tuple[float, float]]:
         """The bounds of the yaw rate."""
         return {2: self.bounds}
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
-        """Bounds that exclude rest."""
-        return rest_flaws(self, [self.bounds], "rad/s", space)
-
 
 class LateralAcceleration(MotionLimit):
     """Speed times yaw rate at most `bounds` [m/s^2] to either side: what keeps tyres from slipping."""
 
-    name: ClassVar[str] = "lateral_acceleration"
+    name, unit = "lateral_acceleration", "m/s^2"
     bounds: Annotated[Acceleration, Field(gt=0)]
 
     def rows_at(self, motion: Expression, system: System) -> Rows:
@@ -121,7 +120,7 @@ class LateralAcceleration(MotionLimit):
         if moves_sideways(robot_of(system)):
             across = magnitude(across, lateral * yaw_rate, self.bounds)
         bound = np.full(motion.shape[0], self.bounds)
-        return Rows(across, -bound, bound, self.bounds, "m/s^2")
+        return Rows(across, -bound, bound, self.bounds, self.unit)
 
 
 class TurningRadius(MotionLimit):
@@ -132,7 +131,7 @@ class TurningRadius(MotionLimit):
     place -R / 3 at `CREEP`, and only below a twentieth of that (9e-5 rad/s) within what is tolerated.
     """
 
-    name: ClassVar[str] = "turning_radius"
+    name, unit = "turning_radius", "m"
     bounds: Annotated[Length, Field(gt=0)]
 
     def rows_at(self, motion: Expression, system: System) -> Rows:
@@ -142,7 +141,49 @@ class TurningRadius(MotionLimit):
         speed, needed = forward**2 + lateral**2, (radius * yaw_rate) ** 2
         margin = radius * (speed - needed) / (speed + needed + 2 * (CREEP * radius) ** 2)
         count = motion.shape[0]
-        return Rows(margin, np.zeros(count), np.full(count, np.inf), radius, "m")
+        return Rows(margin, np.zeros(count), np.full(count, np.inf), radius, self.unit)
+
+
+class PathLength(BareLimit):
+    """Each run no longer than `bounds` [m], as its battery (or cable) allows."""
+
+    name: ClassVar[str] = "path_length"
+    looks_at: ClassVar[Literal["run"]] = "run"
+    bounds: Annotated[Length, Field(gt=0)]
+
+    def rows(self, drive: Drive) -> Rows:
+        """One row per run: the distance that its origin travels, at most a tenth of a millimetre per second
+        more.
+        """
+        twist = drive.signals["twist"]
+        steps = ca.sqrt(twist[:, 0] ** 2 + twist[:, 1] ** 2 + SOFT**2) * drive.period
+        lengths = ca.vertcat(*(ca.sum1(run) for run in ca.vertsplit(steps, drive.samples)))
+        return Rows(lengths, np.full(drive.runs, -np.inf), np.full(drive.runs, self.bounds), self.bounds, "m")
+
+
+class TrailerAngle(BareLimit, PathLimit):
+    """The trailer's angle within `bounds` [rad]: 0 straight behind, before the trailer jackknifes."""
+
+    name: ClassVar[str] = "trailer_angle"
+    in_degrees: ClassVar[bool] = True
+    bounds: Annotated[tuple[float, float], TwoSided("rad", "60 deg")]
+
+    def rows_at(self, path: Expression, system: System) -> Rows:
+        """The angle at every point."""
+        angle = path[:, system.states.index(TRAILER)]
+        count, (low, high) = angle.shape[0], self.bounds
+        return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """A robot without a trailer, or bounds that exclude 0, where every run begins."""
+        low, high = self.bounds
+        if TRAILER not in system.states:
+            text = f"{label_of(system)} has no trailer"
+        elif not low <= 0 <= high:
+            text = f"[{low:g}, {high:g}] rad excludes 0, where every run begins"
+        else:
+            return []
+        return [Flaw(("limits", self.name), text)]
 
 
 @lru_cache(maxsize=32)

@@ -1,4 +1,4 @@
-"""Plane shapes as constraints: signed distances that an optimiser can follow.
+"""Plane shapes: as they are drawn, and as constraints, signed distances that an optimiser can follow.
 
 A convex shape's distance is smooth outside of it. So a room of any outline is its convex hull, an
 intersection of half-planes, less the pockets between hull and outline, taken apart into convex pieces; an
@@ -13,12 +13,12 @@ from itertools import combinations, pairwise
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 
-Array = npt.NDArray[np.float64]
 Point = tuple[float, float]
+Extent = tuple[float, float, float, float]
 
 SLIVER = 1e-9
 """Share of a shape's area (or length) below which a piece of it (or a bend) is rounding."""
@@ -26,6 +26,25 @@ NEAR = 1e-7
 """Share of the length of two edges within which they meet."""
 SOFT = 1e-6
 """Share of a shape's longest edge over which the corner of a distance to a point is rounded."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is drawn of a room or of what stands in it: a polygon, or a circle.
+
+    Attributes:
+        points: the polygon's corners in order, or the circle's centre [m].
+        radius: of the circle [m]; 0 of a polygon.
+    """
+
+    points: tuple[Point, ...]
+    radius: float = 0.0
+
+    @property
+    def extent(self) -> Extent:
+        """Bounding box (x_min, x_max, y_min, y_max) [m]."""
+        x, y = zip(*self.points, strict=True)
+        return min(x) - self.radius, max(x) + self.radius, min(y) - self.radius, max(y) + self.radius
 
 
 @dataclass(frozen=True)

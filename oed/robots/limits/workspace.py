@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,9 +18,10 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows, magnitude
-from oed.robots.limits.outline import Extent, Outline
 from oed.robots.limits.shapes import (
     ConvexShape,
+    Extent,
+    Outline,
     Point,
     Wall,
     convex_pieces,
@@ -82,6 +83,13 @@ class Area(PathLimit):
     @abstractmethod
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start that the limit does not allow."""
+
+
+def _clear(distances: Sequence[Expression], radius: float, size: float) -> Rows:
+    # Every distance (G, 1) [m] at least the robot's radius.
+    expression = ca.vertcat(*distances)
+    count = expression.shape[0]
+    return Rows(expression, np.full(count, radius), np.full(count, np.inf), size, "m")
 
 
 def _keeping(radius: float) -> str:
@@ -215,8 +223,7 @@ class Circle(Workspace):
     def rows_for(self, points: Expression, radius: float) -> Rows:
         """Distance of every point from the circle's line; the size is its radius."""
         away = magnitude(points[:, 0] - self.x, points[:, 1] - self.y, self.radius)
-        clearance, count = self.radius - away, points.shape[0]
-        return Rows(clearance, np.full(count, radius), np.full(count, np.inf), self.radius, "m")
+        return _clear([self.radius - away], radius, self.radius)
 
 
 class Polygon(Workspace):
@@ -258,16 +265,9 @@ class Polygon(Workspace):
         thinnest ends as well.
         """
         walls, pockets = self._parts
-        count = points.shape[0]
         clearances = [wall.clearance(points) for wall in walls]
         clearances += [pocket.clearance(points) for pocket in pockets]
-        return Rows(
-            ca.vertcat(*clearances),
-            np.full(count * len(clearances), radius),
-            np.full(count * len(clearances), np.inf),
-            self._size,
-            "m",
-        )
+        return _clear(clearances, radius, self._size)
 
 
 WORKSPACES: tuple[type[Workspace], ...] = (Rectangle, Circle, Polygon)
@@ -362,9 +362,7 @@ class Obstacles(Area):
         robot's radius together.
         """
         clearances = [part for shape in self.shapes for part in shape.clearances(points)]
-        count = len(clearances) * points.shape[0]
-        size = min(shape.size for shape in self.shapes) + radius
-        return Rows(ca.vertcat(*clearances), np.full(count, radius), np.full(count, np.inf), size, "m")
+        return _clear(clearances, radius, min(shape.size for shape in self.shapes) + radius)
 
     def start_flaw(self, where: str, radius: float) -> str:
         """What to say of a start inside one."""

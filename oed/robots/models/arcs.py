@@ -8,11 +8,10 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 
-Array = npt.NDArray[np.float64]
 Integration = Literal["arc", "midpoint"]
 
 FULL_TURN = 2 * math.pi - 0.05
@@ -77,21 +76,6 @@ def between(first: Array, last: Array, shares: Array) -> Array:
     return found
 
 
-def mean_speeds(poses: Array, period: float, integration: Integration) -> Array:
-    """Mean speed of each period (N,) [m/s] between poses (N + 1, states): along its arc, or its chord.
-
-    Args:
-        poses: (N + 1, states).
-        period: [s].
-        integration: the rule they were integrated by.
-    """
-    x, y, angle = np.diff(poses[:, :3], axis=0).T
-    speed = np.hypot(x, y) / period
-    if integration == "arc":
-        speed = speed / np.sinc(np.clip(angle / (2 * np.pi), -MOST_TURNS, MOST_TURNS))
-    return np.asarray(speed)
-
-
 def moves(poses: Array) -> tuple[Array, Array]:
     """Ways (N,) [m] along and across the mean heading of every period.
 
@@ -104,7 +88,7 @@ def moves(poses: Array) -> tuple[Array, Array]:
 
 
 def signed_speeds(poses: Array, period: float, integration: Integration, sideways: bool) -> Array:
-    """Mean speed of each period (N,) [m/s], negative backwards; of a robot that drives sideways never.
+    """Mean speed of each period (N,) [m/s] along its arc or chord: negative backwards, but never sideways.
 
     Args:
         poses: (N + 1, states).
@@ -112,8 +96,11 @@ def signed_speeds(poses: Array, period: float, integration: Integration, sideway
         integration: the rule they were integrated by.
         sideways: whether the robot drives sideways.
     """
-    speeds = mean_speeds(poses, period, integration)
-    return speeds if sideways else np.where(moves(poses)[0] >= 0, speeds, -speeds)
+    x, y, angle = np.diff(poses[:, :3], axis=0).T
+    speeds = np.hypot(x, y) / period
+    if integration == "arc":
+        speeds = speeds / np.sinc(np.clip(angle / (2 * np.pi), -MOST_TURNS, MOST_TURNS))
+    return np.asarray(speeds) if sideways else np.where(moves(poses)[0] >= 0, speeds, -speeds)
 
 
 def goes_sideways(poses: Array, least: float) -> bool:

@@ -11,14 +11,8 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
-from oed.robots.models.wheels import (
-    COEFFICIENT_NAMES,
-    TWO_WHEEL_SPEEDS,
-    TwoSidedGeometry,
-    two_sided_coefficients,
-)
+from oed.robots.models.model import Model
+from oed.robots.models.wheels import Constant, TwoSidedRobot, matrix_names
 
 Drift = Annotated[float, Unit("s^2", "0.04 s^2")]
 
@@ -36,7 +30,7 @@ LONG = 500.0
 """Lags after which nothing is left of how a period began."""
 
 
-class SkidSteerSlip(TwoSidedGeometry, Model):
+class SkidSteerSlip(TwoSidedRobot):
     """Two sides whose wheels slip; each effect is there only where its key is given.
 
     With none of them it is the differential drive. What slips takes less or more turning out of the same
@@ -63,8 +57,17 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
     x_icr: Length | None = None
     y_icr: Length | None = None
     drift: Drift | None = None
-    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
     skids: ClassVar[bool] = True
+    # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift as
+    # fast as the way ahead at 1 rad/s.
+    constants: ClassVar[tuple[Constant, ...]] = (
+        Constant("yaw_lag", "s"),
+        Constant("track_per_yaw_rate", "m*s/rad", size="track"),
+        Constant("track_per_curvature", "m", size="track"),
+        Constant("x_icr", "m", size="track"),
+        Constant("y_icr", "m", size="track"),
+        Constant("drift", "s^2", size=1.0),
+    )
 
     @model_validator(mode="after")
     def _a_track_in_every_turn(self) -> SkidSteerSlip:
@@ -91,25 +94,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
         others = (self.yaw_lag, self.track_per_yaw_rate, self.track_per_curvature, self.y_icr, self.drift)
         if any(one is not None for one in others):
             return ()
-        return COEFFICIENT_NAMES if self.x_icr is None else (*COEFFICIENT_NAMES, ("c31", "c32"))
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m]; of yaw_lag [s], track_per_yaw_rate [m s/rad],
-        track_per_curvature, x_icr and y_icr [m] and drift [s^2] those that are given.
-        """
-        # Of what is 0, a precision refers to a track that is doubled, at 1 rad/s or on a spin, and to a drift
-        # as fast as the way ahead at 1 rad/s.
-        own = (
-            ("yaw_lag", self.yaw_lag, "s", 0.0),
-            ("track_per_yaw_rate", self.track_per_yaw_rate, "m*s/rad", self.track),
-            ("track_per_curvature", self.track_per_curvature, "m", self.track),
-            ("x_icr", self.x_icr, "m", self.track),
-            ("y_icr", self.y_icr, "m", self.track),
-            ("drift", self.drift, "s^2", 1.0),
-        )
-        given = (Parameter(name, value, unit, size) for name, value, unit, size in own if value is not None)
-        return (*self.geometry_parameters, *given)
+        return matrix_names(2 if self.x_icr is None else 3, 2)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """Matrix c (2, 2) of the paper [Choi, eq. 6], with x_icr a third row for the lateral speed.
@@ -118,8 +103,8 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
             NotImplementedError: the twist is not linear in any coefficients.
         """
         if not self.coefficient_names:
-            return super().coefficients(parameters)
-        matrix = two_sided_coefficients(parameters[0], parameters[1], parameters[2])
+            return Model.coefficients(self, parameters)
+        matrix = super().coefficients(parameters)
         ahead = self._value("x_icr", parameters)
         return matrix if ahead is None else ca.vertcat(matrix, -ahead * matrix[0, :])
 
@@ -128,7 +113,7 @@ class SkidSteerSlip(TwoSidedGeometry, Model):
         effective track B: what the robot tends to where its yaw rate lags.
         """
         if self.coefficient_names:
-            return coefficient_twist(self, inputs, parameters)
+            return super().twist(inputs, parameters)
         right, left = parameters[0] * inputs[0], parameters[1] * inputs[1]
         yaw_rate = (right - left) / self._effective_track(inputs, parameters)
         return self._slid((right + left) / 2, yaw_rate, parameters)

@@ -1,16 +1,19 @@
-"""What wheeled robots have in common: inputs and geometry of two sides or a steered axle, the matrix c."""
+"""What wheeled robots have in common: the matrix c, and inputs and geometry of two sides."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.quantities import Angle, Length
+from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
+from oed.robots.models.model import Model, coefficient_twist
 
 PositiveLength = Annotated[Length, Field(gt=0)]
 
@@ -19,7 +22,10 @@ TWO_WHEEL_SPEEDS = (
     Input("wheel_speed_left", "wheel_speed", "rad/s"),
 )
 
-COEFFICIENT_NAMES = (("c11", "c12"), ("c21", "c22"))
+
+def matrix_names(rows: int, columns: int) -> tuple[tuple[str, ...], ...]:
+    """Names of the entries of a matrix c: c11, c12, ... of its first row."""
+    return tuple(tuple(f"c{row + 1}{column + 1}" for column in range(columns)) for row in range(rows))
 
 
 class TwoSidedGeometry(Component):
@@ -33,11 +39,6 @@ class TwoSidedGeometry(Component):
     wheel_radius_right: PositiveLength | None = None
     wheel_radius_left: PositiveLength | None = None
     track: PositiveLength
-
-    @property
-    def body_width(self) -> float:
-        """The track [m]."""
-        return self.track
 
     @model_validator(mode="after")
     def _one_way_to_give_radii(self) -> TwoSidedGeometry:
@@ -57,52 +58,65 @@ class TwoSidedGeometry(Component):
         assert self.wheel_radius_left is not None
         return self.wheel_radius_right, self.wheel_radius_left
 
+
+@dataclass(frozen=True)
+class Constant:
+    """A field of a robot that is one of its parameters, where it is given.
+
+    Attributes:
+        name: of the field, and of the parameter.
+        unit: SI unit ("" for a ratio).
+        size: what a relative precision refers to where it is 0, SI: a number, or another field's name.
+    """
+
+    name: str
+    unit: str = ""
+    size: str | float = 0.0
+
+
+class WheeledRobot(Model):
+    """A robot whose parameters are fields: its `constants`, in their order."""
+
+    constants: ClassVar[tuple[Constant, ...]] = ()
+
     @property
-    def geometry_parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius_right, wheel_radius_left, track [m]."""
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its constants, but for those that are None."""
+        given = [one for one in self.constants if getattr(self, one.name) is not None]
+        sizes = (getattr(self, one.size) if isinstance(one.size, str) else one.size for one in given)
+        pairs = zip(given, sizes, strict=True)
+        return tuple(Parameter(one.name, getattr(self, one.name), one.unit, size) for one, size in pairs)
+
+
+class LinearInCoefficients(WheeledRobot):
+    """A robot whose twist is linear in the coefficients that it names, as they stand in the matrix c."""
+
+    @abstractmethod
+    def coefficients(self, parameters: Expression) -> Expression:
+        """The matrix c of [yaw rate; forward speed; lateral speed, where it has one]."""
+
+    def twist(self, inputs: Expression, parameters: Expression) -> Expression:
+        """Forward and lateral speed, yaw rate [Choi, eqs 2, 4]."""
+        return coefficient_twist(self, inputs, parameters)
+
+
+class TwoSidedRobot(TwoSidedGeometry, LinearInCoefficients):
+    """A robot with a right and a left side, each driven; its constants follow both radii and the track."""
+
+    inputs: ClassVar[tuple[Input, ...]] = TWO_WHEEL_SPEEDS
+    coefficient_names: ClassVar[tuple[tuple[str, ...], ...]] = matrix_names(2, 2)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """wheel_radius_right, wheel_radius_left, track [m], and its constants."""
         right, left = self.radii
-        return (
-            Parameter("wheel_radius_right", right, "m"),
-            Parameter("wheel_radius_left", left, "m"),
-            Parameter("track", self.track, "m"),
+        sides = (("wheel_radius_right", right), ("wheel_radius_left", left), ("track", self.track))
+        return (*(Parameter(name, value, "m") for name, value in sides), *super().parameters)
+
+    def coefficients(self, parameters: Expression) -> Expression:
+        """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6]."""
+        radius_right, radius_left, track = parameters[0], parameters[1], parameters[2]
+        return ca.vertcat(
+            ca.horzcat(radius_right / track, -radius_left / track),
+            ca.horzcat(radius_right / 2, radius_left / 2),
         )
-
-
-class SteeredGeometry(Component):
-    """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
-    the steering is off, `steering_offset` [rad].
-    """
-
-    wheel_radius: PositiveLength
-    wheelbase: PositiveLength
-    steering_offset: Angle = 0.0
-
-    @property
-    def body_width(self) -> float:
-        """That of a cart of such a wheelbase [m]."""
-        return 0.6 * self.wheelbase
-
-    @property
-    def geometry_parameters(self) -> tuple[Parameter, ...]:
-        """wheel_radius, wheelbase [m], steering_offset [rad]."""
-        return (
-            Parameter("wheel_radius", self.wheel_radius, "m"),
-            Parameter("wheelbase", self.wheelbase, "m"),
-            Parameter("steering_offset", self.steering_offset, "rad", 1.0),
-        )
-
-
-def two_sided_coefficients(
-    radius_right: Expression, radius_left: Expression, track: Expression
-) -> Expression:
-    """C = [[r_R/B, -r_L/B], [r_R/2, r_L/2]] (2, 2): [1/1; m] per unit of wheel angle [Choi, eq. 6].
-
-    Args:
-        radius_right: [m].
-        radius_left: [m].
-        track: [m].
-    """
-    return ca.vertcat(
-        ca.horzcat(radius_right / track, -radius_left / track),
-        ca.horzcat(radius_right / 2, radius_left / 2),
-    )

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 
 
 @cache
@@ -27,7 +27,7 @@ def preset(name: str) -> dict[str, dict[str, Any]]:
     """
     if name not in preset_names():
         text = f"expected one of {', '.join(preset_names())}, got {name!r}"
-        raise ProblemError([Flaw(("robot", "preset"), text)])
+        raise ProblemError.about(("robot", "preset"), text)
     text = resources.files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     data: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return data

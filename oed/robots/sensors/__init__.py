@@ -1,36 +1,22 @@
 """What is measured. A new measurement is a file here and a name in `MEASUREMENTS`, a sensor in `SENSORS`."""
 
-from oed.kernel.measurement.measurement import Block, Measurement, Nuisance, regression
-from oed.kernel.measurement.sensor import Moment, Sensor
-from oed.robots.sensors.displacements import Displacements, PoseNoise
-from oed.robots.sensors.placed import LeverArm, PosePrior
-from oed.robots.sensors.poses import AbsoluteNoise, Poses
-from oed.robots.sensors.python_sensor import PythonSensor
-from oed.robots.sensors.ranges import Ranges
-from oed.robots.sensors.several import SENSORS, Several
-from oed.robots.sensors.trailer_angle import TrailerAngle
-from oed.robots.sensors.yaw_rate import YawRate
+from oed.kernel.measurement.measurement import Block as Block
+from oed.kernel.measurement.measurement import Measurement as Measurement
+from oed.kernel.measurement.measurement import Nuisance as Nuisance
+from oed.kernel.measurement.measurement import regression as regression
+from oed.kernel.measurement.sensor import Moment as Moment
+from oed.kernel.measurement.sensor import Sensor as Sensor
+from oed.robots.own_parts import PythonSensor as PythonSensor
+from oed.robots.sensors.biased import TrailerAngle as TrailerAngle
+from oed.robots.sensors.biased import YawRate as YawRate
+from oed.robots.sensors.displacements import Displacements as Displacements
+from oed.robots.sensors.displacements import PoseNoise as PoseNoise
+from oed.robots.sensors.placed import LeverArm as LeverArm
+from oed.robots.sensors.placed import PosePrior as PosePrior
+from oed.robots.sensors.placed import Ranges as Ranges
+from oed.robots.sensors.poses import AbsoluteNoise as AbsoluteNoise
+from oed.robots.sensors.poses import Poses as Poses
+from oed.robots.sensors.several import SENSORS as SENSORS
+from oed.robots.sensors.several import Several as Several
 
 MEASUREMENTS: tuple[type[Measurement], ...] = (Displacements, *SENSORS, PythonSensor, Several)  # type: ignore[type-abstract]
-
-__all__ = [
-    "MEASUREMENTS",
-    "SENSORS",
-    "AbsoluteNoise",
-    "Block",
-    "Displacements",
-    "LeverArm",
-    "Measurement",
-    "Moment",
-    "Nuisance",
-    "PoseNoise",
-    "PosePrior",
-    "Poses",
-    "PythonSensor",
-    "Ranges",
-    "Sensor",
-    "Several",
-    "TrailerAngle",
-    "YawRate",
-    "regression",
-]

@@ -1,25 +1,37 @@
-"""One number that is read with a constant bias: what such sensors have in common."""
+"""Sensors of one number that is read with a constant bias: a gyroscope's yaw rate, a trailer's angle."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
+from pydantic import Field
 
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Angle, AngularSpeed
+from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import Moment, Sensor
+from oed.kernel.measurement.sensor import Moment, Sensor, Start
+from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.placed import InitialPose, start_of
+
+STATE = 3
+"""Place of the trailer's angle among the states."""
 
 
 class BiasedSensor(Sensor):
     """A quantity plus a bias.
 
     Attributes:
+        name: of the quantity.
         noise: standard deviation of one reading, in `unit`.
         bias: "unknown" (eliminated), "known" (none), or the standard deviation of its prior, in `unit`.
     """
 
+    name: ClassVar[str]
     unit: ClassVar[str]
     noise: float
     bias: str | float
@@ -48,7 +60,84 @@ class BiasedSensor(Sensor):
         """The unit of a reading."""
         return (self.unit,)
 
+    def brief(self, samples: int) -> str:
+        """How many are read."""
+        return count(len(self.columns(samples)), self.name)
+
     @property
     def remark(self) -> str:
         """That there is no bias, where that is known."""
         return " and no bias" if self.bias == "known" else ""
+
+
+class YawRate(BiasedSensor):
+    """The yaw rate [rad/s] of every n-th period, plus a constant bias.
+
+    Attributes:
+        noise: standard deviation of one reading [rad/s].
+        bias: "unknown" (eliminated), "known", or the standard deviation of its prior [rad/s].
+    """
+
+    kind: Literal["yaw_rate"] = "yaw_rate"
+    name, unit = "yaw rate", "rad/s"
+    when: ClassVar[Literal["at samples", "in periods"]] = "in periods"
+    noise: Annotated[AngularSpeed, Field(gt=0)]
+    bias: Literal["unknown", "known"] | Annotated[AngularSpeed, Field(gt=0)] = "unknown"
+
+    def quantity(self, moment: Moment) -> Expression:
+        """The yaw rate."""
+        return moment.signals["twist"][2]
+
+
+class TrailerAngle(BiasedSensor):
+    """The trailer's heading relative to the tractor's [rad], at every n-th sample, plus a constant bias.
+
+    Attributes:
+        noise: standard deviation of one reading [rad].
+        bias: the encoder's zero: "known", "unknown" (eliminated), or the standard deviation of its
+            prior [rad].
+        initial_pose: "unknown" (eliminated), "known", or a prior's standard deviations.
+    """
+
+    kind: Literal["trailer_angle"] = "trailer_angle"
+    name, unit = "trailer angle", "rad"
+    noise: Annotated[Angle, Field(gt=0)]
+    bias: Literal["unknown", "known"] | Annotated[Angle, Field(gt=0)] = "known"
+    initial_pose: InitialPose = "unknown"
+
+    @property
+    def start_known(self) -> Start:
+        """What is known of the initial pose, the trailer's angle among it."""
+        return start_of(self.initial_pose)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The reading itself."""
+        return (0,)
+
+    def quantity(self, moment: Moment) -> Expression:
+        """The angle."""
+        return moment.state[STATE]
+
+    @property
+    def subject(self) -> str:
+        """The angle."""
+        return "the trailer's angle"
+
+    @property
+    def noises(self) -> dict[str, Noise]:
+        """The noise of the angle."""
+        return {"trailer_angle": Noise(self.noise)}
+
+    @property
+    def mount(self) -> None:
+        """Nowhere: an angle of the robot itself."""
+        return None
+
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """A robot without a trailer."""
+        if "trailer_angle" in system.states:
+            return []
+        return [
+            Flaw(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
+        ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -65,10 +64,7 @@ class Displacements(Measurement):
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block per regressor: "heading", "position"."""
-        builders: dict[str, Callable[[Drive], Block]] = {
-            "heading": self._heading_block,
-            "position": self._position_block,
-        }
+        builders = {"heading": self._heading_block, "position": self._position_block}
         return tuple(builders[name](drive) for name in self.regressions)
 
     @property

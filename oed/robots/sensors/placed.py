@@ -1,4 +1,6 @@
-"""Sensors that sit somewhere on the robot, and what is known of the pose that a drive begins in."""
+"""Sensors that sit somewhere on the robot, what is known of the pose that a drive begins in, and distances to
+beacons.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,15 @@ from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
 from oed.foundation.quantities import Angle, Length
-from oed.foundation.text import given_text, listing
+from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, Start
+
+NEAREST = 1e-3
+"""Distance [m] at which a range is rounded off, so that it has derivatives at the beacon itself."""
+MOST_PLACES = 6
+"""Beacons beyond which they are counted, not listed."""
 
 
 class PosePrior(Component):
@@ -101,3 +108,45 @@ class PlacedSensor(Sensor):
         x, y, heading = moment.state[0], moment.state[1], moment.state[2]
         cosine, sine = ca.cos(heading), ca.sin(heading)
         return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
+
+
+class Ranges(PlacedSensor):
+    """Distances [m] from a point of the robot to every beacon.
+
+    Attributes:
+        beacons: their positions x, y [m].
+        noise: standard deviation of one distance [m].
+    """
+
+    kind: Literal["ranges"] = "ranges"
+    beacons: Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
+    noise: Annotated[Length, Field(gt=0)]
+
+    def reading(self, moment: Moment) -> Expression:
+        """One distance per beacon."""
+        x, y = self.position(moment)
+        squares = [(x - beacon_x) ** 2 + (y - beacon_y) ** 2 for beacon_x, beacon_y in self.beacons]
+        return ca.vertcat(*(ca.sqrt(square + NEAREST**2) for square in squares))
+
+    def whitening(self, moment: Moment) -> Expression:
+        """1 / sigma for every beacon."""
+        return ca.SX.eye(len(self.beacons)) / self.noise
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The unit of every distance."""
+        return ("m",) * len(self.beacons)
+
+    @property
+    def subject(self) -> str:
+        """The distances, to beacons at their places."""
+        places = [f"({x:g}, {y:g}) m" for x, y in self.beacons]
+        return f"{self._distances}{f' at {listing(places)}' if len(places) <= MOST_PLACES else ''}"
+
+    @property
+    def _distances(self) -> str:
+        return f"the distances to {count(len(self.beacons), 'beacon')}"
+
+    def brief(self, samples: int) -> str:
+        """The distances, and how often."""
+        return f"{self._distances} at {count(len(self.columns(samples)), 'time')}"

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
@@ -22,7 +22,6 @@ from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.logged import Mount, Noise
 from oed.robots.sensors.placed import PlacedSensor
 
-Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
 UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
@@ -100,15 +99,9 @@ class AbsoluteNoise(Component):
     def at_least(self, quantity: Quantity) -> Noise:
         """Standard deviations of all quantities at rest, SI; 0 where one is not given."""
         size = self.deviation(quantity) or 0.0
-        return Noise(size, self.per_speed(quantity), self.per_yaw_rate(quantity))
-
-    def per_speed(self, quantity: Quantity) -> float:
-        """The k_v of sigma^2 + (k_v V)^2 + (k_w Omega)^2, SI."""
-        return self.heading_per_speed if quantity == "heading" else self.position_per_speed
-
-    def per_yaw_rate(self, quantity: Quantity) -> float:
-        """The k_w there, SI."""
-        return self.heading_per_yaw_rate if quantity == "heading" else self.position_per_yaw_rate
+        if quantity == "heading":
+            return Noise(size, self.heading_per_speed, self.heading_per_yaw_rate)
+        return Noise(size, self.position_per_speed, self.position_per_yaw_rate)
 
     def text(self, quantities: tuple[Quantity, ...]) -> str:
         """The noise of one reading of such quantities, in words."""
@@ -126,17 +119,17 @@ class AbsoluteNoise(Component):
     def _growth(self, quantities: tuple[Quantity, ...]) -> str:
         # How the variance grows with the speed V and the yaw rate Omega.
         causes = (
-            (self.per_speed, "the speed V", "(kV)²", "k", "m/s"),
-            (self.per_yaw_rate, "the yaw rate Ω", "(k'Ω)²", "k'", "rad/s"),
+            ("per_speed", "the speed V", "(kV)²", "k", "m/s"),
+            ("per_yaw_rate", "the yaw rate Ω", "(k'Ω)²", "k'", "rad/s"),
         )
+        # One for x and y.
+        noises = {"heading" if name == "heading" else "position": self.at_least(name) for name in quantities}
         grown: list[tuple[str, str, str]] = []
         for rate, cause, term, factor, unit in causes:
-            # One for x and y.
-            rates = {"heading" if name == "heading" else "position": rate(name) for name in quantities}
             found = [
-                f"{given_text(rates[name], UNITS[name])} per {unit} in {name}"
+                f"{given_text(getattr(noises[name], rate), UNITS[name])} per {unit} in {name}"
                 for name in ("position", "heading")
-                if rates.get(name)
+                if name in noises and getattr(noises[name], rate)
             ]
             if found:
                 grown.append((cause, term, f"{factor} = {listing(found)}"))

@@ -13,11 +13,10 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement
 from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
+from oed.robots.own_parts import PythonSensor
+from oed.robots.sensors.biased import TrailerAngle, YawRate
+from oed.robots.sensors.placed import Ranges
 from oed.robots.sensors.poses import Poses
-from oed.robots.sensors.python_sensor import PythonSensor
-from oed.robots.sensors.ranges import Ranges
-from oed.robots.sensors.trailer_angle import TrailerAngle
-from oed.robots.sensors.yaw_rate import YawRate
 
 SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
 """Every sensor of this package."""

@@ -8,7 +8,7 @@ import pytest
 
 from oed.kernel.dynamics.system import stepper
 from oed.robots.models import DifferentialDrive, Mecanum, Model
-from oed.robots.models.arcs import Integration, between, mean_speeds, moves
+from oed.robots.models.arcs import Integration, between, moves, signed_speeds
 
 SHARES = np.array([0.0, 0.25, 0.5, 1.0])
 ROBOTS = (
@@ -41,7 +41,7 @@ def test_of_more_than_a_turn_only_the_ends_are_known():
 def test_speeds_and_ways_are_those_of_the_twist(robot: Model, inputs: tuple[float, ...], rule: Integration):
     poses = np.array([driven(robot, inputs, 0.0), driven(robot, inputs, 0.8, rule)])
     forward, lateral, yaw_rate = np.array(robot.twist(ca.DM(inputs), ca.DM(robot.nominal))).ravel()
-    assert mean_speeds(poses, 0.8, rule) == pytest.approx(np.hypot(forward, lateral))
+    assert signed_speeds(poses, 0.8, rule, sideways=True) == pytest.approx(np.hypot(forward, lateral))
     shortened = np.sinc(0.8 * yaw_rate / (2 * np.pi)) if rule == "arc" else 1.0
     along, across = moves(poses)
     assert along == pytest.approx(0.8 * forward * shortened)

@@ -350,7 +350,7 @@ def test_a_module_in_a_folder_below(folder: Path):
 def test_an_installed_module_needs_no_file_beside_the_study(folder: Path):
     study = load(
         folder,
-        "oed.robots.models.offset_drive:OffsetDrive",
+        "oed.robots.models.differential_drive:OffsetDrive",
         **{"gain: 0.9": "wheel_radius: 5 cm\n  track: 20 cm"},
     )
     assert study.problem.model.track == 0.2

@@ -18,7 +18,7 @@ from oed.cli import main
 from oed.exporters import export
 from oed.exporters.request import Request
 from oed.foundation.errors import RecordError, StudyError, UserMistake
-from oed.foundation.own import modules as own_module
+from oed.foundation.own import code as own_module
 from oed.kernel.solution import scored
 from oed.records.record import Record, load_record, save_record
 from oed.records.recorded_study import recorded_study

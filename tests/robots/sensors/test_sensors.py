@@ -669,8 +669,8 @@ def test_noise_may_come_with_units():
     )
     assert (noise.deviation("x"), noise.deviation("y")) == (1e-3, 1e-3)
     assert noise.deviation("heading") == pytest.approx(np.pi / 180)
-    assert (noise.per_speed("x"), noise.per_speed("heading")) == pytest.approx((2e-3, np.pi / 180))
-    assert (noise.per_yaw_rate("y"), noise.per_yaw_rate("heading")) == pytest.approx((3e-3, 4e-3))
+    assert (noise.of("x").per_speed, noise.of("heading").per_speed) == pytest.approx((2e-3, np.pi / 180))
+    assert (noise.of("y").per_yaw_rate, noise.of("heading").per_yaw_rate) == pytest.approx((3e-3, 4e-3))
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,20 @@
-"""Parts of the user's own are tried where a study names them: each is asked once for all it will be asked."""
+"""Sensors and limits of the user's own, named in a study by where their classes stand. Parts are tried there:
+each is asked once for all that it will be asked.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
+from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.own.code import in_words, lent_streams
-from oed.foundation.own.part import OwnCodeError, is_own
-from oed.foundation.own.place import place_of
+from oed.foundation.own.code import in_words, lent_streams, place_of
+from oed.foundation.own.part import OwnCodeError, OwnPart, is_own
 from oed.foundation.shown import written
 from oed.kernel.criteria import CRITERIA, Criterion, Epigraph
 from oed.kernel.dynamics.rollout import drive_shape
@@ -24,6 +26,37 @@ from oed.kernel.problem import Problem
 from oed.robots.space import DesignSpace
 
 Key = tuple[str | int, ...]
+
+
+class SensorDescription(Component):
+    """What a sensor of the user's own says of itself."""
+
+    kind: str | None = None
+    when: Literal["at samples", "in periods"] | None = None
+    subject: str | None = None
+    units: tuple[str, ...] | None = None
+    noise_text: str | None = None
+    remark: str | None = None
+
+
+class PythonSensor(OwnPart, Sensor):
+    """The sensor that `object` ("my_module:MySensor") makes of all further keys."""
+
+    model_config = ConfigDict(extra="allow")
+
+    noun = "sensor"
+    kind: Literal["python"] = "python"
+    described: SensorDescription | None = None
+
+
+class PythonLimit(OwnPart, Limit):
+    """The limit that `object` ("my_module:MyLimit") makes of all further keys."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: ClassVar[str] = "own"
+    noun = "limit"
+    kind: Literal["python"]
 
 
 def components(part: Any, key: Key = ()) -> Iterator[tuple[Key, BaseModel]]:

@@ -1,0 +1,138 @@
+"""Commands that search for drives: `oed solve`, `run` and `sweep`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from oed.cli.terminal.arguments import add_working, workers_of
+from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved, verdict
+from oed.cli.terminal.messages import say
+
+if TYPE_CHECKING:
+    from oed.optimize import Progress
+    from oed.records.record import Record
+    from oed.records.stored.sweep import StoredSweep
+
+GOES_ON = "; the same command goes on where this one stopped"
+"""What is to be known of an interrupted sweep."""
+
+
+def _searched(options: argparse.Namespace, out: Path | None, **more: Any) -> tuple[Record, CommandResult]:
+    # A run of the study with these options, and where it is.
+    from oed.cli.terminal.console import progress
+    from oed.workflow.runner import run
+    from oed.workflow.studies import load_study
+
+    study = load_study(options.study)
+    more |= {"seed": options.seed, "workers": workers_of(options)}
+    with progress(options.quiet) as listener:
+        record, trouble = saved(lambda: run(study, out, progress=listener, **more))
+    return record, CommandResult(record.folder, out, trouble, record.interrupted)
+
+
+def _solve_arguments(parser: argparse.ArgumentParser) -> None:
+    add_working(parser)
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("--out", metavar="DIR", help="where to write the record and the trajectories")
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import print_results
+
+    out = Path(options.out) if options.out else None
+    record, outcome = _searched(options, out, search_only=True)
+    kept = ("format", "oed_version", "seed", "parameters", "results")
+    data = {key: record.data[key] for key in kept} | ({} if out is None else outcome.place)
+    outcome.show(options, data, lambda: print_results(record.results, record.robustness))
+    return FAILED if outcome.trouble else verdict(record)
+
+
+SOLVE = Command(
+    "solve", "search for the best drive; write nothing unless --out is given", _solve, _solve_arguments
+)
+
+
+def _run_arguments(parser: argparse.ArgumentParser) -> None:
+    add_working(parser)
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import print_certificate, print_results
+    from oed.report import write_report
+    from oed.workflow.runner import CUT_SHORT
+
+    out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
+    record, outcome = _searched(options, out)
+    outcome.report(lambda: write_report(record, out))
+
+    def lines() -> None:
+        print_results(record.results, record.robustness)
+        if record.certificate is not None:
+            print_certificate(record.certificate)
+
+    notes = [note for note in record.notes if note != CUT_SHORT]
+    outcome.show(options, {**record.data, **outcome.place}, lines, notes)
+    return FAILED if outcome.trouble else verdict(record)
+
+
+RUN = Command("run", "do everything a study asks for; write the record and the report", _run, _run_arguments)
+
+
+def _sweep_arguments(parser: argparse.ArgumentParser) -> None:
+    add_working(parser)
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument(
+        "--over",
+        metavar="'KEY=V1,V2,... [UNIT]'",
+        action="append",
+        required=True,
+        help="a key of the study, dotted, and its values, e.g. 'limits.wheel_speed=5,10,20 rad/s' or "
+        "'solvers.0.starts=4,12'; given again, all combinations",
+    )
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>-sweep/)")
+    parser.add_argument("--reports", action="store_true", help="write the report of every point as well")
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import print_sweep, progress
+    from oed.workflow.sweep import parse_axis, sweep
+
+    out = Path(options.out) if options.out else Path("reports") / f"{Path(options.study).stem}-sweep"
+    axes = [parse_axis(text) for text in options.over]
+    workers = workers_of(options)
+    with progress(options.quiet) as listener:
+        more = {"seed": options.seed, "workers": workers, "progress": listener}
+        done, trouble = saved(lambda: sweep(options.study, axes, out, **more))
+        found = done.found
+        outcome = CommandResult(done.folder, out, trouble, found.interrupted, GOES_ON)
+        folders = [one.folder for one in found.points if options.reports and one.record]
+        outcome.report(lambda: _pages(found, out, folders, listener))
+    if found.kept:
+        say(f"note: {found.kept} of {len(found.points)} points kept as they were found in {out}")
+    outcome.show(options, {**done.data, **outcome.place}, lambda: print_sweep(found))
+    any_drive = any(one.objective is not None for one in found.points)
+    return DONE if any_drive and not (found.interrupted or outcome.trouble) else FAILED
+
+
+def _pages(found: StoredSweep, out: Path, folders: Sequence[str], listener: Progress) -> Path:
+    # That of the sweep last: it links to those of its points.
+    from oed.foundation.files import inside
+    from oed.records.record import load_record
+    from oed.report import write_report, write_sweep
+
+    if folders:
+        listener.begin("reports", len(folders))
+    for folder in (inside(out, name) for name in folders):
+        write_report(load_record(folder), folder)
+        listener.advance()
+    return write_sweep(found, out)
+
+
+SWEEP = Command(
+    "sweep", "run a study at every combination of values; compare them on one page", _sweep, _sweep_arguments
+)

@@ -1,0 +1,166 @@
+"""Commands on study files that solve nothing: `oed init`, `check`, `bound`, `evaluate` and `schema`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from oed.cli.terminal.arguments import pair, positive, seconds
+from oed.cli.terminal.command import DONE, MISTAKE, Command
+from oed.cli.terminal.messages import print_json, say, tell
+
+
+def _init_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="STUDY", nargs="?", help="what to write (default: ROBOT.yaml)")
+    parser.add_argument("--robot", help="a preset or a kind of robot; asked for where not given")
+    parser.add_argument("--room", help="like '4 m x 3 m' or 'circle 2 m'")
+    parser.add_argument("--sensor", help="poses, positions, ranges or displacements")
+    parser.add_argument(
+        "--size",
+        metavar="KEY=VALUE",
+        type=pair,
+        action="append",
+        default=[],
+        help="a constant of the robot, e.g. 'track=18 cm'; may be given again",
+    )
+    parser.add_argument("--duration", help="of one run, e.g. '20 s'")
+    parser.add_argument("--runs", type=positive, default=1, help="separate drives designed together")
+    parser.add_argument("--force", action="store_true", help="write over a file that exists")
+
+
+def _init(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import choice_of
+    from oed.foundation.errors import UserMistake
+    from oed.foundation.files import write_text
+    from oed.records.record import require_no_results
+    from oed.study.starter import starter
+
+    choice = choice_of(options)
+    file = Path(options.file or f"{choice.robot}.yaml")
+    if file.exists() and not options.force:
+        raise UserMistake(f"{file} exists; give another name, or --force to write over it")
+    require_no_results(file)
+    write_text(file, starter(choice))
+    if options.json:
+        print_json({"study": str(file)})
+    else:
+        say(f"wrote {file}; change what is yours, then: oed run {file}")
+    return DONE
+
+
+INIT = Command("init", "write a first study for a robot, a room and a sensor", _init, _init_arguments)
+
+
+def _check_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("studies", metavar="STUDY", nargs="+")
+
+
+def _check(options: argparse.Namespace) -> int:
+    from oed.foundation.errors import FileError
+    from oed.foundation.shown import shown
+    from oed.workflow.studies import load_study, own_paths
+
+    entries, flawed = [], False
+    for file in options.studies:
+        try:
+            study = load_study(file)
+            own_paths(study)
+            study.require_identifiable()
+        except FileError as error:
+            flawed = True
+            say(str(error))
+            entries.append({"file": file, "ok": False, "flaws": [vars(flaw) for flaw in error.flaws]})
+        else:
+            entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
+            if not options.json:
+                tell(shown(f"{file}: ok ({study.name})"))
+    if options.json:
+        print_json({"studies": entries})
+    return MISTAKE if flawed else DONE
+
+
+CHECK = Command("check", "read and cross-check studies; solve nothing", _check, _check_arguments)
+
+
+def _bound_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument(
+        "--nodes",
+        type=positive,
+        help="of the search for the bound at most (default: as many as take some seconds)",
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=seconds,
+        help="of that search [s] (default: none, for the same certificate on every machine)",
+    )
+
+
+def _bound(options: argparse.Namespace) -> int:
+    from oed.bounds import LATTICE, bound
+    from oed.cli.terminal.console import print_certificate
+    from oed.foundation.errors import Failure
+    from oed.kernel.solution import scored
+    from oed.workflow.runner import certified
+    from oed.workflow.studies import load_study
+
+    study = load_study(options.study)
+    certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
+    drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
+    found = certified(study, certificate, drives)
+    if found is None:
+        raise Failure(f"{options.study}: {certificate.method}")
+    if options.json:
+        print_json(found.plain())
+    else:
+        print_certificate(found)
+    return DONE
+
+
+BOUND = Command("bound", "prove how good any drive could be at most; solve nothing", _bound, _bound_arguments)
+
+
+def _evaluate_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument(
+        "path", metavar="PATH", help="a trajectory CSV, or a log as the study's key `log` says"
+    )
+    parser.add_argument(
+        "--designs", metavar="DIR", help="a record to compare with (default: reports/<file stem>/, if there)"
+    )
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import print_results, print_worth
+    from oed.workflow.driven import score_path
+    from oed.workflow.studies import load_study
+
+    study = load_study(options.study)
+    designs = options.designs or Path("reports") / Path(options.study).stem
+    found = score_path(study, options.path, designs)
+    if options.json:
+        print_json(found.data)
+    else:
+        print_results([one.result for one in found.paths], found.robustness)
+        print_worth(found)
+    for name, one in found.findings:
+        say(f"{name}: {one.message}")
+    return DONE
+
+
+EVALUATE = Command(
+    "evaluate",
+    "score a path (CSV) or the log of a drive with a study's problem",
+    _evaluate,
+    _evaluate_arguments,
+)
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from oed.study.study import json_schema
+
+    print_json(json_schema())
+    return DONE
+
+
+SCHEMA = Command("schema", "print the JSON schema of study files, for editors", _schema)
