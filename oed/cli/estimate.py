@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> int:
     if trouble is None:
         page, unwritten = reported(lambda: write_estimate(record, out), out)
     if options.json:
-        print_json({**record.data, **place(None if trouble else out, trouble or unwritten)})
+        print_json({**record.plain(), **place(None if trouble else out, trouble or unwritten)})
     else:
         print_estimate(record)
         if page is not None:

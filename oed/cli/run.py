@@ -34,7 +34,7 @@ def _run(options: argparse.Namespace) -> int:
     if record.folder is not None and not interrupted:
         page, unwritten = reported(lambda: write_report(record, out), out)
     if options.json:
-        print_json({**record.data, **place(record.folder, trouble or unwritten)})
+        print_json({**record.plain(), **place(record.folder, trouble or unwritten)})
     else:
         print_results(record.results, record.robustness)
         if record.certificate is not None:

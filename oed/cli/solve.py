@@ -30,7 +30,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         kept = ("format", "oed_version", "seed", "parameters", "results")
         where = {} if out is None else place(record.folder, trouble)
-        print_json({**{key: record.data[key] for key in kept}, **where})
+        plain = record.plain()
+        print_json({**{key: plain[key] for key in kept}, **where})
     else:
         print_results(record.results, record.robustness)
     noted((), trouble)

@@ -94,5 +94,6 @@ def _record_in(place: Path, to: str) -> Record:
         found = load_estimate(place)
         if found.study is None:
             raise RecordError([FileFlaw(str(found.file), 0, 0, "study", "missing")])
-        return Record({"study": found.study, "results": []}, found.file)
+        known = {"version": found.oed_version, "echo": found.study, "certificate": None, "validation": None}
+        return Record.of(found, **known, parameters=[], nuisances=[], results=[]).at(place / ESTIMATE)
     return load_record(place)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from oed.records.record import saved_file
-from oed.records.stored.door import checked, json_text, read_file
-from oed.records.stored.echo import checked_echo
+from oed.records.stored.door import checked, read_file
+from oed.records.stored.echo import read_echo
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
 
 FILE = "estimate.json"
@@ -16,7 +16,7 @@ FILE = "estimate.json"
 
 def estimate_files(record: EstimateRecord) -> dict[str, str]:
     """The file of an estimate, by its name."""
-    return {FILE: json_text(record.plain())}
+    return {FILE: record.to_json()}
 
 
 def load_estimate(folder: str | Path) -> EstimateRecord:
@@ -37,5 +37,5 @@ def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:
     """
     found = checked(EstimateRecord, data, path)
     if found.study is not None:
-        found = found.model_copy(update={"study": checked_echo(found.study, path)})
+        found = found.model_copy(update={"study": read_echo(found.study, path).echo()})
     return found.at(path)

@@ -14,6 +14,8 @@ from oed.records.stored.trial import (
     Fit,
     Scaled,
     Scatter,
+    SimulatedRobot,
+    Spread,
     StoredFloor,
     StoredPlan,
     StoredTrial,
@@ -32,8 +34,13 @@ FEWEST = 2
 
 def trial_of(found: Outcome) -> StoredTrial:
     """A record's `physics`."""
+    asked = found.trial.model_dump(mode="json", exclude={"models"}, exclude_none=True)
     return StoredTrial.model_construct(
-        **found.trial.model_dump(mode="json", exclude={"models"}, exclude_none=True),
+        **asked
+        | {
+            "robot": SimulatedRobot.model_construct(**asked["robot"]),
+            "variation": Spread.model_construct(**asked["variation"]),
+        },
         seed=found.seed,
         interrupted=found.interrupted,
         models=[_model(one) for one in found.models],

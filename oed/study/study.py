@@ -127,6 +127,11 @@ class StudyFile(Component):
     physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
+    def echo(self) -> dict[str, Any]:
+        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
+        plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
+        return plain
+
 
 @dataclass(frozen=True)
 class Study:
@@ -215,8 +220,7 @@ class Study:
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
-        plain: dict[str, Any] = self.file.model_dump(mode="json", exclude_none=True)
-        return plain
+        return self.file.echo()
 
 
 PriorOf = Callable[[PriorRecord, Path], Prior]

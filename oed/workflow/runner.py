@@ -28,7 +28,7 @@ from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredValidation
-from oed.records.stored.study_record import Provenance, StudyRecord
+from oed.records.stored.study_record import Provenance
 from oed.records.stored.trial import StoredTrial
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
@@ -246,10 +246,10 @@ def record(
         interrupted: whether the run was.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
-    made = StudyRecord.of(
+    made = Record.of(
         format=FORMAT,
-        oed_version=package_version("oed"),
-        study=study.echo(),
+        version=package_version("oed"),
+        echo=study.echo(),
         study_text=study.text,
         seed=seed,
         inputs=input_table(problem),
@@ -257,18 +257,17 @@ def record(
         parameters=parameter_table(problem),
         nuisances=nuisance_table(problem),
         results=_results(study, solutions, named=named or out is not None),
-        best=None if best is None else best.name,
+        named=None if best is None else best.name,
         certificate=None if certificate is None else certified(study, certificate, solutions),
         robustness=robustness(study, solutions, seed),
         validation=validation,
-        physics=physics,
+        trial=physics,
         interrupted=interrupted,
         notes=_notes(certificate, interrupted),
         provenance=provenance(),
-    )
-    saved = Record(made.plain(), asked=study.file)
+    ).of_study(study.file)
     with run_folder(out) as folder:
-        return folder.finish(saved, record_files(study, solutions, saved))
+        return folder.finish(made, record_files(study, solutions, made))
 
 
 def _results(study: Study, solutions: Sequence[Solution], *, named: bool) -> list[Result]:

@@ -9,7 +9,6 @@ import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +63,7 @@ class RunFolder:
             self.draft.discard()
             return record
         drop = outdated(self.draft.target, record)
-        return replace(record, folder=self.put(files, record, drop, interrupted=interrupted))
+        return record.saved_in(self.put(files, record, drop, interrupted=interrupted))
 
     def put(
         self, files: Files, found: Any, drop: Collection[str] = (), *, interrupted: bool = False

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
+from recorded import record_from
 
 from oed.foundation.errors import Failure, StudyError, UserMistake
 from oed.records.calibration_record import load_estimate
@@ -160,4 +161,4 @@ class TestMistakes:
     def test_coefficients_have_no_nominal_values(self, designed, tmp_path):
         data = {**designed.data, "study": {**designed.data["study"], "estimate": ["c11", "c12"]}}
         with pytest.raises(UserMistake, match="estimates c11, c12"):
-            next_drive(Record(data), [tmp_path / "drive.csv"])
+            next_drive(record_from(data), [tmp_path / "drive.csv"])

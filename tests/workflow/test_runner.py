@@ -186,7 +186,7 @@ class TestSeed:
         # Which start ends first is the workers' affair; where it leads is not. A singular drive's condition
         # number is rounding.
         varying = ("history", "condition_number")
-        assert_alike(timeless(dict(record.data), *varying), timeless(dict(double.data), *varying))
+        assert_alike(timeless(record.data, *varying), timeless(double.data, *varying))
 
     @pytest.mark.slow
     def test_another_seed_can_be_given(self, ran):

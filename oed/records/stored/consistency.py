@@ -10,14 +10,14 @@ from oed.foundation.errors import RecordError
 from oed.kernel.criteria import CRITERIA
 from oed.records.stored.door import flaws_of
 from oed.records.stored.result import Result
-from oed.records.stored.study_record import StudyRecord
+from oed.records.stored.study_record import Record
 
 KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 LARGEST_LOGARITHM = 300.0
 """Of a determinant, per parameter."""
 
 
-def require_one_study(found: StudyRecord, path: Path) -> None:
+def require_one_study(found: Record, path: Path) -> None:
     """Refuse a record whose numbers cannot be its study's.
 
     Raises:
@@ -28,10 +28,10 @@ def require_one_study(found: StudyRecord, path: Path) -> None:
         raise RecordError(flaws)
 
 
-def _unknown(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _unknown(found: Record) -> Iterator[tuple[str, str]]:
     # Names of parameters that the record says nothing of.
     known = [one.name for one in found.parameters]
-    prior = found.study.get("prior") or {}
+    prior = found.echo.get("prior") or {}
     for name in (*prior.get("parameters", ()), *prior.get("standard_deviations", {})):
         if name not in known:
             yield "parameters", f"expected {name}, of which the study's prior speaks"
@@ -39,9 +39,9 @@ def _unknown(found: StudyRecord) -> Iterator[tuple[str, str]]:
         yield "parameters", "expected one that the criterion judges"
 
 
-def _strangers(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _strangers(found: Record) -> Iterator[tuple[str, str]]:
     # Criteria that neither this package has nor the study names.
-    study = found.study
+    study = found.echo
     given = (study["criterion"], *(solver.get("criterion") for solver in study["solvers"]))
     known = tuple(dict.fromkeys((*KINDS, *(_kind(one) for one in given if one))))
     for place, one in enumerate(found.results):
@@ -57,9 +57,9 @@ def _kind(criterion: Mapping[str, Any]) -> str:
     return str((criterion.get("described") or {}).get("kind") or criterion["kind"])
 
 
-def _impossible(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _impossible(found: Record) -> Iterator[tuple[str, str]]:
     # Objectives that no drive has by the criterion that they are of.
-    own, size = _kind(found.study["criterion"]), len(found.parameters)
+    own, size = _kind(found.echo["criterion"]), len(found.parameters)
     for place, one in enumerate(found.results):
         for key, kind, value in _values(one, own):
             if value is not None and not possible(kind, value, size):

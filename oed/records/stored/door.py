@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, Self, TypeVar
 
-from pydantic import ValidationError
+from pydantic import PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.foundation.errors import FileFlaw, RecordError
@@ -23,6 +23,40 @@ SHOWN = 12
 """Issues of a file that are listed; what is damaged throughout is not listed line by line."""
 
 Kind = TypeVar("Kind", bound=Stored)
+
+
+class SavedFile(Stored):
+    """A whole file that the package writes.
+
+    `file` is where it was read from, None of one that was made here: what a file names is data, and code that
+    it names is run only for those who trust it.
+    """
+
+    _file: Path | None = PrivateAttr(default=None)
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from, None of one that was made here."""
+        return self._file
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What the file holds, as plain data."""
+        return self.plain()
+
+    def at(self, file: Path) -> Self:
+        """What was read from a file."""
+        found = self.model_copy()
+        found._file = file
+        return found
+
+    def to_json(self) -> str:
+        """The text of the file, every list of numbers on a line of its own.
+
+        Raises:
+            ValueError: numbers that JSON has not.
+        """
+        return _laid_out(self.plain(), "") + "\n"
 
 
 def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") -> dict[str, Any]:
@@ -113,15 +147,6 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
 def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
     """Flaws of a file from keys and messages."""
     return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
-
-
-def json_text(data: Any) -> str:
-    """The text of a file, every list of numbers on a line of its own.
-
-    Raises:
-        ValueError: numbers that JSON has not.
-    """
-    return _laid_out(data, "") + "\n"
 
 
 def _laid_out(value: Any, indent: str) -> str:

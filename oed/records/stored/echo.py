@@ -30,16 +30,6 @@ def read_echo(data: Any, file: Path) -> StudyFile:
         raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
 
 
-def checked_echo(data: Any, file: Path) -> dict[str, Any]:
-    """A record's study as plain data, defaults filled in.
-
-    Raises:
-        RecordError: as `read_echo` does.
-    """
-    plain: dict[str, Any] = read_echo(data, file).model_dump(mode="json", exclude_none=True)
-    return plain
-
-
 def in_record(flaws: Sequence[FileFlaw]) -> RecordError:
     """Flaws of a study as those of the record that holds it."""
     return RecordError(

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 from oed.foundation.names import identifier_flaw, name_flaw
 from oed.foundation.quantities import LARGEST as FARTHEST
 from oed.records.numbers import plain
+
+Kind = TypeVar("Kind")
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
@@ -159,6 +161,14 @@ Sizes = list[list[Size]]
 Point = Annotated[list[Size], Field(min_length=2, max_length=2)]
 Line = Annotated[list[Point], Field(min_length=1)]
 """Where something is, or goes along [m]."""
+
+
+def _listed(found: Any) -> Any:
+    return [] if found is None else found
+
+
+Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
+"""A list that older files leave out."""
 Interval = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
 
 

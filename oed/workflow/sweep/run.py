@@ -17,7 +17,7 @@ from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
 from oed.records.record import FILE as RECORD
-from oed.records.record import Record, load_record, pages, saved_file
+from oed.records.record import Record, known_record, load_record, pages, saved_file
 from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
@@ -157,12 +157,13 @@ class _Sweep:
             self.failures[index] = result.failure
             return
         folder = self.points[index].folder
+        place = self.draft.target / folder
         try:
-            require_readable(result.files, self.draft.target / folder)
+            require_readable(result.files, place)
         except OedError as error:
             self.failures[index] = str(error)
             return
-        record = Record(json.loads(result.files[RECORD]))
+        record = known_record(json.loads(result.files[RECORD]), place / RECORD)
         self.records[index] = record
         try:
             # The record last: where it is, everything is.
