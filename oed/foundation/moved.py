@@ -21,7 +21,7 @@ ROOMS = {
     "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
     "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
     "kernel.measurement": "information matrices prior square_root",
-    "records": "calibration_record path_file problem_tables record recorded_study stored",
+    "records": "path_file record recorded_study stored",
     "robots": "baselines limits models presets",
     "simulation": "trial",
     "study": "starter study_errors yaml_source",
@@ -31,14 +31,16 @@ ROOMS = {
 """Modules and folders of the top level by the room that each has moved to."""
 RENAMED = {
     "calibration": "estimation",
+    "calibration_record": "records.record",
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
     "physics_film": "report.film.physics",
+    "problem_tables": "records.outcomes",
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""Folders of the top level by where they are now, under another name."""
+"""Modules and folders of the top level by where they are now, under another name."""
 
 
 NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}

@@ -1,4 +1,4 @@
-"""What searches, bounds and simulations came to, as records hold it."""
+"""What a problem asks, and what searches, bounds and simulations came to, as records hold it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 
 from oed.bounds import LOOSE, Certificate, gap
 from oed.kernel.evaluation import TOLERANCE, Evaluation
+from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.simulation import Simulated
+from oed.records.stored.study_record import StoredInput, StoredNuisance, StoredParameter, StoredState
 from oed.simulation import Validation
 
 UNSCORED: Mapping[str, Any] = {
@@ -109,3 +111,37 @@ def validation_of(name: str, validation: Validation) -> Simulated:
         paired_variance_ratio=validation.paired_ratio,
         paired_standard_error=validation.paired_error,
     )
+
+
+def parameter_table(problem: Problem) -> list[StoredParameter]:
+    """The estimated parameters."""
+    return [
+        StoredParameter.of(
+            one.block, name=name, nominal=nominal, unit=unit, block=one.block.name, judged=name in one.judged
+        )
+        for one in problem.any_estimations
+        for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
+    ]
+
+
+def input_table(problem: Problem) -> list[StoredInput]:
+    """The robot's inputs."""
+    return [StoredInput.of(entry) for entry in problem.model.inputs]
+
+
+def state_table(problem: Problem) -> list[StoredState]:
+    """The robot's states."""
+    model = problem.model
+    return [
+        StoredState.of(name=name, unit=unit)
+        for name, unit in zip(model.states, model.state_units, strict=True)
+    ]
+
+
+def nuisance_table(problem: Problem) -> list[StoredNuisance]:
+    """The nuisance parameters."""
+    return [
+        StoredNuisance.of(entry, block=one.block.name)
+        for one in problem.any_estimations
+        for entry in one.block.nuisances
+    ]

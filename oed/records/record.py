@@ -1,4 +1,4 @@
-"""Everything a study produced: saved as JSON, and a report's only input."""
+"""Everything a study produced, and what logs said of a robot: saved as JSON, and a report's only input."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, read_file
-from oed.records.stored.echo import read_echo
+from oed.records.stored.door import checked, read_echo, read_file
+from oed.records.stored.estimate import EstimateRecord as EstimateRecord
 from oed.records.stored.study_record import Record as Record
 
-FILE = "record.json"
+FILE, ESTIMATE_FILE = "record.json", "estimate.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
-RESULTS = (FILE, "estimate.json", "sweep.json")
+RESULTS = (FILE, ESTIMATE_FILE, "sweep.json")
 """Names of the files that hold what a run, an estimate and a sweep found."""
 
 
@@ -27,6 +27,11 @@ def save_record(record: Record, folder: str | Path) -> Path:
     path = Path(folder) / FILE
     write_text(path, record.to_json())
     return path
+
+
+def estimate_files(record: EstimateRecord) -> dict[str, str]:
+    """The file of an estimate, by its name."""
+    return {ESTIMATE_FILE: record.to_json()}
 
 
 def require_no_results(path: str | Path) -> None:
@@ -60,6 +65,28 @@ def known_record(data: Mapping[str, Any], path: Path) -> Record:
     found = found.of_study(read_echo(found.echo, path)).at(path)
     require_one_study(found, path)
     return found
+
+
+def load_estimate(folder: str | Path) -> EstimateRecord:
+    """Read the estimate in `folder` (or the file itself).
+
+    Raises:
+        RecordError: no estimate there, or not one of this format.
+    """
+    path = saved_file(folder, ESTIMATE_FILE)
+    return known_estimate(read_file(path, "an estimate", "oed estimate", "parameters"), path)
+
+
+def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:
+    """What estimate.json holds as this version knows it.
+
+    Raises:
+        RecordError: as `load_estimate` does.
+    """
+    found = checked(EstimateRecord, data, path)
+    if found.study is not None:
+        found = found.model_copy(update={"study": read_echo(found.study, path).echo()})
+    return found.at(path)
 
 
 def saved_file(folder: str | Path, name: str) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.names import file_stem, name_flaw
-from oed.foundation.own.part import OwnCodeError
+from oed.foundation.own.part import OwnCodeError, OwnPart
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
@@ -32,7 +32,7 @@ from oed.robots.models import MODELS, Model
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
-from oed.robots.tried import code_flaw, judge_flaws, measurement_flaws
+from oed.robots.tried import code_flaw, components, judge_flaws, measurement_flaws
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.study_errors import explain
@@ -131,6 +131,12 @@ class StudyFile(Component):
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
         plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
         return plain
+
+    def named_code(self) -> Iterator[tuple[str, OwnPart]]:
+        """Every part of somebody's own that a study read as data names, with its key."""
+        for key, part in components(self, ("study",)):
+            if isinstance(part, OwnPart):
+                yield ".".join(map(str, key)), part
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
-from oed.records.calibration_record import EstimateRecord, estimate_files
-from oed.records.record import ESTIMATE, FILE, Record, pages
+from oed.records.record import ESTIMATE, FILE, EstimateRecord, Record, estimate_files, pages
 from oed.records.recorded_study import TRUST, recorded_study
 from oed.records.stored.estimate import Estimated
 from oed.robots.models import MODELS

@@ -20,9 +20,15 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status, scored, unscored
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
-from oed.records.outcomes import certificate_of, result_of
+from oed.records.outcomes import (
+    certificate_of,
+    input_table,
+    nuisance_table,
+    parameter_table,
+    result_of,
+    state_table,
+)
 from oed.records.path_file import trajectory_csv
-from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
 from oed.records.record import FILE, Record
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.door import FORMAT

@@ -15,9 +15,18 @@ from typing import Any
 from oed.foundation.errors import Failure, OedError, RecordError
 from oed.foundation.files import write_files
 from oed.foundation.work.folders import Draft, drafted, updated
-from oed.records.calibration_record import FILE as ESTIMATE_FILE
-from oed.records.calibration_record import EstimateRecord, estimate_files, known_estimate
-from oed.records.record import ESTIMATE, FILE, Record, known_record, load_record, pages
+from oed.records.record import (
+    ESTIMATE,
+    ESTIMATE_FILE,
+    FILE,
+    EstimateRecord,
+    Record,
+    estimate_files,
+    known_estimate,
+    known_record,
+    load_record,
+    pages,
+)
 
 Files = Mapping[str, str]
 """Texts by file name."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.path_file import read_trajectory
-from oed.records.recorded_prior import prior_of
+from oed.records.recorded_study import prior_of
 from oed.study.study import PathFile, Study, read_study
 from oed.study.yaml_source import parse_yaml, read_yaml
 

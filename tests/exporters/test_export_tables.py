@@ -14,8 +14,8 @@ from oed.cli import main
 from oed.exporters import export
 from oed.foundation.errors import UserMistake
 from oed.kernel.solution import scored
-from oed.records.calibration_record import FILE as ESTIMATE
 from oed.records.path_file import read_trajectory
+from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
 from oed.records.record import RESULTS
 from oed.study.study import Study

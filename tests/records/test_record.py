@@ -18,9 +18,9 @@ from studies import SMALL
 from oed.foundation.errors import RecordError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
-from oed.records.numbers import plain
 from oed.records.outcomes import result_of, validation_of
 from oed.records.record import Record, known_record, load_record, save_record
+from oed.records.stored.parts import plain
 from oed.records.stored.result import Margin, Result
 from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate

@@ -9,8 +9,7 @@ from recorded import record_from
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
-from oed.records.outcomes import result_of
-from oed.records.problem_tables import parameter_table
+from oed.records.outcomes import parameter_table, result_of
 from oed.records.record import Record
 from oed.study.study import Study
 from oed.workflow.runner import record as record_of

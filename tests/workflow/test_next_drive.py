@@ -11,8 +11,7 @@ from driven_robot import ROOM_STUDY, write_log
 from recorded import record_from
 
 from oed.foundation.errors import Failure, StudyError, UserMistake
-from oed.records.calibration_record import load_estimate
-from oed.records.record import Record, save_record
+from oed.records.record import Record, load_estimate, save_record
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive

@@ -20,7 +20,7 @@ from oed.foundation.work.progress import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
-    from oed.records.calibration_record import EstimateRecord
+    from oed.records.record import EstimateRecord
     from oed.records.stored.certificate import StoredCertificate
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn, Self, TypeVar
 
 from pydantic import PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
-from oed.foundation.errors import FileFlaw, RecordError
+from oed.foundation.errors import FileFlaw, ProblemError, RecordError
 from oed.foundation.files import text_of
+from oed.foundation.own.part import UNMADE
 from oed.records.stored.parts import Stored
-from oed.study.study_errors import sentence
+from oed.study.study import StudyFile
+from oed.study.study_errors import explain, sentence
+from oed.study.yaml_source import PlainSource
 
 FORMAT: Final = 1
 """Of all files."""
@@ -141,6 +144,28 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
     rest = len(flaws) - SHOWN
     return (
         flaws if rest <= 0 else [*flaws[:SHOWN], FileFlaw(str(path), 0, 0, "", f"and {rest} more like that")]
+    )
+
+
+def read_echo(data: Any, file: Path) -> StudyFile:
+    """A saved study; no robot of somebody's code is made of it.
+
+    Raises:
+        RecordError: names the file and the study's key of every mistake.
+    """
+    source = PlainSource(str(file), "", data)
+    try:
+        return StudyFile.model_validate(data, context=UNMADE)
+    except ValidationError as error:
+        raise in_record(explain(error, StudyFile, source)) from None
+    except ProblemError as error:
+        raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+
+
+def in_record(flaws: Sequence[FileFlaw]) -> RecordError:
+    """Flaws of a study as those of the record that holds it."""
+    return RecordError(
+        [FileFlaw(flaw.file, 0, 0, f"study.{flaw.key}".rstrip("."), flaw.message) for flaw in flaws]
     )
 
 

@@ -5,22 +5,43 @@ The fields of a part say what its file holds: reading checks them (pydantic), an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from typing import Annotated, Any, Self, TypeVar, get_args
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 from oed.foundation.names import identifier_flaw, name_flaw
 from oed.foundation.quantities import LARGEST as FARTHEST
-from oed.records.numbers import plain
 
 Kind = TypeVar("Kind")
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """A value as JSON holds it: arrays as lists, members of enumerations as their values, null where a
+    number is not finite; numbers to so many decimals, None for all of them.
+    """
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray | np.generic):
+        return plain((value if digits is None else np.round(value, digits)).tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(entry, digits) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry, digits) for entry in value]
+    if not isinstance(value, float):
+        return value
+    return None if not math.isfinite(value) else value if digits is None else round(value, digits)
 
 
 class Stored(BaseModel):

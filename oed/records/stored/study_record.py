@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from oed.records.stored.certificate import StoredCertificate
-from oed.records.stored.door import SavedFile
-from oed.records.stored.echo import read_echo
+from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
     Entries,
     Identifier,
