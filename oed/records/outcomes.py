@@ -1,9 +1,12 @@
-"""What a problem asks, and what searches, bounds and simulations came to, as records hold it."""
+"""What a problem asks, what searches, bounds and simulations came to, and what made it; for records."""
 
 from __future__ import annotations
 
 import math
+import platform
 from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from oed.bounds import LOOSE, Certificate, gap
@@ -13,9 +16,16 @@ from oed.kernel.solution import Solution
 from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.simulation import Simulated
-from oed.records.stored.study_record import StoredInput, StoredNuisance, StoredParameter, StoredState
+from oed.records.stored.study_record import (
+    Provenance,
+    StoredNuisance,
+    StoredParameter,
+    StoredState,
+)
 from oed.simulation import Validation
 
+PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
+"""Packages whose versions a record names: those that compute."""
 UNSCORED: Mapping[str, Any] = {
     "feasible": False,
     "identifiable": False,
@@ -124,11 +134,6 @@ def parameter_table(problem: Problem) -> list[StoredParameter]:
     ]
 
 
-def input_table(problem: Problem) -> list[StoredInput]:
-    """The robot's inputs."""
-    return [StoredInput.of(entry) for entry in problem.model.inputs]
-
-
 def state_table(problem: Problem) -> list[StoredState]:
     """The robot's states."""
     model = problem.model
@@ -145,3 +150,21 @@ def nuisance_table(problem: Problem) -> list[StoredNuisance]:
         for one in problem.any_estimations
         for entry in one.block.nuisances
     ]
+
+
+def provenance() -> Provenance:
+    """What made a record: versions of the packages that compute, of Python and the platform, and when."""
+    return Provenance(
+        packages={name: package_version(name) for name in PACKAGES},
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        finished=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def package_version(package: str) -> str:
+    """The version of an installed package, for records."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

@@ -19,7 +19,6 @@ from oed.kernel.evaluation import Evaluation
 from oed.kernel.solution import Solution, scored
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
-from oed.optimize import Silent
 from oed.records.outcomes import result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
@@ -27,6 +26,7 @@ from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
+from oed.workflow.studies import Work
 
 Array = npt.NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
     best, proved = _known(record) if alike else (None, None)
-    (solution,) = tried(study, [scored(study.problem, trajectory, Path(file).stem)], study.seed, Silent())
+    (solution,) = tried(Work(study, study.seed), [scored(study.problem, trajectory, Path(file).stem)])
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
     return DrivenPaths((worth,), best, _exact(proved), robustness(study, [solution], study.seed))
 

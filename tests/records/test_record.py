@@ -16,6 +16,7 @@ from recorded import record_from
 from studies import SMALL
 
 from oed.foundation.errors import RecordError
+from oed.foundation.files import write_files
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import HistoryPoint, Solution, Start, Status, scored
 from oed.records.outcomes import result_of, validation_of
@@ -25,7 +26,7 @@ from oed.records.stored.result import Margin, Result
 from oed.records.stored.simulation import StoredValidation
 from oed.simulation import validate
 from oed.study.study import ValidationOptions
-from oed.workflow.runner import record
+from oed.workflow.runner import record, record_files
 from oed.workflow.studies import parse_study
 
 STUDY = parse_study(SMALL)
@@ -312,7 +313,8 @@ class TestFiles:
             assert load_record(place).data == made.data
 
     def test_trajectories_are_written_beside_it(self, tmp_path: Path):
-        made = record(STUDY, solutions(), 3, tmp_path)
+        made = record(STUDY, solutions(), 3, named=True)
+        write_files(tmp_path, record_files(STUDY, solutions(), made))
         files = {result.trajectory for result in made.results} - {None}
         assert files == {"ipopt.csv", "straight.csv", "fast.csv"}
         assert {path.name for path in tmp_path.iterdir()} == {*files, "record.json"}

@@ -16,12 +16,13 @@ from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_i
 from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
+from oed.records.outcomes import package_version
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, known_record, load_record, pages, saved_file
 from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
-from oed.workflow.runner import package_version, run
+from oed.workflow.runner import run
 from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
