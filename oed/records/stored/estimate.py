@@ -338,6 +338,14 @@ class EstimateRecord(SavedFile):
         return {one.name: math.nan if one.value is None else one.value for one in self.parameters}
 
     @property
+    def errors(self) -> dict[str, float]:
+        """Standard errors by name, SI; NaN where there is none."""
+        return {
+            one.name: math.nan if one.standard_error is None else one.standard_error
+            for one in self.parameters
+        }
+
+    @property
     def title(self) -> str:
         """The study's name."""
         return str((self.study or {}).get("name", "Robot"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +78,7 @@ def sweep(
     """
     points, listener = grid(str(file), axes), progress or Silent()
     with drafted(out) as draft:
-        done = _Sweep(points, draft, seed, lambda work: work.table(Path(file), axes))
+        done = _Sweep(Path(file), axes, points, draft, seed)
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
 
@@ -119,12 +119,13 @@ def _run_point(task: _Task) -> _Result:
 class _Sweep:
     def __init__(
         self,
+        file: Path,
+        axes: Sequence[Axis],
         points: Sequence[Point],
         draft: Draft,
         seed: int | None,
-        table: Callable[[_Sweep], StoredSweep],
     ) -> None:
-        self.points, self.draft, self._table = points, draft, table
+        self.file, self.axes, self.points, self.draft = file, axes, points, draft
         self.seeds = [point.study.seed if seed is None else seed for point in points]
         self.records: dict[int, Record] = {}
         self.failures: dict[int, str] = {}
@@ -171,7 +172,7 @@ class _Sweep:
             names = sorted(result.files, key=lambda name: name == RECORD)
             self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
             # Lest the process be killed: what is there by now is a sweep that was cut short.
-            self.draft.write(_file(self._table(self).model_copy(update={"interrupted": True})))
+            self.draft.write(_file(self._table().model_copy(update={"interrupted": True})))
         except OedError as error:
             # Without room for this one there is none for the others.
             self.unsaved = error
@@ -202,7 +203,7 @@ class _Sweep:
         """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
         finished one.
         """
-        found, draft = self._table(self), self.draft
+        found, draft = self._table(), self.draft
         if self.unsaved is not None:
             raise self._not_saved(self.unsaved, found)
         if self.interrupted and self._in_the_way():
@@ -230,25 +231,25 @@ class _Sweep:
         text = f"{error}: make room"
         return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(found))
 
-    def table(self, file: Path, axes: Sequence[Axis]) -> StoredSweep:
-        """The points side by side."""
+    def _table(self) -> StoredSweep:
+        # The points side by side.
         rows = [self._row(index) for index in range(len(self.points))]
-        comparable = all(_comparable(axis) for axis in axes)
-        names = short_names([axis.key for axis in axes])
+        comparable = all(_comparable(axis) for axis in self.axes)
+        names = short_names([axis.key for axis in self.axes])
         return StoredSweep.of(
-            self,
             format=FORMAT,
             oed_version=_version(),
-            study=file.name,
+            study=self.file.name,
             name=self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
             keys=[
                 SweptKey.of(axis, name=name, values=axis.texts, numeric=axis.numbers is not None)
-                for axis, name in zip(axes, names, strict=True)
+                for axis, name in zip(self.axes, names, strict=True)
             ],
             points=rows,
             best=_best(rows) if comparable else None,
             comparable=comparable,
             kept=len(self.kept),
+            interrupted=self.interrupted,
         )
 
     def _row(self, index: int) -> SweptPoint:
