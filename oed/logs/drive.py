@@ -12,7 +12,7 @@ import numpy.typing as npt
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
 from oed.logs.log import Finding, Log
-from oed.logs.series import Array, Gathered, Series
+from oed.logs.series import Array, Series, together
 
 FEWEST = 3
 """Rows that a drive needs at least, of inputs and of poses."""
@@ -214,10 +214,7 @@ def to_logs(drives: list[RecordedDrive], handling: Handling) -> list[Log]:
     """
     fits = [min(len(drive.inputs), len(drive.poses)) >= FEWEST for drive in drives]
     fit = [drive for drive, long_enough in zip(drives, fits, strict=True) if long_enough]
-    gathered = Gathered()
-    logs = [gathered.take(partial(to_log, drive, handling)) for drive in fit or drives]
-    gathered.raise_any()
-    read = [log for log in logs if log is not None]
+    read: list[Log] = together(partial(to_log, drive, handling) for drive in fit or drives)
     if len(fit) < len(drives):
         short = [drive.name for drive, long_enough in zip(drives, fits, strict=True) if not long_enough]
         text = f"{len(short)} run(s) of fewer than {FEWEST} rows are left out: {', '.join(short[:5])}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +15,7 @@ from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.kernel.dynamics.system import System
 from oed.logs.form import LogForm
 from oed.logs.log import Log
-from oed.logs.series import Gathered
+from oed.logs.series import together
 
 
 def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list[Log]:
@@ -34,11 +35,8 @@ def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list
         raise ProblemError(flaws)
     if not files:
         raise LogError([FileFlaw("", 0, 0, "", "no logs were given")])
-    gathered = Gathered()
-    read = [gathered.take(partial(form.read, Path(file), model)) for file in files]
-    gathered.raise_any()
-    logs = [log for some in read for log in some or []]
-    return _distinct(_with_wheels_checked(logs, model))
+    logs = itertools.chain(*together(partial(form.read, Path(file), model) for file in files))
+    return _distinct(_with_wheels_checked(list(logs), model))
 
 
 def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:

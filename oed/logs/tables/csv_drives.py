@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
-from oed.logs.series import Gathered, Mask, Rows, Series
+from oed.logs.series import Mask, Rows, Series, together
 from oed.logs.tables.sheet import Sheet, distinct_rows
 
 
@@ -28,13 +30,9 @@ def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Rec
     Raises:
         LogError: empty cells where numbers are needed, clocks that do not rise, counters that jump.
     """
-    stem, gathered = Path(sheet.inputs.series.file).stem, Gathered()
-    drives: list[RecordedDrive] = []
-    runs = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
-    for label, rows in runs:
-        run = _Run(sheet, model, stem if label is None else f"{stem}[{label}]", label, rows, len(runs))
-        drives += gathered.take(lambda: run.drives(gap)) or []  # noqa: B023
-    gathered.raise_any()
+    found = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
+    runs = [_Run(sheet, model, label, rows, len(found)) for label, rows in found]
+    drives: list[RecordedDrive] = [*itertools.chain(*together(partial(run.drives, gap) for run in runs))]
     if sheet.cut_off:
         text = "the file breaks off within its last line, which is left out"
         drives[-1] = drives[-1].with_found(Finding("cut_off", text))
@@ -55,11 +53,11 @@ def _runs(labels: list[str] | None, count: int) -> Iterator[tuple[str | None, Ro
 class _Run:
     """Rows of a sheet that are one run."""
 
-    def __init__(
-        self, sheet: Sheet, model: System, name: str, label: str | None, rows: Rows, runs: int
-    ) -> None:
+    def __init__(self, sheet: Sheet, model: System, label: str | None, rows: Rows, runs: int) -> None:
         """Keep what it is, and how many runs there are in all."""
-        self.sheet, self.model, self.name, self.label, self.runs = sheet, model, name, label, runs
+        self.sheet, self.model, self.label, self.runs = sheet, model, label, runs
+        stem = Path(sheet.inputs.series.file).stem
+        self.name = stem if label is None else f"{stem}[{label}]"
         assert sheet.inputs.table is not None
         self.rows = distinct_rows(sheet.inputs.table, sheet.inputs.series.times, rows)
         self.repeated = len(rows) - len(self.rows)
@@ -68,12 +66,7 @@ class _Run:
         """The run whole, or the stretches of it that are kept."""
         if not self.sheet.kept[self.rows].any():
             return []
-        gathered = Gathered()
-        inputs = gathered.take(self._inputs)
-        poses = gathered.take(self._poses)
-        gathered.raise_any()
-        assert inputs is not None
-        assert poses is not None
+        inputs, poses = together([self._inputs, self._poses])
         integrated = _integrated(inputs, self.sheet, self.model)
         if self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
             poses = _within(poses, inputs.times[0] - MARGIN, inputs.times[-1] + MARGIN)

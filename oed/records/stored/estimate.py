@@ -340,10 +340,8 @@ class EstimateRecord(SavedFile):
     @property
     def errors(self) -> dict[str, float]:
         """Standard errors by name, SI; NaN where there is none."""
-        return {
-            one.name: math.nan if one.standard_error is None else one.standard_error
-            for one in self.parameters
-        }
+        known = ((one.name, one.standard_error) for one in self.parameters)
+        return {name: math.nan if error is None else error for name, error in known}
 
     @property
     def title(self) -> str:
