@@ -15,7 +15,7 @@ from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import RecordedDrive, to_logs
-from oed.logs.form import LogForm
+from oed.logs.form import LogForm, Repeats
 from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.log import Finding, Log
 from oed.logs.series import Series, together
@@ -57,7 +57,7 @@ class PoseTopic(Component):
     topic: str | None = None
     frame: str | None = None
     child: str | None = None
-    held: Literal["keep", "drop"] = "drop"
+    held: Repeats = "drop"
 
 
 class BagForm(LogForm):
@@ -94,7 +94,7 @@ class BagForm(LogForm):
         with open_bag(file) as bag:
             inputs, poses = together([lambda: self._inputs(bag, model), lambda: self._poses(bag)])
         drive = self._drive(file, model, inputs, poses)
-        return to_logs([drive], self.handling(self.poses.held))
+        return to_logs([drive], self, self.poses.held)
 
     def _poses(self, bag: Bag) -> Series:
         topic = bag.topic(self.poses.topic, POSES, "poses")

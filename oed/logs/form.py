@@ -12,9 +12,10 @@ from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.system import System
-from oed.logs.drive import Handling
 from oed.logs.log import Log
 
+Repeats = Literal["keep", "drop"]
+"""What is done with poses that repeat the one before while the wheels turn, as a slower sensor's do."""
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
 """By which a file is known to be a ROS bag."""
 
@@ -38,10 +39,6 @@ class LogForm(Component, ABC):
         Raises:
             LogError: every mistake in the file, each with its line.
         """
-
-    def handling(self, held: Literal["keep", "drop"] = "drop") -> Handling:
-        """What is done with the drives read."""
-        return Handling(self.gap, held == "drop", self.skip_stationary)
 
     @abstractmethod
     def flaws(self, model: System) -> list[Flaw]:

@@ -34,7 +34,7 @@ def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list
     if flaws:
         raise ProblemError(flaws)
     if not files:
-        raise LogError([FileFlaw("", 0, 0, "", "no logs were given")])
+        raise LogError.about("", "no logs were given")
     logs = itertools.chain(*together(partial(form.read, Path(file), model) for file in files))
     return _distinct(_with_wheels_checked(list(logs), model))
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import yaml
 
 from oed.foundation.component import OneOf
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
@@ -162,7 +162,7 @@ def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
         found = form.poses.beside(log)
         if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
             text = f"leads to {found}, out of the folder of the log; {TRUST}"
-            raise RecordError([FileFlaw(str(record.file), 0, 0, "study.log.poses.file", text)])
+            raise RecordError.about(record.file, text, "study.log.poses.file")
 
 
 def _decided(

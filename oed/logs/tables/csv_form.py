@@ -63,4 +63,4 @@ class CsvForm(LogForm):
         table = read_table(file, delimiter, self.header)
         layout = SheetLayout(self.time, self.inputs, self.poses, self.runs, self.keep)
         drives = drives_in(read_sheet(table, layout, model), model, self.gap)
-        return to_logs(drives, self.handling(self.poses.held))
+        return to_logs(drives, self, self.poses.held)

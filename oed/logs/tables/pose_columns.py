@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.system import System
+from oed.logs.form import Repeats
 from oed.logs.tables.columns import PoseColumn, Short, TimeColumn, unit_reason
 
 
@@ -43,7 +44,7 @@ class PoseColumns(Component):
     time: Annotated[TimeColumn, Short("column")] | None = None
     file: str | None = None
     form: Literal["tum", "csv"] | None = None
-    held: Literal["keep", "drop"] = "drop"
+    held: Repeats = "drop"
 
     @property
     def is_tum(self) -> bool:

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from oed.foundation.errors import RecordError
+from oed.foundation.errors import FileFlaw, RecordError
 from oed.kernel.criteria import CRITERIA
-from oed.records.stored.door import flaws_of
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import Record
 
@@ -23,9 +22,9 @@ def require_one_study(found: Record, path: Path) -> None:
     Raises:
         RecordError: names the file and the keys.
     """
-    flaws = flaws_of(path, [*_unknown(found), *_strangers(found)]) or flaws_of(path, _impossible(found))
+    flaws = [*_unknown(found), *_strangers(found)] or [*_impossible(found)]
     if flaws:
-        raise RecordError(flaws)
+        raise RecordError([FileFlaw(str(path), 0, 0, key, message) for key, message in flaws])
 
 
 def _unknown(found: Record) -> Iterator[tuple[str, str]]:

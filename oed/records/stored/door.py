@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn, Self, TypeVar
 
@@ -167,11 +167,6 @@ def in_record(flaws: Sequence[FileFlaw]) -> RecordError:
     return RecordError(
         [FileFlaw(flaw.file, 0, 0, f"study.{flaw.key}".rstrip("."), flaw.message) for flaw in flaws]
     )
-
-
-def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
-    """Flaws of a file from keys and messages."""
-    return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
 
 
 def _laid_out(value: Any, indent: str) -> str:

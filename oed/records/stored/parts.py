@@ -251,23 +251,3 @@ def require_different(what: str, names: Sequence[str]) -> None:
     twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
     if twice is not None:
         raise ValueError(f"{what}: a second one named {twice!r}")
-
-
-def require_pairs(
-    what: str, table: Iterable[tuple[str, str]], one: Sequence[str], other: Sequence[str]
-) -> None:
-    """Refuse a table by pairs of names in which one is missing.
-
-    Args:
-        what: its name.
-        table: by pairs.
-        one: names of the first.
-        other: names of the second.
-
-    Raises:
-        ValueError: names the pair.
-    """
-    there = set(table)
-    for pair in ((first, second) for first in one for second in other):
-        if pair not in there:
-            raise ValueError(f"{what}: expected one of {pair[0]!r} and {pair[1]!r}, got none")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated
 
 from pydantic import Field
@@ -17,7 +18,6 @@ from oed.records.stored.parts import (
     Stored,
     require_different,
     require_known,
-    require_pairs,
     require_table,
 )
 
@@ -154,7 +154,10 @@ class StoredTrial(Stored):
             require_known(what, names, planned)
         for names in ((one.fit for one in floor.errors), (one.fit for one in floor.scatter)):
             require_known(what, names, fits)
-        require_pairs(f"{what}.errors", ((one.drive, one.fit) for one in floor.errors), drives, fits)
+        there = {(one.drive, one.fit) for one in floor.errors}
+        for drive, fit in itertools.product(drives, fits):
+            if (drive, fit) not in there:
+                raise ValueError(f"{what}.errors: expected one of {drive!r} and {fit!r}, got none")
         own = self.models[0]
         for one in floor.scatter:
             if one.fit == own.name:
