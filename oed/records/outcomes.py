@@ -13,14 +13,16 @@ from oed.bounds import LOOSE, Certificate, gap
 from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
-from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.simulation import Simulated
 from oed.records.stored.study_record import (
     Provenance,
+    StoredCertificate,
     StoredNuisance,
     StoredParameter,
     StoredState,
+    UpperBound,
+    WidenedBound,
 )
 from oed.simulation import Validation
 

@@ -21,9 +21,9 @@ from oed.logs.form import is_bag
 from oed.records.outcomes import result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
-from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
+from oed.records.stored.study_record import StoredCertificate
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work

@@ -7,40 +7,24 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.series import Array, Mask, Rows, Series, together
-from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
+from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
-from oed.logs.tables.pose_columns import PoseColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
+
+if TYPE_CHECKING:
+    from oed.logs.tables.csv_form import CsvForm
 
 Wanted = float | str | tuple[float, float]
 RUN = "run"
 """The column that says which run a row belongs to, in the package's own files."""
-
-
-@dataclass(frozen=True)
-class SheetLayout:
-    """Which columns of a table are what.
-
-    Attributes:
-        time: of the inputs, and of the poses without a clock of their own.
-        inputs: by the robot's names of them.
-        poses: of the reference.
-        runs: says which run a row belongs to; None for a column "run" where there is one.
-        keep: values of columns, or [low, high], in rows whose poses are wanted.
-    """
-
-    time: TimeColumn
-    inputs: Mapping[str, InputColumn]
-    poses: PoseColumns
-    runs: Column | None
-    keep: Mapping[str, Wanted]
 
 
 @dataclass(frozen=True)
@@ -99,24 +83,24 @@ class Sheet:
     cut_off: bool
 
 
-def read_sheet(table: Table, layout: SheetLayout, model: System) -> Sheet:
+def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     """Find the columns and read them.
 
     Args:
         table: the log's.
-        layout: which columns are what.
+        form: which columns are what.
         model: the robot that drove.
 
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
-    beside = layout.poses.beside(Path(table.file))
-    columns = dict(zip(model.input_names, input_columns(layout.inputs, model), strict=True))
+    beside = form.poses.beside(Path(table.file))
+    columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
     inputs, (quantities, poses), kept = together(
         [
-            lambda: _read_block(table, layout.time, columns, layout.runs),
-            lambda: _read_poses(table, beside, layout, model),
-            lambda: _kept(table, layout.keep),
+            lambda: _read_block(table, form.time, columns, form.runs),
+            lambda: _read_poses(table, beside, form, model),
+            lambda: _kept(table, form.keep),
         ]
     )
     return Sheet(
@@ -125,7 +109,7 @@ def read_sheet(table: Table, layout: SheetLayout, model: System) -> Sheet:
         quantities=quantities,
         columns=tuple(columns.values()),
         same_rows=beside is None,
-        own_clock=beside is not None or layout.poses.time is not None,
+        own_clock=beside is not None or form.poses.time is not None,
         kept=kept,
         cut_off=table.cut_off,
     )
@@ -181,9 +165,9 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 
 def _read_poses(
-    table: Table, beside: Path | None, layout: SheetLayout, model: System
+    table: Table, beside: Path | None, form: CsvForm, model: System
 ) -> tuple[tuple[str, ...], ColumnBlock]:
-    poses, runs = layout.poses, layout.runs
+    poses, runs = form.poses, form.runs
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses)
     if beside is not None:
@@ -191,7 +175,7 @@ def _read_poses(
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
-    block = _read_block(table, poses.time or layout.time, columns, runs)
+    block = _read_block(table, poses.time or form.time, columns, runs)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
