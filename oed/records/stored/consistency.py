@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from oed.foundation.errors import FileFlaw, RecordError
 from oed.kernel.criteria import CRITERIA
+from oed.kernel.measurement.prior import Prior
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import Record
 
@@ -30,8 +30,8 @@ def require_one_study(found: Record, path: Path) -> None:
 def _unknown(found: Record) -> Iterator[tuple[str, str]]:
     # Names of parameters that the record says nothing of.
     known = [one.name for one in found.parameters]
-    prior = found.echo.get("prior") or {}
-    for name in (*prior.get("parameters", ()), *prior.get("standard_deviations", {})):
+    prior = found.study.prior
+    for name in prior.names if isinstance(prior, Prior) else ():
         if name not in known:
             yield "parameters", f"expected {name}, of which the study's prior speaks"
     if not any(one.judged for one in found.parameters):
@@ -40,9 +40,8 @@ def _unknown(found: Record) -> Iterator[tuple[str, str]]:
 
 def _strangers(found: Record) -> Iterator[tuple[str, str]]:
     # Criteria that neither this package has nor the study names.
-    study = found.echo
-    given = (study["criterion"], *(solver.get("criterion") for solver in study["solvers"]))
-    known = tuple(dict.fromkeys((*KINDS, *(_kind(one) for one in given if one))))
+    given = (found.study.criterion, *(solver.criterion for solver in found.study.solvers))
+    known = tuple(dict.fromkeys((*KINDS, *(one.kind for one in given if one is not None))))
     for place, one in enumerate(found.results):
         kinds = {"criterion": [one.criterion or KINDS[0]], "criteria": list(one.criteria)}
         for key, names in kinds.items():
@@ -51,14 +50,9 @@ def _strangers(found: Record) -> Iterator[tuple[str, str]]:
                     yield f"results.{place}.{key}", f"expected one of {', '.join(known)}, got {name!r}"
 
 
-def _kind(criterion: Mapping[str, Any]) -> str:
-    # One of the user's own has the name that it gave itself.
-    return str((criterion.get("described") or {}).get("kind") or criterion["kind"])
-
-
 def _impossible(found: Record) -> Iterator[tuple[str, str]]:
     # Objectives that no drive has by the criterion that they are of.
-    own, size = _kind(found.echo["criterion"]), len(found.parameters)
+    own, size = found.study.criterion.kind, len(found.parameters)
     for place, one in enumerate(found.results):
         for key, kind, value in _values(one, own):
             if value is not None and not possible(kind, value, size):
