@@ -9,12 +9,10 @@ from pydantic import ValidationError
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.solution import Solution, scored
 from oed.optimize import Ipopt, Progress, Silent, Workers, default_workers
-from oed.records.outcomes import validation_of
+from oed.records.outcomes import trial_of, validation_of
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
-from oed.records.stored.simulation import StoredValidation
-from oed.records.stored.trial import StoredTrial
-from oed.records.trial_outcome import trial_of
+from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.study import ValidationOptions

@@ -31,9 +31,8 @@ from oed.records.path_file import trajectory_csv
 from oed.records.record import FILE, Record
 from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
-from oed.records.stored.simulation import StoredValidation
+from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.records.stored.study_record import StoredCertificate
-from oed.records.stored.trial import StoredTrial
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, Study

@@ -24,8 +24,7 @@ from oed.records.stored.parts import (
     require_known,
 )
 from oed.records.stored.result import Result
-from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.trial import StoredTrial
+from oed.records.stored.simulation import StoredRobustness, StoredTrial, StoredValidation
 from oed.study.study import StudyFile
 
 
