@@ -158,9 +158,9 @@ def search(
     """
     work.study.require_identifiable()
     done: dict[str, Solution] = {}
-    for solver in work.study.solvers:
-        try:
-            with interrupts_named():
+    try:
+        with interrupts_named():
+            for solver in work.study.solvers:
                 solution = solve(
                     work.study.problem,
                     solver,
@@ -170,18 +170,13 @@ def search(
                     earlier=done,
                 )
                 done[solution.name] = solution
-                if found is not None and solution.status is not Status.INTERRUPTED:
+                if solution.status is Status.INTERRUPTED:
+                    return list(done.values()), True
+                if found is not None:
                     found(list(done.values()))
-        except KeyboardInterrupt:
-            return list(done.values()), True
-        if solution.status is Status.INTERRUPTED:
-            return list(done.values()), True
-    try:
-        with interrupts_named():
-            plain = nominal_search(work)
+            return [*done.values(), *nominal_search(work)], False
     except KeyboardInterrupt:
         return list(done.values()), True
-    return [*done.values(), *plain], False
 
 
 def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:

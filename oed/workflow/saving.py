@@ -67,8 +67,8 @@ class RunFolder:
         """
         if self.draft is None:
             return record
-        interrupted = record.interrupted
-        if interrupted and self._whole and not _drives(record) and (self.draft.target / FILE).exists():
+        interrupted, nothing = record.interrupted, all(one.drive is None for one in record.results)
+        if interrupted and self._whole and nothing and (self.draft.target / FILE).exists():
             self.draft.discard()
             return record
         drop = outdated(self.draft.target, record)
@@ -125,10 +125,6 @@ def run_folder(out: str | Path | Draft | None) -> Iterator[RunFolder]:
         return
     with drafted(out) as draft:
         yield RunFolder(draft)
-
-
-def _drives(record: Record) -> bool:
-    return any(one.drive is not None for one in record.results)
 
 
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
