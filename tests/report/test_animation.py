@@ -239,7 +239,7 @@ class TestReport:
         assert "`drive.gif` shows other drives than this record's; `oed animate` makes it again." in markdown
         assert "data:image/gif" not in html
         # Of one that the record no longer has, too.
-        gone = {**towing().data, "results": towing().data["results"][1:]}
+        gone = {**towing().data, "results": towing().data["results"][1:], "best": "arc"}
         assert "data:image/gif" not in self.pages(record_from(gone), tmp_path)[0]
 
     @pytest.mark.parametrize("comment", ["", "oed on holiday", 'oed {"results": []}', "oed 7"])
