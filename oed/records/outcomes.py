@@ -20,7 +20,6 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.simulation import (
-    Around,
     Error,
     Fit,
     Scaled,
@@ -288,6 +287,6 @@ def _scatter(floor: Floor, drive: str, fit: str) -> Scatter:
         fit=fit,
         mean=values.mean(axis=0),
         relative=relative,
-        total=Around.of(total),
+        total=total,
         each=[[float(f"{value:.7g}") for value in row] for row in values],
     )

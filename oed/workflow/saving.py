@@ -145,20 +145,20 @@ def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
     return target / ESTIMATE_FILE
 
 
-def require_readable(files: Files, folder: Path) -> None:
-    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved.
+def require_readable(files: Files, folder: Path) -> dict[str, Any]:
+    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved; returns
+    those there are, as read again, by the names of their files.
 
     Raises:
         Failure: says which keys are in the way.
     """
-    for name, read in ((FILE, known_record), (ESTIMATE_FILE, known_estimate)):
-        if name not in files:
-            continue
-        try:
-            read(json.loads(files[name]), folder / name)
-        except RecordError as error:
-            reasons = "; ".join(map(str, error.flaws))
-            raise Failure(f"not saved, for it could not be read again: {reasons}") from None
+    readers: dict[str, Callable[..., Any]] = {FILE: known_record, ESTIMATE_FILE: known_estimate}
+    try:
+        there = [name for name in readers if name in files]
+        return {name: readers[name](json.loads(files[name]), folder / name) for name in there}
+    except RecordError as error:
+        reasons = "; ".join(map(str, error.flaws))
+        raise Failure(f"not saved, for it could not be read again: {reasons}") from None
 
 
 def outdated(folder: Path, record: Record | None) -> set[str]:

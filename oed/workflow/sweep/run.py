@@ -18,7 +18,7 @@ from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
 from oed.records.outcomes import package_version
 from oed.records.record import FILE as RECORD
-from oed.records.record import Record, known_record, load_record, pages, saved_file
+from oed.records.record import Record, load_record, pages, saved_file
 from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
@@ -159,13 +159,11 @@ class _Sweep:
             self.failures[index] = result.failure
             return
         folder = self.points[index].folder
-        place = self.draft.target / folder
         try:
-            require_readable(result.files, place)
+            record: Record = require_readable(result.files, self.draft.target / folder)[RECORD]
         except OedError as error:
             self.failures[index] = str(error)
             return
-        record = known_record(json.loads(result.files[RECORD]), place / RECORD)
         self.records[index] = record
         try:
             # The record last: where it is, everything is.
