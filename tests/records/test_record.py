@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -306,6 +307,14 @@ class TestParts:
 
 
 class TestFiles:
+    def test_a_copy_is_equal_and_knows_its_study(self, made: Record, tmp_path: Path):
+        save_record(made, tmp_path)
+        for one in (made, load_record(tmp_path)):
+            copy = pickle.loads(pickle.dumps(one))
+            assert copy == one != made.saved_in(tmp_path).at(tmp_path)
+            assert copy.study == one.study
+        assert made == made.saved_in(tmp_path) != load_record(tmp_path)
+
     def test_round_trip(self, made: Record, tmp_path: Path):
         file = save_record(made, tmp_path / "deep" / "folder")
         assert file == tmp_path / "deep" / "folder" / "record.json"

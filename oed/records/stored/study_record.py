@@ -208,6 +208,10 @@ class Record(SavedFile):
         found._folder = folder
         return found
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both hold the same, of the same file."""
+        return isinstance(other, Record) and (self.plain(), self.file) == (other.plain(), other.file)
+
     def __getstate__(self) -> dict[Any, Any]:
         """Without the objects that are made of the plain study again."""
         state = super().__getstate__()
