@@ -68,7 +68,7 @@ class _Run:
             return []
         inputs, poses = together([self._inputs, self._poses])
         integrated = _integrated(inputs, self.sheet, self.model)
-        if self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
+        if len(inputs) and self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
             poses = _within(poses, inputs.times[0] - MARGIN, inputs.times[-1] + MARGIN)
         whole = replace(integrated, name=self.name, poses=poses).with_found(*self._found(poses))
         return self._stretches(whole, gap)
