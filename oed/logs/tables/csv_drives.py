@@ -67,10 +67,9 @@ class _Run:
         if not self.sheet.kept[self.rows].any():
             return []
         inputs, poses = together([self._inputs, self._poses])
-        integrated = _integrated(inputs, self.sheet, self.model)
         if len(inputs) and self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
             poses = _within(poses, inputs.times[0] - MARGIN, inputs.times[-1] + MARGIN)
-        whole = replace(integrated, name=self.name, poses=poses).with_found(*self._found(poses))
+        whole = self._integrated(inputs, poses).with_found(*self._found(poses))
         return self._stretches(whole, gap)
 
     def _found(self, poses: Series) -> Iterator[Finding]:
@@ -113,6 +112,29 @@ class _Run:
         block.require_filled(series, rows)
         return series.without_repeats() if self.sheet.own_clock else series
 
+    def _integrated(self, inputs: Series, poses: Series) -> RecordedDrive:
+        sheet, model = self.sheet, self.model
+        # Without rows there is nothing to integrate.
+        entries = enumerate(zip(sheet.columns, model.inputs, strict=True)) if len(inputs) else ()
+        turned = [column.turned(inputs, place, entry) for place, (column, entry) in entries]
+        flaws = inputs.clock_flaws() + [flaw for one in turned for flaw in one.flaws]
+        if flaws:
+            raise LogError(flaws)
+        values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
+        wraps = sum(one.wraps for one in turned)
+        found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
+        return RecordedDrive(
+            name=self.name,
+            names=model.input_names,
+            inputs=inputs.with_values(values),
+            poses=poses,
+            quantities=sheet.quantities,
+            driving=np.array([entry.drives for entry in model.inputs]),
+            bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
+            one_clock=not sheet.own_clock,
+            found=found if wraps else (),
+        )
+
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
         # What is not kept for a while is not driven across: what comes after it is a drive of its own.
         kept = self.rows[self.sheet.kept[self.rows]]
@@ -149,32 +171,6 @@ def _with_inputs(values: np.typing.NDArray[np.float64], rows: Rows, first: bool,
     wanted = np.zeros(len(rows), dtype=bool)
     wanted[[begin, end]] = wanted[filled] = True
     return np.asarray(rows[wanted])
-
-
-def _integrated(inputs: Series, sheet: Sheet, model: System) -> RecordedDrive:
-    flaws = inputs.clock_flaws()
-    if not len(inputs):
-        turned = []
-    else:
-        entries = zip(sheet.columns, model.inputs, strict=True)
-        turned = [column.turned(inputs, place, entry) for place, (column, entry) in enumerate(entries)]
-    flaws += [flaw for one in turned for flaw in one.flaws]
-    if flaws:
-        raise LogError(flaws)
-    values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
-    wraps = sum(one.wraps for one in turned)
-    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
-    return RecordedDrive(
-        name="",
-        names=model.input_names,
-        inputs=inputs.with_values(values),
-        poses=inputs,
-        quantities=sheet.quantities,
-        driving=np.array([entry.drives for entry in model.inputs]),
-        bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
-        one_clock=not sheet.own_clock,
-        found=found if wraps else (),
-    )
 
 
 def _within(series: Series, start: float, end: float) -> Series:
