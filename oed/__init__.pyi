@@ -51,11 +51,11 @@ from .optimize import Genetic as Genetic
 from .optimize import Ipopt as Ipopt
 from .optimize import Solver as Solver
 from .optimize import solve as solve
-from .records.calibration_record import EstimateRecord as EstimateRecord
-from .records.calibration_record import load_estimate as load_estimate
 from .records.path_file import read_trajectory as read_trajectory
 from .records.path_file import write_trajectory as write_trajectory
+from .records.record import EstimateRecord as EstimateRecord
 from .records.record import Record as Record
+from .records.record import load_estimate as load_estimate
 from .records.record import load_record as load_record
 from .records.record import save_record as save_record
 from .report import animate as animate

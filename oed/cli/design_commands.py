@@ -45,7 +45,8 @@ def _solve(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else None
     record, outcome = _searched(options, out, search_only=True)
     kept = ("format", "oed_version", "seed", "parameters", "results")
-    data = {key: record.data[key] for key in kept} | ({} if out is None else outcome.place)
+    plain = record.plain()
+    data = {key: plain[key] for key in kept} | ({} if out is None else outcome.place)
     outcome.show(options, data, lambda: print_results(record.results, record.robustness))
     return FAILED if outcome.trouble else verdict(record)
 
@@ -76,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
             print_certificate(record.certificate)
 
     notes = [note for note in record.notes if note != CUT_SHORT]
-    outcome.show(options, {**record.data, **outcome.place}, lines, notes)
+    outcome.show(options, {**record.plain(), **outcome.place}, lines, notes)
     return FAILED if outcome.trouble else verdict(record)
 
 

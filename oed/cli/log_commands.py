@@ -51,7 +51,7 @@ def _estimate(options: argparse.Namespace) -> int:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
     outcome = CommandResult(None if trouble else out, out, trouble)
     outcome.report(lambda: write_estimate(record, out))
-    outcome.show(options, {**record.data, **outcome.place}, lambda: print_estimate(record))
+    outcome.show(options, {**record.plain(), **outcome.place}, lambda: print_estimate(record))
     return FAILED if outcome.trouble else DONE
 
 

@@ -17,9 +17,8 @@ def _report_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _report(options: argparse.Namespace) -> int:
     from oed.foundation.work.folders import in_order
-    from oed.records.calibration_record import FILE as ESTIMATE
-    from oed.records.calibration_record import load_estimate
-    from oed.records.record import FILE, load_record
+    from oed.records.record import ESTIMATE_FILE as ESTIMATE
+    from oed.records.record import FILE, load_estimate, load_record
     from oed.report import write_comparison, write_estimate, write_report, write_sweep
     from oed.workflow.sweep import FILE as SWEEP
     from oed.workflow.sweep import load_sweep

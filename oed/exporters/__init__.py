@@ -13,10 +13,9 @@ from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.work.folders import in_order
-from oed.records.calibration_record import FILE as ESTIMATE
-from oed.records.calibration_record import load_estimate
+from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
-from oed.records.record import Record, load_record, require_no_results
+from oed.records.record import Record, load_estimate, load_record, require_no_results
 
 EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,
@@ -94,5 +93,6 @@ def _record_in(place: Path, to: str) -> Record:
         found = load_estimate(place)
         if found.study is None:
             raise RecordError.about(found.file, "missing", "study")
-        return Record({"study": found.study, "results": []}, found.file)
+        known = {"version": found.oed_version, "echo": found.study, "certificate": None, "validation": None}
+        return Record.of(found, **known, parameters=[], nuisances=[], results=[]).at(place / ESTIMATE)
     return load_record(place)

@@ -20,7 +20,7 @@ from oed.exporters.request import Request
 from oed.exporters.two_sides import Sides, controller_limits
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import write_text
-from oed.records.calibration_record import FILE as ESTIMATE
+from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.stored.door import checked, read_object
 from oed.records.stored.estimate import Estimates
 from oed.robots.limits import Limit

@@ -20,7 +20,7 @@ ROOMS = {
     "kernel": "between coarser criteria evaluation finiteness identifiability problem solution",
     "kernel.dynamics": "direct_call enclosures expression intervals rollout spline trajectory",
     "kernel.measurement": "information matrices prior square_root",
-    "records": "calibration_record path_file problem_tables record recorded_study stored",
+    "records": "path_file record recorded_study stored",
     "robots": "baselines limits models presets",
     "simulation": "trial",
     "study": "starter study_errors yaml_source",
@@ -30,6 +30,7 @@ ROOMS = {
 """Modules and folders of the top level by the room that each has moved to."""
 RENAMED = {
     "calibration": "estimation",
+    "calibration_record": "records.record",
     "cli.animate": "cli.record_commands",
     "cli.bound": "cli.study_commands",
     "cli.check": "cli.study_commands",
@@ -56,6 +57,7 @@ RENAMED = {
     "measurements": "robots.sensors",
     "names": "foundation.files",
     "physics_film": "report.film.physics",
+    "problem_tables": "records.outcomes",
     "readings": "estimation.prediction.drive_readings",
     "robots.baselines.suitability": "robots.baselines.paths",
     "robots.limits.outline": "robots.limits.shapes",

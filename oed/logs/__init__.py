@@ -11,9 +11,8 @@ from pydantic import BeforeValidator
 
 from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
-from oed.logs.form import LogForm
+from oed.logs.form import LogForm, read_logs
 from oed.logs.log import Finding, Log
-from oed.logs.reading import read_logs
 from oed.logs.tables.csv_form import CsvForm
 from oed.logs.tables.table import UnknownColumn
 

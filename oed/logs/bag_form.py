@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,10 +15,10 @@ from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import RecordedDrive, to_logs
-from oed.logs.form import LogForm
+from oed.logs.form import LogForm, Repeats
 from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.log import Finding, Log
-from oed.logs.series import Gathered, Series
+from oed.logs.series import Series, together
 from oed.logs.tables.columns import Short
 
 QUANTITIES = ("x", "y", "heading")
@@ -56,7 +57,7 @@ class PoseTopic(Component):
     topic: str | None = None
     frame: str | None = None
     child: str | None = None
-    held: Literal["keep", "drop"] = "drop"
+    held: Repeats = "drop"
 
 
 class BagForm(LogForm):
@@ -90,15 +91,10 @@ class BagForm(LogForm):
             LogError: every mistake in the bag.
             UserMistake: the library that reads bags is not installed.
         """
-        gathered = Gathered()
         with open_bag(file) as bag:
-            inputs = gathered.take(lambda: self._inputs(bag, model))
-            poses = gathered.take(lambda: self._poses(bag))
-        gathered.raise_any()
-        assert inputs is not None
-        assert poses is not None
+            inputs, poses = together([lambda: self._inputs(bag, model), lambda: self._poses(bag)])
         drive = self._drive(file, model, inputs, poses)
-        return to_logs([drive], self.handling(self.poses.held))
+        return to_logs([drive], self, self.poses.held)
 
     def _poses(self, bag: Bag) -> Series:
         topic = bag.topic(self.poses.topic, POSES, "poses")
@@ -106,12 +102,10 @@ class BagForm(LogForm):
 
     def _inputs(self, bag: Bag, model: System) -> list[tuple[Series, Turned]]:
         topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
-        joints, gathered = read_joints(bag, topic, self.clock), Gathered()
+        joints = read_joints(bag, topic, self.clock)
         if not joints.names:
             raise bag.flaw(topic, "no joint states")
-        read = [gathered.take(lambda e=entry: self._input(bag, joints, e)) for entry in model.inputs]  # type: ignore[misc]
-        gathered.raise_any()
-        return [one for one in read if one is not None]
+        return together(partial(self._input, bag, joints, entry) for entry in model.inputs)
 
     def _input(self, bag: Bag, joints: Joints, entry: Input) -> tuple[Series, Turned]:
         given = self.inputs.get(entry.name) or JointInput()

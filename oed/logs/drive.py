@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
+from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
-from oed.logs.series import Array, Gathered, Series
+from oed.logs.series import Array, Series, together
 
 FEWEST = 3
 """Rows that a drive needs at least, of inputs and of poses."""
@@ -64,27 +65,7 @@ class RecordedDrive:
         return replace(self, found=(*self.found, *(one for one in found if one is not None)))
 
 
-@dataclass(frozen=True)
-class Handling:
-    """What is to be done with drives.
-
-    Attributes:
-        gap: longer steps in time are gaps [s]; five median steps if None.
-        drop_held: whether repeated poses are left out while the wheels turn.
-        skip_stationary: whether standing before and after is cut off.
-    """
-
-    gap: float | None = None
-    drop_held: bool = True
-    skip_stationary: bool = False
-
-
-def to_log(drive: RecordedDrive, handling: Handling) -> Log:
-    """Check a drive and make it a log.
-
-    Raises:
-        LogError: too few rows, a clock that does not rise, clocks without overlap, poses that never change.
-    """
+def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
     flaws = [*_clock_flaws(drive)]
     if flaws:
         raise LogError(flaws)
@@ -94,12 +75,22 @@ def to_log(drive: RecordedDrive, handling: Handling) -> Log:
         findings.stationary(drive.inputs, drive.driven, at_end=False),
         findings.stationary(drive.inputs, drive.driven, at_end=True),
     )
-    if handling.drop_held:
+    if held == "drop":
         drive = _without_held(drive)
-    if handling.skip_stationary:
+    if form.skip_stationary:
         drive = _without_standing(drive)
-    drive = _with_gaps_found(drive, handling.gap)
-    return replace(_log(_with_poses_checked(_with_running_heading(drive))), gap=handling.gap)
+    drive = _with_poses_checked(_with_running_heading(_with_gaps_found(drive, form.gap)))
+    return Log(
+        name=drive.name,
+        file=drive.inputs.file,
+        input_times=drive.inputs.times,
+        integrals=drive.inputs.values,
+        pose_times=drive.poses.times,
+        poses=drive.poses.values,
+        quantities=drive.quantities,
+        findings=drive.found,
+        gap=form.gap,
+    )
 
 
 def _clock_flaws(drive: RecordedDrive) -> Iterator[FileFlaw]:
@@ -193,31 +184,21 @@ def _with_poses_checked(drive: RecordedDrive) -> RecordedDrive:
     return drive.with_found(positions, turns)
 
 
-def _log(drive: RecordedDrive) -> Log:
-    return Log(
-        name=drive.name,
-        file=drive.inputs.file,
-        input_times=drive.inputs.times,
-        integrals=drive.inputs.values,
-        pose_times=drive.poses.times,
-        poses=drive.poses.values,
-        quantities=drive.quantities,
-        findings=drive.found,
-    )
+def to_logs(drives: list[RecordedDrive], form: LogForm, held: Repeats) -> list[Log]:
+    """The logs of a file's drives, each checked.
 
-
-def to_logs(drives: list[RecordedDrive], handling: Handling) -> list[Log]:
-    """The logs of a file's drives.
+    Args:
+        drives: of the file.
+        form: in which it was read.
+        held: "drop" poses that repeat the one before while the wheels turn, or "keep" them.
 
     Raises:
-        LogError: no drive is long enough, or any has a mistake.
+        LogError: no drive is long enough, or any has a clock that does not rise, clocks without overlap,
+            poses that never change.
     """
     fits = [min(len(drive.inputs), len(drive.poses)) >= FEWEST for drive in drives]
     fit = [drive for drive, long_enough in zip(drives, fits, strict=True) if long_enough]
-    gathered = Gathered()
-    logs = [gathered.take(partial(to_log, drive, handling)) for drive in fit or drives]
-    gathered.raise_any()
-    read = [log for log in logs if log is not None]
+    read: list[Log] = together(partial(_to_log, drive, form, held) for drive in fit or drives)
     if len(fit) < len(drives):
         short = [drive.name for drive, long_enough in zip(drives, fits, strict=True) if not long_enough]
         text = f"{len(short)} run(s) of fewer than {FEWEST} rows are left out: {', '.join(short[:5])}"

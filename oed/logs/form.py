@@ -1,20 +1,30 @@
-"""What every form of log has in common: the study's key `log`."""
+"""What every form of log has in common, the study's key `log`; and reading: every file, every flaw of each at
+once, and what only shows across all of them.
+"""
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.system import System
-from oed.logs.drive import Handling
 from oed.logs.log import Log
+from oed.logs.series import together
 
+Repeats = Literal["keep", "drop"]
+"""What is done with poses that repeat the one before while the wheels turn, as a slower sensor's do."""
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
 """By which a file is known to be a ROS bag."""
 
@@ -39,10 +49,6 @@ class LogForm(Component, ABC):
             LogError: every mistake in the file, each with its line.
         """
 
-    def handling(self, held: Literal["keep", "drop"] = "drop") -> Handling:
-        """What is done with the drives read."""
-        return Handling(self.gap, held == "drop", self.skip_stationary)
-
     @abstractmethod
     def flaws(self, model: System) -> list[Flaw]:
         """What in this form does not fit the robot."""
@@ -51,3 +57,55 @@ class LogForm(Component, ABC):
 def is_bag(file: Path) -> bool:
     """Whether a path is a ROS bag's, by its ending or its metadata."""
     return file.suffix.lower() in BAG_ENDINGS or (file / "metadata.yaml").is_file()
+
+
+def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list[Log]:
+    """The drives in robots' logs, in the order of the files, one `Log` for each run.
+
+    Args:
+        files: to read.
+        form: what is where in them: the study's key `log`.
+        model: the robot, which says what its inputs and states are.
+
+    Raises:
+        ProblemError: the form does not fit the robot.
+        LogError: every mistake in any of the files, each with its line, or no files at all.
+    """
+    flaws = form.flaws(model)
+    if flaws:
+        raise ProblemError(flaws)
+    if not files:
+        raise LogError.about("", "no logs were given")
+    logs = itertools.chain(*together(partial(form.read, Path(file), model) for file in files))
+    return _distinct(_with_wheels_checked(list(logs), model))
+
+
+def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:
+    # A robot may well drive on one wheel for once, but not in all of its drives.
+    driving = [place for place, entry in enumerate(model.inputs) if entry.drives]
+    turning = np.array([np.any(log.integrals[:, driving] != 0, axis=0) for log in logs])
+    names = [model.inputs[place].name for place in driving]
+    ever = np.atleast_1d(turning.any(axis=0))
+    dead = [name for name, turns in zip(names, ever, strict=True) if not turns]
+    if dead:
+        text = f"{' and '.join(dead)} never turn(s) in any of the logs; is it the right column?"
+        files = dict.fromkeys(log.file for log in logs)
+        raise LogError([FileFlaw(file, 0, 0, "", text) for file in files])
+    checked = []
+    for log, turns in zip(logs, turning, strict=True):
+        still = [name for name, moves in zip(names, turns, strict=True) if not moves]
+        if still and turns.any():
+            log = log.found(
+                "wheel_still", f"{' and '.join(still)} never turn(s) in this drive", doubtful=True
+            )
+        checked.append(log)
+    return checked
+
+
+def _distinct(logs: Sequence[Log]) -> list[Log]:
+    # Logs of one name from several folders also have the folder's.
+    counts = Counter(log.name for log in logs)
+    return [
+        replace(log, name=f"{Path(log.file).parent.name}/{log.name}") if counts[log.name] > 1 else log
+        for log in logs
+    ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ from oed.foundation.quantities import LARGEST, too_large
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
-Result = TypeVar("Result")
 
 MOST_OF_A_KIND = 10
 """Flaws of one kind that are named one by one; the rest is counted."""
@@ -126,26 +125,18 @@ def _first(alike: Sequence[FileFlaw]) -> list[FileFlaw]:
     return shown
 
 
-class Gathered:
-    """Flaws of several pieces of work, each of which may fail without stopping the others."""
+def together(work: Iterable[Callable[[], Any]]) -> list[Any]:
+    """What several pieces of work give, each of which may fail without stopping the others.
 
-    def __init__(self) -> None:
-        """None so far."""
-        self.flaws: list[FileFlaw] = []
-
-    def take(self, work: Callable[[], Result]) -> Result | None:
-        """What the work gives; None where it raises a `LogError`, whose flaws are kept."""
+    Raises:
+        LogError: every flaw of any of them.
+    """
+    found, flaws = list[Any](), list[FileFlaw]()
+    for one in work:
         try:
-            return work()
+            found.append(one())
         except LogError as error:
-            self.flaws += error.flaws
-            return None
-
-    def raise_any(self) -> None:
-        """Raise what was gathered.
-
-        Raises:
-            LogError: if there is any flaw.
-        """
-        if self.flaws:
-            raise LogError(shortened(self.flaws))
+            flaws += error.flaws
+    if flaws:
+        raise LogError(shortened(flaws))
+    return found

@@ -1,19 +1,58 @@
-"""What searches, bounds and simulations came to, as records hold it."""
+"""What a problem asks, what searches, bounds and simulations came to, and what made it; for records."""
 
 from __future__ import annotations
 
+import itertools
 import math
+import platform
 from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from oed.bounds import LOOSE, Certificate, gap
-from oed.kernel.evaluation import TOLERANCE, Evaluation
-from oed.kernel.solution import Solution
-from oed.records.stored.certificate import StoredCertificate, UpperBound, WidenedBound
-from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
-from oed.records.stored.simulation import Simulated
-from oed.simulation import Validation
+import numpy as np
+import numpy.typing as npt
 
+from oed.bounds import LOOSE, Certificate, gap
+from oed.kernel.dynamics.system import label_of
+from oed.kernel.evaluation import TOLERANCE, Evaluation
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
+from oed.records.stored.simulation import (
+    Error,
+    Fit,
+    Scaled,
+    Scatter,
+    Simulated,
+    SimulatedRobot,
+    Spread,
+    StoredFloor,
+    StoredPlan,
+    StoredTrial,
+    TriedModel,
+)
+from oed.records.stored.study_record import (
+    Provenance,
+    StoredCertificate,
+    StoredNuisance,
+    StoredParameter,
+    StoredState,
+    UpperBound,
+    WidenedBound,
+)
+from oed.simulation import Validation
+from oed.simulation.trial.candidates import Candidate
+from oed.simulation.trial.outcome import Floor, Outcome, Planned
+
+Array = npt.NDArray[np.float64]
+
+PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
+"""Packages whose versions a record names: those that compute."""
+DRAWN = 100
+"""Points of a path that a report draws."""
+FEWEST = 2
+"""Repeats that say something of a floor."""
 UNSCORED: Mapping[str, Any] = {
     "feasible": False,
     "identifiable": False,
@@ -58,9 +97,7 @@ def _parts_of(evaluation: Evaluation) -> dict[str, Any]:
             Covariance.of(parameters=evaluation.parameters[block], covariance=covariance)
             for block, covariance in evaluation.covariances.items()
         ],
-        "margins": [
-            Margin.of(margin, limit=margin.name, satisfied=margin.satisfied) for margin in evaluation.margins
-        ],
+        "margins": [Margin.of(margin, limit=margin.name) for margin in evaluation.margins],
     }
 
 
@@ -108,4 +145,148 @@ def validation_of(name: str, validation: Validation) -> Simulated:
         sampled_covariance=validation.sampled,
         paired_variance_ratio=validation.paired_ratio,
         paired_standard_error=validation.paired_error,
+    )
+
+
+def parameter_table(problem: Problem) -> list[StoredParameter]:
+    """The estimated parameters."""
+    return [
+        StoredParameter.of(
+            one.block, name=name, nominal=nominal, unit=unit, block=one.block.name, judged=name in one.judged
+        )
+        for one in problem.any_estimations
+        for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
+    ]
+
+
+def state_table(problem: Problem) -> list[StoredState]:
+    """The robot's states."""
+    model = problem.model
+    return [
+        StoredState.of(name=name, unit=unit)
+        for name, unit in zip(model.states, model.state_units, strict=True)
+    ]
+
+
+def nuisance_table(problem: Problem) -> list[StoredNuisance]:
+    """The nuisance parameters."""
+    return [
+        StoredNuisance.of(entry, block=one.block.name)
+        for one in problem.any_estimations
+        for entry in one.block.nuisances
+    ]
+
+
+def provenance() -> Provenance:
+    """What made a record: versions of the packages that compute, of Python and the platform, and when."""
+    return Provenance(
+        packages={name: package_version(name) for name in PACKAGES},
+        python=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        finished=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def package_version(package: str) -> str:
+    """The version of an installed package, for records."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def trial_of(found: Outcome) -> StoredTrial:
+    """A record's `physics`."""
+    asked = found.trial.model_dump(mode="json", exclude={"models"}, exclude_none=True)
+    return StoredTrial.model_construct(
+        **asked
+        | {
+            "robot": SimulatedRobot.model_construct(**asked["robot"]),
+            "variation": Spread.model_construct(**asked["variation"]),
+        },
+        seed=found.seed,
+        interrupted=found.interrupted,
+        models=[_model(one) for one in found.models],
+        fits=[
+            Fit.of(name=name, kind=fit.robot.kind, method=fit.options.method)
+            for name, fit in found.fits.items()
+        ],
+        planned=[_planned(one) for one in found.planned],
+        floors=[_floor(one) for one in found.floors],
+    )
+
+
+def _model(one: Candidate) -> TriedModel:
+    table = {entry.name: entry for entry in one.problem.system.parameters}
+    parameters = [
+        Scaled.of(table[name], scale=table[name].scale or 1.0) for name in one.problem.estimate or table
+    ]
+    return TriedModel.of(name=one.name, kind=label_of(one.problem.model), parameters=parameters)
+
+
+def _planned(one: Planned) -> StoredPlan:
+    solution, model = one.solution, one.model
+    evaluation, trajectory = solution.evaluation, solution.trajectory
+    return StoredPlan.of(
+        solution,
+        name=one.name,
+        model=None if model is None else model.name,
+        criterion=None if model is None else solution.criterion or model.problem.criterion.kind,
+        feasible=one.drivable is not None,
+        violations={} if evaluation is None else evaluation.violations,
+        path_length=None if evaluation is None else evaluation.path_length,
+        fastest=None if trajectory is None else np.abs(trajectory.inputs).max(),
+        predicted=one.predicted,
+        path=None if evaluation is None else _thinned(evaluation.states[:, :2]),
+        inputs=None if trajectory is None else trajectory.inputs,
+    )
+
+
+def _thinned(path: Array) -> Array:
+    picks = np.unique(np.linspace(0, len(path) - 1, min(len(path), DRAWN)).round().astype(int))
+    return np.asarray(path[picks])
+
+
+def _floor(floor: Floor) -> StoredFloor:
+    done = len(floor.found)
+    if done < FEWEST:
+        return StoredFloor.of(floor, done=done, errors=[], scatter=[])
+    return StoredFloor.of(
+        floor,
+        done=done,
+        errors=_errors(floor),
+        scatter=[_scatter(floor, *cell) for cell in floor.values],
+        drawn=[one.friction for one in floor.found],
+        paths={name: _thinned(path) for name, path in floor.found[0].paths.items()},
+    )
+
+
+def _errors(floor: Floor) -> list[Error]:
+    cells = itertools.product(enumerate(floor.drives), enumerate(floor.fits))
+    return [_error(floor, *drive, *fit) for drive, fit in cells]
+
+
+def _error(floor: Floor, row: int, drive: str, column: int, fit: str) -> Error:
+    each = floor.repeats.errors[:, row, column]
+    return Error.of(
+        floor.repeats.median(row, column),
+        drive=drive,
+        fit=fit,
+        along=floor.median("along", row, column),
+        misfit=floor.median("misfit", row, column),
+        refused=np.sum(~np.isfinite(each)),
+        each=each,
+    )
+
+
+def _scatter(floor: Floor, drive: str, fit: str) -> Scatter:
+    values = floor.values[drive, fit]
+    relative, total = floor.scatter(drive, fit)
+    return Scatter.of(
+        drive=drive,
+        fit=fit,
+        mean=values.mean(axis=0),
+        relative=relative,
+        total=total,
+        each=[[float(f"{value:.7g}") for value in row] for row in values],
     )

@@ -117,7 +117,7 @@ def _require_alike(table: _Table, run: _Run, first: _Run) -> None:
         text = f"expected {first.duration:.6g} s, as in the first run, got {run.duration:.6g} s"
     else:
         return
-    raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+    raise PathFileError([table.flaw(0, "run", text)])
 
 
 def _by_run(table: _Table, expected: int) -> list[_Table]:
@@ -130,7 +130,7 @@ def _by_run(table: _Table, expected: int) -> list[_Table]:
     names = list(dict.fromkeys(numbers))
     if len(names) != expected:
         text = f"expected {expected} run(s), as the study has, told apart by a column `run`; got {len(names)}"
-        raise PathFileError([FileFlaw(table.name, table.lines[0], 0, "run", text)])
+        raise PathFileError([table.flaw(0, "run", text)])
     chosen = [[index for index, number in enumerate(numbers) if number == name] for name in names]
     return [table.some(rows) for rows in chosen]
 

@@ -1,181 +1,25 @@
-"""Everything a study produced, as plain data: saved as JSON, and a report's only input."""
+"""Everything a study produced, and what logs said of a robot: saved as JSON, and a report's only input."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
-from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, json_text, read_file
-from oed.records.stored.echo import checked_echo, read_echo
-from oed.records.stored.parts import Stored
-from oed.records.stored.result import Result
-from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.study_record import (
-    Provenance,
-    StoredInput,
-    StoredNuisance,
-    StoredParameter,
-    StoredState,
-    StudyRecord,
-)
-from oed.records.stored.trial import StoredTrial
-from oed.study.study import StudyFile
+from oed.records.stored.door import checked, read_echo, read_file
+from oed.records.stored.estimate import EstimateRecord as EstimateRecord
+from oed.records.stored.study_record import Record as Record
 
-Part = TypeVar("Part", bound=Stored)
-
-FILE = "record.json"
+FILE, ESTIMATE_FILE = "record.json", "estimate.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
-RESULTS = (FILE, "estimate.json", "sweep.json")
+RESULTS = (FILE, ESTIMATE_FILE, "sweep.json")
 """Names of the files that hold what a run, an estimate and a sweep found."""
-
-
-@dataclass(frozen=True)
-class Record:
-    """A study's outcome. `data` is what record.json holds; numbers are SI, null where there is none.
-
-    `file` is where it was read from, None of a record that was made here: what a file names is data, and
-    code that it names is run only for those who trust it. `folder` is where it was saved, None where it was
-    not. `asked` is the study that it was made of, None of a record that was read.
-    """
-
-    data: Mapping[str, Any]
-    file: Path | None = None
-    folder: Path | None = field(default=None, compare=False)
-    asked: StudyFile | None = field(default=None, compare=False, repr=False)
-
-    @cached_property
-    def study(self) -> StudyFile:
-        """The study, its parts as objects that describe themselves; robots of code that was not run yet
-        cannot move.
-        """
-        return self.asked or read_echo(self.echo, self.file or Path(FILE))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the objects that are made of the data again."""
-        return {name: getattr(self, name) for name in ("data", "file", "folder")}
-
-    @cached_property
-    def results(self) -> tuple[Result, ...]:
-        """One of every solver and baseline."""
-        return tuple(self._part(Result, one) for one in self.data["results"])
-
-    @property
-    def best(self) -> Result | None:
-        """The best feasible result, None where nothing is feasible.
-
-        A record that does not name it was not made by this package: then the largest objective.
-        """
-        feasible = [one for one in self.results if one.feasible and one.objective is not None]
-        named = [one for one in feasible if one.name == self.data.get("best")]
-        return max(named or feasible, key=lambda one: one.objective or 0.0, default=None)
-
-    def result(self, name: str | None) -> Result | None:
-        """The result of that name, the best for None; None where there is no such result."""
-        if name is None:
-            return self.best
-        return next((one for one in self.results if one.name == name), None)
-
-    @cached_property
-    def certificate(self) -> StoredCertificate | None:
-        """What is proved of all drives, None where nothing is."""
-        return self._part_or_none(StoredCertificate, "certificate")
-
-    @cached_property
-    def robustness(self) -> StoredRobustness | None:
-        """How many robots violate the limits on the drives, None for a study that is not robust."""
-        return self._part_or_none(StoredRobustness, "robustness")
-
-    @cached_property
-    def validation(self) -> StoredValidation | None:
-        """Whether simulated estimates scatter as predicted, None where none were simulated."""
-        return self._part_or_none(StoredValidation, "validation")
-
-    @cached_property
-    def parameters(self) -> tuple[StoredParameter, ...]:
-        """The estimated parameters."""
-        return tuple(self._part(StoredParameter, one) for one in self.data["parameters"])
-
-    @cached_property
-    def inputs(self) -> tuple[StoredInput, ...]:
-        """The robot's inputs; none in older records."""
-        return tuple(self._part(StoredInput, one) for one in self.data.get("inputs") or ())
-
-    @cached_property
-    def states(self) -> tuple[StoredState, ...]:
-        """The robot's states; none in older records."""
-        return tuple(self._part(StoredState, one) for one in self.data.get("states") or ())
-
-    @cached_property
-    def nuisances(self) -> tuple[StoredNuisance, ...]:
-        """The nuisance parameters, which are unknown too."""
-        return tuple(self._part(StoredNuisance, one) for one in self.data.get("nuisances") or ())
-
-    @cached_property
-    def trial(self) -> StoredTrial | None:
-        """Drives of a simulated robot with slip, None where none were."""
-        return self._part_or_none(StoredTrial, "physics")
-
-    @cached_property
-    def provenance(self) -> Provenance:
-        """What made it."""
-        return self._part(Provenance, self.data["provenance"])
-
-    @property
-    def version(self) -> str:
-        """Of the package that made it."""
-        return str(self.data["oed_version"])
-
-    @property
-    def echo(self) -> Mapping[str, Any]:
-        """The study as plain data, SI, defaults filled in."""
-        found: Mapping[str, Any] = self.data["study"]
-        return found
-
-    @property
-    def study_text(self) -> str:
-        """The study as it was written."""
-        return str(self.data.get("study_text", ""))
-
-    def with_validation(self, found: StoredValidation) -> Record:
-        """The record with other simulated experiments."""
-        return replace(self, data={**self.data, "validation": found.plain()})
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether the run was cut short."""
-        return bool(self.data.get("interrupted", False))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What else is to be known of the run."""
-        return tuple(self.data["notes"])
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random draw."""
-        return int(self.data["seed"])
-
-    def _part_or_none(self, kind: type[Part], key: str) -> Part | None:
-        found = self.data.get(key)
-        return None if found is None else self._part(kind, found)
-
-    def _part(self, kind: type[Part], found: Mapping[str, Any]) -> Part:
-        # Files have been checked as a whole when they were read.
-        return checked(kind, found, self.file or Path(FILE))
-
-    def to_json(self) -> str:
-        """The text of record.json, every list of numbers on a line of its own."""
-        return json_text(self.data)
 
 
 def save_record(record: Record, folder: str | Path) -> Path:
@@ -183,6 +27,11 @@ def save_record(record: Record, folder: str | Path) -> Path:
     path = Path(folder) / FILE
     write_text(path, record.to_json())
     return path
+
+
+def estimate_files(record: EstimateRecord) -> dict[str, str]:
+    """The file of an estimate, by its name."""
+    return {ESTIMATE_FILE: record.to_json()}
 
 
 def require_no_results(path: str | Path) -> None:
@@ -203,20 +52,41 @@ def load_record(folder: str | Path) -> Record:
     """
     path = saved_file(folder, FILE)
     hint = "" if path.exists() else beside(folder)
-    data = read_file(path, "a record", "oed run", "results", hint)
-    return Record(known_record(data, path), path)
+    return known_record(read_file(path, "a record", "oed run", "results", hint), path)
 
 
-def known_record(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+def known_record(data: Mapping[str, Any], path: Path) -> Record:
     """What record.json holds as this version knows it, defaults filled in.
 
     Raises:
         RecordError: as `load_record` does.
     """
-    found = checked(StudyRecord, data, path)
-    found = found.model_copy(update={"study": checked_echo(found.study, path)})
+    found = checked(Record, data, path)
+    found = found.of_study(read_echo(found.echo, path)).at(path)
     require_one_study(found, path)
-    return found.plain()
+    return found
+
+
+def load_estimate(folder: str | Path) -> EstimateRecord:
+    """Read the estimate in `folder` (or the file itself).
+
+    Raises:
+        RecordError: no estimate there, or not one of this format.
+    """
+    path = saved_file(folder, ESTIMATE_FILE)
+    return known_estimate(read_file(path, "an estimate", "oed estimate", "parameters"), path)
+
+
+def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:
+    """What estimate.json holds as this version knows it.
+
+    Raises:
+        RecordError: as `load_estimate` does.
+    """
+    found = checked(EstimateRecord, data, path)
+    if found.study is not None:
+        found = found.model_copy(update={"study": read_echo(found.study, path).echo()})
+    return found.at(path)
 
 
 def saved_file(folder: str | Path, name: str) -> Path:

@@ -1,4 +1,6 @@
-"""The study that a record holds: data, of which no code is run unless it is trusted."""
+"""What a saved record gives to a new study: its own study, of which no code is run unless it is trusted, and
+the covariance that it predicts for a drive, a prior.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,8 @@ from pathlib import Path
 from oed.foundation.errors import FileFlaw, Flaw, ProblemError, RecordError, StudyError
 from oed.foundation.shown import shown
 from oed.kernel.measurement.prior import Prior
-from oed.records.record import Record
-from oed.records.recorded_prior import prior_of
-from oed.records.stored.echo import in_record
-from oed.study.own_code import named_code
+from oed.records.record import Record, load_record
+from oed.records.stored.door import in_record
 from oed.study.study import PriorRecord, Study, StudyFile, read_study
 from oed.study.yaml_source import plain_source
 
@@ -49,7 +49,7 @@ def _refuse_code(file: StudyFile, place: Path) -> None:
             key,
             f"{part.object} is code, of {part.module_file}, and would be run; read it, and {TRUST}",
         )
-        for key, part in named_code(file)
+        for key, part in file.named_code()
     ]
     if flaws:
         raise RecordError(flaws)
@@ -59,3 +59,29 @@ def _refused_prior(wanted: PriorRecord, folder: Path) -> Prior:
     # Records hold priors as numbers: one that names another record has been written by somebody else.
     text = f"would be read from {shown(wanted.record)}, another file than this one; {TRUST}"
     raise ProblemError([Flaw(("prior", "record"), text)])
+
+
+def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
+    """The prior that a record predicts; the record is found from `folder`.
+
+    Raises:
+        ProblemError: no such record or result, or one that predicts no covariance; names the study's key.
+    """
+    try:
+        saved = load_record(folder / wanted.record)
+    except RecordError as error:
+        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
+    result = saved.result(wanted.result)
+    if result is None:
+        names = ", ".join(one.name for one in saved.results) or "none"
+        asked = wanted.result or "a feasible result"
+        raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {asked}")])
+    found = [one for one in result.covariances if _all_known(one.covariance)]
+    if len(found) != 1:
+        text = f"the record's {result.name} predicts no covariance of all parameters together"
+        raise ProblemError([Flaw(("prior", "record"), text)])
+    return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
+
+
+def _all_known(covariance: list[list[float | None]]) -> bool:
+    return all(value is not None for row in covariance for value in row)

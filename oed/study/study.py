@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.files import file_stem, name_flaw
-from oed.foundation.own.part import OwnCodeError
+from oed.foundation.own.part import OwnCodeError, OwnPart
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
@@ -29,7 +29,7 @@ from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.baselines import BaselineName, baseline_flaws
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
-from oed.robots.own_parts import code_flaw, judge_flaws, measurement_flaws
+from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
@@ -127,6 +127,17 @@ class StudyFile(Component):
     physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
+    def echo(self) -> dict[str, Any]:
+        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
+        plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
+        return plain
+
+    def named_code(self) -> Iterator[tuple[str, OwnPart]]:
+        """Every part of somebody's own that a study read as data names, with its key."""
+        for key, part in components(self, ("study",)):
+            if isinstance(part, OwnPart):
+                yield ".".join(map(str, key)), part
+
 
 @dataclass(frozen=True)
 class Study:
@@ -215,8 +226,7 @@ class Study:
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
-        plain: dict[str, Any] = self.file.model_dump(mode="json", exclude_none=True)
-        return plain
+        return self.file.echo()
 
 
 PriorOf = Callable[[PriorRecord, Path], Prior]

@@ -10,27 +10,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds import bound, bound_on
+from oed.bounds import Certificate, bound, bound_on
 from oed.foundation.errors import LogError
 from oed.foundation.moved import Renamed
 from oed.foundation.work.folders import in_order
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation
 from oed.kernel.solution import Solution, scored
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
-from oed.optimize import Silent
 from oed.records.outcomes import result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
+from oed.records.stored.study_record import StoredCertificate
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
+from oed.workflow.studies import Work
 
 Array = npt.NDArray[np.float64]
 
+Proved = Certificate | StoredCertificate
+"""What is proved of all drives: those that satisfy the limits exactly, and those within the tolerance."""
 MOVING = 0.02
 """Share of a log's fastest motion above which the robot is taken to move."""
 HEADER = 100_000
@@ -126,7 +128,7 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
     best, proved = _known(record) if alike else (None, None)
-    (solution,) = tried(study, [scored(study.problem, trajectory, Path(file).stem)], study.seed, Silent())
+    (solution,) = tried(Work(study, study.seed), [scored(study.problem, trajectory, Path(file).stem)])
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
     return DrivenPaths((worth,), best, _exact(proved), robustness(study, [solution], study.seed))
 
@@ -163,8 +165,8 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     # What was driven needs no tightened limits; and its objective is that of one robot.
     record = record if robust is None or robust.objective == "nominal" else None
     study = replace(study, problem=replace(study.problem, robust=None))
-    known, proved = _known(record)
-    proved = _bounds(study) if proved is None else proved
+    known, certified = _known(record)
+    proved = certified or _bounds(study)
     parts = [part for log in logs for part in driven_parts(study, log)]
     worth = tuple(
         _worth(study, scored(study.problem, trajectory, name), seconds, known, proved)
@@ -174,37 +176,22 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     return DrivenPaths(worth, known, _exact(proved), findings=findings)
 
 
-@dataclass(frozen=True)
-class _Bounds:
-    # What is proved of drives that satisfy the limits exactly, and within the tolerance.
-    exact: float
-    widened: float | None
-
-    def on(self, evaluation: Evaluation | None) -> float | None:
-        return None if evaluation is None else bound_on(evaluation, self.exact, self.widened)
+def _exact(proved: Proved | None) -> float | None:
+    return None if proved is None else proved.upper_bound
 
 
-def _exact(proved: _Bounds | None) -> float | None:
-    return None if proved is None else proved.exact
-
-
-def _known(record: Record | None) -> tuple[tuple[str, float] | None, _Bounds | None]:
+def _known(record: Record | None) -> tuple[tuple[str, float] | None, StoredCertificate | None]:
     # The best design of a record, and the bounds it certifies.
     if record is None:
         return None, None
-    best, certificate = record.best, record.certificate
-    proved = None
-    if certificate is not None:
-        widened = None if certificate.widened is None else certificate.widened.upper_bound
-        proved = _Bounds(certificate.upper_bound, widened)
-    return None if best is None or best.objective is None else (best.name, best.objective), proved
+    best = record.best
+    known = None if best is None or best.objective is None else (best.name, best.objective)
+    return known, record.certificate
 
 
-def _bounds(study: Study) -> _Bounds | None:
+def _bounds(study: Study) -> Certificate | None:
     found = bound(study.problem)
-    if not np.isfinite(found.upper_bound):
-        return None
-    return _Bounds(found.upper_bound, None if found.widened is None else found.widened.upper_bound)
+    return found if np.isfinite(found.upper_bound) else None
 
 
 def _record_of(study: Study, designs: str | Path | None) -> Record | None:
@@ -220,24 +207,22 @@ def _worth(
     solution: Solution,
     seconds: float,
     best: tuple[str, float] | None,
-    proved: _Bounds | None,
+    proved: Proved | None,
     file: str | None = None,
 ) -> DrivenPath:
-    result = result_of(solution, file)
-    value = result.objective
+    result, evaluation = result_of(solution, file), solution.evaluation
+    value, judged = result.objective, sum(len(one.judged) for one in study.problem.any_estimations)
 
     def share(of: float | None) -> float | None:
         if of is None or value is None:
             return None
-        return study.problem.criterion.efficiency(value, of, _judged(study))
+        return study.problem.criterion.efficiency(value, of, judged)
 
-    of_best = share(None if best is None else best[1])
-    of_bound = share(None if proved is None else proved.on(solution.evaluation))
-    return DrivenPath(solution.name, seconds, result, of_best, of_bound)
-
-
-def _judged(study: Study) -> int:
-    return sum(len(one.judged) for one in study.problem.any_estimations)
+    of_bound = None
+    if proved is not None and evaluation is not None:
+        widened = None if proved.widened is None else proved.widened.upper_bound
+        of_bound = share(bound_on(evaluation, proved.upper_bound, widened))
+    return DrivenPath(solution.name, seconds, result, share(None if best is None else best[1]), of_bound)
 
 
 def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
@@ -248,8 +233,10 @@ def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
     Raises:
         LogError: nothing ever drives the robot.
     """
-    space = study.problem.design
-    first, last = _moving(log, study.problem.model)
+    problem, space = study.problem, study.problem.design
+    fixed = problem.fixed_starts
+    starts = problem.start_states(np.zeros((space.runs, 3))) if fixed is None else fixed
+    first, last = _moving(log, problem.model)
     whole = space.duration * space.runs
     count = max(1, int((last - first) // whole))
     found = []
@@ -259,22 +246,11 @@ def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
         inputs = log.inputs_between(edges)
         inputs[edges[:-1] >= last] = 0.0
         name = f"{log.name} part {index + 1}" if count > 1 else log.name
-        found.append((name, _trajectory(study, inputs), min(last - begin, whole)))
+        drive = Trajectory.from_samples(
+            inputs, space.whole_duration, starts, rest_to_rest=space.rest_to_rest, runs=space.runs
+        )
+        found.append((name, drive, min(last - begin, whole)))
     return found
-
-
-def _trajectory(study: Study, inputs: Array) -> Trajectory:
-    problem = study.problem
-    starts = problem.fixed_starts
-    if starts is None:
-        starts = problem.start_states(np.zeros((problem.design.runs, 3)))
-    return Trajectory.from_samples(
-        inputs,
-        problem.design.whole_duration,
-        starts,
-        rest_to_rest=problem.design.rest_to_rest,
-        runs=problem.design.runs,
-    )
 
 
 def _moving(log: Log, model: System) -> tuple[float, float]:

@@ -11,9 +11,9 @@ from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
-from oed.records.calibration_record import EstimateRecord
+from oed.records.outcomes import package_version, provenance
+from oed.records.record import EstimateRecord
 from oed.study.study import Study
-from oed.workflow.runner import package_version, provenance
 from oed.workflow.saving import save_estimate
 
 

@@ -9,31 +9,20 @@ from pydantic import ValidationError
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.solution import Solution, scored
 from oed.optimize import Ipopt, Progress, Silent, Workers, default_workers
-from oed.records.outcomes import validation_of
+from oed.records.outcomes import trial_of, validation_of
 from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
-from oed.records.stored.simulation import StoredValidation
-from oed.records.stored.trial import StoredTrial
-from oed.records.trial_outcome import trial_of
+from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
-from oed.study.study import Study, ValidationOptions
+from oed.study.study import ValidationOptions
+from oed.workflow.studies import Work
 
 
-def simulated(
-    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> StoredValidation | None:
-    """A record's `validation`; None for a study that does not ask for one.
-
-    Args:
-        study: with the key `validation`.
-        solutions: whose drives are simulated.
-        seed: of every random draw.
-        progress: informed how far the work is.
-        workers: processes, or a cluster; does not change the result.
-    """
-    options = study.file.validation
-    return None if options is None else _simulated(study, solutions, options, seed, progress, workers)
+def simulated(work: Work, solutions: Sequence[Solution]) -> StoredValidation | None:
+    """A record's `validation` of solutions' drives; None for a study that does not ask for one."""
+    options = work.study.file.validation
+    return None if options is None else _simulated(work, solutions, options)
 
 
 def validation_options(
@@ -93,19 +82,11 @@ def validated(
         for one in saved.results
         if one.drive is not None
     ]
-    chosen = saved.seed if seed is None else seed
-    outcome = _simulated(study, solutions, options, chosen, progress or Silent(), workers)
-    return saved.with_validation(outcome)
+    work = Work(study, saved.seed if seed is None else seed, workers, progress or Silent())
+    return saved.with_validation(_simulated(work, solutions, options))
 
 
-def _simulated(
-    study: Study,
-    solutions: Sequence[Solution],
-    options: ValidationOptions,
-    seed: int,
-    progress: Progress,
-    workers: Workers | None,
-) -> StoredValidation:
+def _simulated(work: Work, solutions: Sequence[Solution], options: ValidationOptions) -> StoredValidation:
     entries = []
     for solution in solutions:
         evaluation, trajectory = solution.evaluation, solution.trajectory
@@ -114,39 +95,34 @@ def _simulated(
         for estimator in options.estimators or (None,):
             try:
                 result = validate(
-                    study.problem,
+                    work.study.problem,
                     trajectory,
                     replicates=options.replicates,
                     estimator=estimator,
                     heading=options.heading,
                     loss=options.loss,
                     alpha=options.alpha,
-                    seed=seed,
-                    workers=workers or default_workers(),
-                    progress=progress,
+                    seed=work.seed,
+                    workers=work.workers or default_workers(),
+                    progress=work.progress,
                 )
             except ProblemError:
                 # Without the prior, or what the criterion ignores, a drive may make too little identifiable.
                 continue
             entries.append(validation_of(solution.name, result))
-    return StoredValidation.of(options, seed=seed, results=entries)
+    return StoredValidation.of(options, seed=work.seed, results=entries)
 
 
-def driven_in_physics(
-    study: Study, solutions: Sequence[Solution], seed: int, progress: Progress, workers: Workers | None
-) -> StoredTrial | None:
-    """A record's `physics`: drives of a simulated robot with slip; None for a study that asks for none.
-
-    Args:
-        study: with the key `physics`.
-        solutions: whose drives are simulated.
-        seed: of every random draw.
-        progress: informed how far the work is.
-        workers: processes, or a cluster; does not change the result.
+def driven_in_physics(work: Work, solutions: Sequence[Solution]) -> StoredTrial | None:
+    """A record's `physics`: solutions' drives of a simulated robot with slip; None for a study that asks for
+    none.
     """
+    study = work.study
     trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None
     known = solutions[0] if study.solvers else None
-    found = run_trial(study.problem, trial, solver, known, seed=seed, workers=workers, progress=progress)
+    found = run_trial(
+        study.problem, trial, solver, known, seed=work.seed, workers=work.workers, progress=work.progress
+    )
     return trial_of(found)

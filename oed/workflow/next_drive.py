@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,14 +13,12 @@ import numpy.typing as npt
 import yaml
 
 from oed.foundation.component import OneOf
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
-from oed.records.calibration_record import EstimateRecord, estimate_files
-from oed.records.record import ESTIMATE, FILE, Record, pages
+from oed.records.record import ESTIMATE, FILE, EstimateRecord, Record, estimate_files, pages
 from oed.records.recorded_study import TRUST, recorded_study
-from oed.records.stored.estimate import Estimated
 from oed.robots.models import MODELS
 from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
@@ -144,7 +141,7 @@ def next_drive(
         aims = _aims(study, targets or {})
         found = estimate(study, logs, seed=seed, progress=progress)
         wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
-        enough = bool(wanted) and all(_error(found, name) <= size for name, size in wanted.items())
+        enough = bool(wanted) and all(found.errors[name] <= size for name, size in wanted.items())
         # Before anything is written: no such drive may be possible.
         following = None if enough else _following(study, found, duration)
         folder.keep(lambda: estimate_files(found))
@@ -165,7 +162,7 @@ def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
         found = form.poses.beside(log)
         if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
             text = f"leads to {found}, out of the folder of the log; {TRUST}"
-            raise RecordError([FileFlaw(str(record.file), 0, 0, "study.log.poses.file", text)])
+            raise RecordError.about(record.file, text, "study.log.poses.file")
 
 
 def _decided(
@@ -173,11 +170,9 @@ def _decided(
 ) -> NextDrive:
     predicted = _predicted(record, found)
     precision = _precision(found, wanted, predicted)
-    if record.interrupted:
-        reason = "the search was interrupted; run it again"
-        return NextDrive(found, study, record, precision, None, False, reason)
-    if not predicted:
-        reason = "no feasible drive was found; the record says which limit is in the way"
+    if record.interrupted or not predicted:
+        missing = "no feasible drive was found; the record says which limit is in the way"
+        reason = "the search was interrupted; run it again" if record.interrupted else missing
         return NextDrive(found, study, record, precision, None, False, reason)
     # Of all of them where nothing is wanted.
     aimed = [one for one in precision if one.wanted is not None] or precision
@@ -230,14 +225,6 @@ def _aims(study: Study, targets: Mapping[str, str]) -> dict[str, _Aim]:
         if not aims[name].number > 0:
             raise UserMistake(f"--target {name}: expected more than 0, got {text!r}")
     return aims
-
-
-def _error(found: EstimateRecord, name: str) -> float:
-    return next(_own_error(one) for one in found.parameters if one.name == name)
-
-
-def _own_error(one: Estimated) -> float:
-    return math.nan if one.standard_error is None else one.standard_error
 
 
 def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
@@ -301,7 +288,7 @@ def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
 
 def _excess(found: EstimateRecord) -> float:
     # How many times the variances are what F^-1 says.
-    pairs = [(_own_error(one), one.error("information")) for one in found.parameters]
+    pairs = [(found.errors[one.name], one.error("information")) for one in found.parameters]
     return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
 
 

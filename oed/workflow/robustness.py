@@ -11,12 +11,13 @@ import numpy as np
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL, Solution
-from oed.optimize import Progress, Workers, solve
+from oed.optimize import solve
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
 from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Spread, spread_of
+from oed.workflow.studies import Work
 
 PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
 """What is said of the search that a robust one is compared with."""
@@ -28,23 +29,18 @@ BUNDLE_STREAM = 1000
 """Of draws: the robots drawn are not those that limits were tightened by."""
 
 
-def nominal_search(study: Study, *, seed: int, workers: Workers | None, progress: Progress) -> list[Solution]:
+def nominal_search(work: Work) -> list[Solution]:
     """What the study's first search finds without tightened limits, scored by the study's problem.
 
     Nothing for a study that is not robust, or does not ask.
-
-    Args:
-        study: a robust one.
-        seed: of every random draw.
-        workers: processes, or a cluster; does not change the result.
-        progress: informed how far the work is.
     """
+    study = work.study
     problem, robust = study.problem, study.problem.robust
     if not isinstance(robust, Robust) or not robust.compare or not study.solvers:
         return []
     options = study.solvers[0].model_copy(update={"name": NOMINAL})
     plain = replace(problem, robust=None)
-    found = solve(plain, options, seed=seed, workers=workers, progress=progress)
+    found = solve(plain, options, seed=work.seed, workers=work.workers, progress=work.progress)
     detail = f"{found.detail} {PLAIN}".strip()
     return [replace(found, evaluation=_scored(problem, found), detail=detail)]
 
@@ -53,26 +49,19 @@ def _scored(problem: Problem, solution: Solution) -> Any:
     return None if solution.trajectory is None else evaluate(problem, solution.trajectory)
 
 
-def tried(study: Study, solutions: Sequence[Solution], seed: int, progress: Progress) -> list[Solution]:
-    """The solutions with what a robust study's robots do on each; as they are if it is not robust.
-
-    Args:
-        study: of the solutions.
-        solutions: to be verified.
-        seed: of every random draw.
-        progress: informed how far the work is.
-    """
-    problem, robust = study.problem, study.problem.robust
+def tried(work: Work, solutions: Sequence[Solution]) -> list[Solution]:
+    """The solutions with what a robust study's robots do on each; as they are if it is not robust."""
+    problem, robust = work.study.problem, work.study.problem.robust
     if not isinstance(robust, Robust):
         return list(solutions)
-    progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
+    work.progress.begin(f"simulate {robust.draws} robots on every drive", len(solutions))
     scored = []
     for solution in solutions:
         if solution.trajectory is not None and solution.violation is None:
-            found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=seed)
+            found = violation_probability(problem, solution.trajectory, draws=robust.draws, seed=work.seed)
             solution = replace(solution, violation=found)
         scored.append(solution)
-        progress.advance()
+        work.progress.advance()
     return scored
 
 

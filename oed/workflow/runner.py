@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
@@ -18,25 +15,31 @@ from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import A, Criterion, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
+from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, scored, unscored
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
-from oed.records.outcomes import certificate_of, result_of
+from oed.records.outcomes import (
+    certificate_of,
+    nuisance_table,
+    package_version,
+    parameter_table,
+    provenance,
+    result_of,
+    state_table,
+)
 from oed.records.path_file import trajectory_csv
-from oed.records.problem_tables import input_table, nuisance_table, parameter_table, state_table
 from oed.records.record import FILE, Record
-from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
-from oed.records.stored.simulation import StoredValidation
-from oed.records.stored.study_record import Provenance, StudyRecord
-from oed.records.stored.trial import StoredTrial
+from oed.records.stored.simulation import StoredTrial, StoredValidation
+from oed.records.stored.study_record import StoredCertificate
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, Study
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
-from oed.workflow.studies import own_paths
+from oed.workflow.studies import Work, own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -44,8 +47,6 @@ IN_PLACE = 0.01
 """Path length [m] of a design below which paths of the same length mean nothing."""
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
-PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
-"""Packages whose versions a record names: those that compute."""
 
 
 def run(
@@ -73,25 +74,22 @@ def run(
         UserMistake: `out` cannot be written to, or another process is writing there.
         NotSaved: it could not be written to in the end; the error has the record.
     """
-    chosen, listener = study.seed if seed is None else seed, progress or Silent()
+    work = Work(study, study.seed if seed is None else seed, workers, progress or Silent())
     # What would fail at the end is better known before the work is done.
     paths = own_paths(study)
     with run_folder(out) as folder:
-        work = _Run(study, paths, chosen, workers, listener, folder)
+        running = _Run(work, paths, folder)
         if search_only:
-            work.search()
+            running.search()
         else:
-            work.everything()
-        return work.finish()
+            running.everything()
+        return folder.finish(*running.found(running.solutions, interrupted=running.interrupted))
 
 
 @dataclass
 class _Run:
-    study: Study
+    work: Work
     paths: dict[str, Trajectory]
-    seed: int
-    workers: Workers | None
-    progress: Progress
     folder: RunFolder
     solutions: list[Solution] = field(default_factory=list)
     certificate: Certificate | None = None
@@ -101,8 +99,9 @@ class _Run:
 
     def everything(self) -> None:
         """All that the study asks for; an interrupt keeps what is done."""
-        if self.study.file.physics is not None:
-            require_ready(self.study.problem, self.study.file.physics)
+        study = self.work.study
+        if study.file.physics is not None:
+            require_ready(study.problem, study.file.physics)
         self.search()
         try:
             with interrupts_named():
@@ -114,91 +113,70 @@ class _Run:
 
     def search(self) -> None:
         """The searches."""
-        self.solutions, self.interrupted = search(
-            self.study, seed=self.seed, workers=self.workers, progress=self.progress, found=self._keep
-        )
+        self.solutions, self.interrupted = search(self.work, self._keep)
 
     def _compare(self) -> None:
-        study, progress = self.study, self.progress
-        self.certificate = _certificate(study, progress)
+        work, study = self.work, self.work.study
+        self.certificate = _certificate(work)
         self.solutions += _lattice_drive(study, self.certificate)
         best = best_of(safe(study, self.solutions), study.problem.criterion)
-        self.solutions += _baselines(study, self.paths, best, self.seed, progress)
-        self.solutions = tried(study, self.solutions, self.seed, progress)
+        self.solutions += _baselines(work, self.paths, best)
+        self.solutions = tried(work, self.solutions)
         self._keep(self.solutions)
 
     def _simulate(self) -> None:
-        work = (self.study, self.solutions, self.seed, self.progress, self.workers)
-        self.validation = simulated(*work)
-        self.physics = driven_in_physics(*work)
+        self.validation = simulated(self.work, self.solutions)
+        self.physics = driven_in_physics(self.work, self.solutions)
         self.interrupted = self.physics is not None and self.physics.interrupted
 
     def _keep(self, solutions: Sequence[Solution]) -> None:
-        self.folder.keep(lambda: self._files(solutions, self._record(solutions, interrupted=True)))
+        self.folder.keep(lambda: self.found(solutions, interrupted=True)[1])
 
-    def finish(self) -> Record:
-        """The record, saved."""
-        made = self._record(self.solutions, interrupted=self.interrupted)
-        return self.folder.finish(made, self._files(self.solutions, made))
-
-    def _record(self, solutions: Sequence[Solution], *, interrupted: bool) -> Record:
-        return record(
-            self.study,
+    def found(self, solutions: Sequence[Solution], *, interrupted: bool) -> tuple[Record, dict[str, str]]:
+        """The record of solutions, and its files."""
+        made = record(
+            self.work.study,
             list(solutions),
-            self.seed,
+            self.work.seed,
             named=self.folder.draft is not None,
             certificate=self.certificate,
             validation=self.validation,
             physics=self.physics,
             interrupted=interrupted,
         )
-
-    def _files(self, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
-        return record_files(self.study, solutions, made)
+        return made, record_files(self.work.study, solutions, made)
 
 
 def search(
-    study: Study,
-    *,
-    seed: int,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-    found: Callable[[Sequence[Solution]], None] | None = None,
+    work: Work, found: Callable[[Sequence[Solution]], None] | None = None
 ) -> tuple[list[Solution], bool]:
     """The study's searches, one after the other, each knowing those before it; and whether an interrupt
     ended them early, with what had been found by then. `found` gets all solutions after each search.
 
-    Args:
-        study: with its solvers.
-        seed: of every random draw.
-        workers: processes, or a cluster.
-        progress: informed how far the work is.
-        found: solutions so far, which are added to.
-
     Raises:
         StudyError: parameters that no drive makes identifiable.
     """
-    study.require_identifiable()
+    work.study.require_identifiable()
     done: dict[str, Solution] = {}
-    for solver in study.solvers:
-        try:
-            with interrupts_named():
-                solution = solve(
-                    study.problem, solver, seed=seed, workers=workers, progress=progress, earlier=done
-                )
-                done[solution.name] = solution
-                if found is not None and solution.status is not Status.INTERRUPTED:
-                    found(list(done.values()))
-        except KeyboardInterrupt:
-            return list(done.values()), True
-        if solution.status is Status.INTERRUPTED:
-            return list(done.values()), True
     try:
         with interrupts_named():
-            plain = nominal_search(study, seed=seed, workers=workers, progress=progress or Silent())
+            for solver in work.study.solvers:
+                solution = solve(
+                    work.study.problem,
+                    solver,
+                    seed=work.seed,
+                    workers=work.workers,
+                    progress=work.progress,
+                    earlier=done,
+                )
+                done[solution.name] = solution
+                if solution.status is Status.INTERRUPTED:
+                    return list(done.values()), True
+                if found is not None:
+                    found(list(done.values()))
+            return [*done.values(), *nominal_search(work)], False
     except KeyboardInterrupt:
         return list(done.values()), True
-    return [*done.values(), *plain], False
 
 
 def best_of(solutions: list[Solution], criterion: Criterion) -> Solution | None:
@@ -222,7 +200,6 @@ def record(
     study: Study,
     solutions: list[Solution],
     seed: int,
-    out: str | Path | None = None,
     *,
     named: bool = False,
     certificate: Certificate | None = None,
@@ -230,45 +207,39 @@ def record(
     physics: StoredTrial | None = None,
     interrupted: bool = False,
 ) -> Record:
-    """The record of solutions, written to `out` where given, with their trajectories.
-
-    Without `out` it names the trajectories' files where `named`: somebody else writes them.
+    """The record of solutions.
 
     Args:
         study: that was run.
         solutions: of its searches and baselines.
         seed: of every random draw.
-        out: folder to write to.
-        named: the name of the study file.
+        named: whether it names the files of their trajectories.
         certificate: an upper bound.
         validation: simulated experiments.
         physics: a trial on a simulated robot.
         interrupted: whether the run was.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
-    made = StudyRecord.of(
+    return Record.of(
         format=FORMAT,
-        oed_version=package_version("oed"),
-        study=study.echo(),
+        version=package_version("oed"),
+        echo=study.echo(),
         study_text=study.text,
         seed=seed,
-        inputs=input_table(problem),
+        inputs=problem.model.inputs,
         states=state_table(problem),
         parameters=parameter_table(problem),
         nuisances=nuisance_table(problem),
-        results=_results(study, solutions, named=named or out is not None),
-        best=None if best is None else best.name,
+        results=_results(study, solutions, named=named),
+        named=None if best is None else best.name,
         certificate=None if certificate is None else certified(study, certificate, solutions),
         robustness=robustness(study, solutions, seed),
         validation=validation,
-        physics=physics,
+        trial=physics,
         interrupted=interrupted,
         notes=_notes(certificate, interrupted),
         provenance=provenance(),
-    )
-    saved = Record(made.plain(), asked=study.file)
-    with run_folder(out) as folder:
-        return folder.finish(saved, record_files(study, solutions, saved))
+    ).of_study(study.file)
 
 
 def _results(study: Study, solutions: Sequence[Solution], *, named: bool) -> list[Result]:
@@ -356,12 +327,12 @@ def certified(
     )
 
 
-def _certificate(study: Study, progress: Progress) -> Certificate | None:
-    if not study.file.bound:
+def _certificate(work: Work) -> Certificate | None:
+    if not work.study.file.bound:
         return None
-    progress.begin("bound what any drive could reach", 1)
-    certificate = bound(study.problem)
-    progress.advance()
+    work.progress.begin("bound what any drive could reach", 1)
+    certificate = bound(work.study.problem)
+    work.progress.advance()
     return certificate
 
 
@@ -372,43 +343,31 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
     return [replace(scored(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
 
 
-def _baselines(
-    study: Study, paths: dict[str, Trajectory], best: Solution | None, seed: int, progress: Progress
-) -> list[Solution]:
+def _baselines(work: Work, paths: dict[str, Trajectory], best: Solution | None) -> list[Solution]:
     # Every baseline as large as it can be, and again with the best design's length, as in the paper.
-    asked = study.file.baselines
+    problem, asked = work.study.problem, work.study.file.baselines
     if not asked:
         return []
-    progress.begin("score baselines", len(asked))
+    work.progress.begin("score baselines", len(asked))
     length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
     if length is not None and length < IN_PLACE:
         length = None
     found: list[Solution] = []
     for path in asked:
         if isinstance(path, PathFile):
-            found.append(_scored_path(study, paths[path.label], path.label))
+            found.append(_scored_path(problem, paths[path.label], path.label))
         else:
-            found += baselines(study.problem, path, length=length, seed=seed)
-        progress.advance()
+            found += baselines(problem, path, length=length, seed=work.seed)
+        work.progress.advance()
     return found
 
 
-def _scored_path(study: Study, path: Trajectory, name: str) -> Solution:
+def _scored_path(problem: Problem, path: Trajectory, name: str) -> Solution:
     # What cannot be scored must not take with it what has been found.
     try:
-        return scored(study.problem, path, name)
+        return scored(problem, path, name)
     except NotFinite as error:
         return unscored(name, "path", error)
-
-
-def provenance() -> Provenance:
-    """What made a record: versions of the packages that compute, of Python and the platform, and when."""
-    return Provenance(
-        packages={name: package_version(name) for name in PACKAGES},
-        python=platform.python_version(),
-        platform=f"{platform.system()} {platform.machine()}",
-        finished=datetime.now(UTC).isoformat(timespec="seconds"),
-    )
 
 
 def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
@@ -416,11 +375,3 @@ def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
     unbounded = certificate is not None and not math.isfinite(certificate.upper_bound)
     notes = [f"`bound: true`: {certificate.method}."] if certificate is not None and unbounded else []
     return notes + ([CUT_SHORT] if interrupted else [])
-
-
-def package_version(package: str) -> str:
-    """The version of an installed package, for records."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"

@@ -9,16 +9,24 @@ import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import Failure, OedError, RecordError
 from oed.foundation.files import write_files
 from oed.foundation.work.folders import Draft, drafted, updated
-from oed.records.calibration_record import FILE as ESTIMATE_FILE
-from oed.records.calibration_record import EstimateRecord, estimate_files, known_estimate
-from oed.records.record import ESTIMATE, FILE, Record, known_record, load_record, pages
+from oed.records.record import (
+    ESTIMATE,
+    ESTIMATE_FILE,
+    FILE,
+    EstimateRecord,
+    Record,
+    estimate_files,
+    known_estimate,
+    known_record,
+    load_record,
+    pages,
+)
 
 Files = Mapping[str, str]
 """Texts by file name."""
@@ -59,12 +67,12 @@ class RunFolder:
         """
         if self.draft is None:
             return record
-        interrupted = record.interrupted
-        if interrupted and self._whole and not _drives(record) and (self.draft.target / FILE).exists():
+        interrupted, nothing = record.interrupted, all(one.drive is None for one in record.results)
+        if interrupted and self._whole and nothing and (self.draft.target / FILE).exists():
             self.draft.discard()
             return record
         drop = outdated(self.draft.target, record)
-        return replace(record, folder=self.put(files, record, drop, interrupted=interrupted))
+        return record.saved_in(self.put(files, record, drop, interrupted=interrupted))
 
     def put(
         self, files: Files, found: Any, drop: Collection[str] = (), *, interrupted: bool = False
@@ -119,10 +127,6 @@ def run_folder(out: str | Path | Draft | None) -> Iterator[RunFolder]:
         yield RunFolder(draft)
 
 
-def _drives(record: Record) -> bool:
-    return any(one.drive is not None for one in record.results)
-
-
 def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
     """Write estimate.json into `folder`, where the page of an earlier one goes, and whose other files have
     nothing to do with it; returns the file.
@@ -141,20 +145,20 @@ def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
     return target / ESTIMATE_FILE
 
 
-def require_readable(files: Files, folder: Path) -> None:
-    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved.
+def require_readable(files: Files, folder: Path) -> dict[str, Any]:
+    """Refuse a record or an estimate that the reader of such files would refuse, before it is saved; returns
+    those there are, as read again, by the names of their files.
 
     Raises:
         Failure: says which keys are in the way.
     """
-    for name, read in ((FILE, known_record), (ESTIMATE_FILE, known_estimate)):
-        if name not in files:
-            continue
-        try:
-            read(json.loads(files[name]), folder / name)
-        except RecordError as error:
-            reasons = "; ".join(map(str, error.flaws))
-            raise Failure(f"not saved, for it could not be read again: {reasons}") from None
+    readers: dict[str, Callable[..., Any]] = {FILE: known_record, ESTIMATE_FILE: known_estimate}
+    try:
+        there = [name for name in readers if name in files]
+        return {name: readers[name](json.loads(files[name]), folder / name) for name in there}
+    except RecordError as error:
+        reasons = "; ".join(map(str, error.flaws))
+        raise Failure(f"not saved, for it could not be read again: {reasons}") from None
 
 
 def outdated(folder: Path, record: Record | None) -> set[str]:

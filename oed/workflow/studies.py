@@ -1,15 +1,36 @@
-"""Studies from files and texts, with what they name besides: earlier records, and paths of the user's own."""
+"""Studies from files and texts, with what they name besides: earlier records, and paths of the user's own;
+and what it takes to work on one.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.optimize import Progress, Silent, Workers
 from oed.records.path_file import read_trajectory
-from oed.records.recorded_prior import prior_of
+from oed.records.recorded_study import prior_of
 from oed.study.study import PathFile, Study, read_study
 from oed.study.yaml_source import parse_yaml, read_yaml
+
+
+@dataclass(frozen=True)
+class Work:
+    """Work on a study.
+
+    Attributes:
+        study: what to do.
+        seed: of every random draw.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far the work is.
+    """
+
+    study: Study
+    seed: int
+    workers: Workers | None = None
+    progress: Progress = field(default_factory=Silent)
 
 
 def load_study(file: str | Path) -> Study:

@@ -455,8 +455,10 @@ class TestValidate:
         data["results"] = [entry for entry in data["results"] if entry["name"] in names]
         simulated = data["validation"]
         simulated["results"] = [entry for entry in simulated["results"] if entry["name"] in names]
-        (tmp_path / "record.json").write_text(json.dumps(data))
-        return tmp_path
+        folder = tmp_path / "saved"
+        folder.mkdir()
+        (folder / "record.json").write_text(json.dumps(data))
+        return folder
 
     @pytest.mark.slow
     def test_the_record_and_report_are_updated(self, folder: Path, capsys: pytest.CaptureFixture[str]):

@@ -11,7 +11,7 @@ from simulated import TRUTH, course, log_of, logged_problem, options, several
 
 from oed.estimation import Calibration, calibrate
 from oed.records.calibration_outcome import PATHS, estimate_of, mean_errors
-from oed.records.calibration_record import EstimateRecord, load_estimate
+from oed.records.record import EstimateRecord, load_estimate
 from oed.workflow.saving import save_estimate
 
 NOISE = (0.002, 0.005)

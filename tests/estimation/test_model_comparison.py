@@ -36,7 +36,7 @@ from oed.estimation.assessment.model_scores import SLIGHT, Compared, scored
 from oed.foundation.errors import ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of
-from oed.records.calibration_record import load_estimate
+from oed.records.record import load_estimate
 from oed.report import write_estimate
 from oed.robots.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
 from oed.study.study import Study

@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 import yaml
+from recorded import record_from
 from shipped_log import BEHIND, FILE, SITS, STUDY, TRUTH, text
 
 from oed.cli import main
-from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import save_estimate
@@ -59,7 +59,7 @@ def test_what_was_wrapped_is_named(found):
 @pytest.mark.slow
 def test_a_study_out_of_a_record_estimates_the_same(found):
     study = load_study(STUDY)
-    again = recorded_study(Record({"study": json.loads(json.dumps(study.echo()))}))
+    again = recorded_study(record_from({"study": json.loads(json.dumps(study.echo()))}))
     assert estimate(again, [FILE]).parameters == found.parameters
 
 

@@ -13,13 +13,14 @@ from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_o
 from oed.cli import main
 from oed.exporters import export
 from oed.foundation.errors import UserMistake
+from oed.foundation.files import write_files
 from oed.kernel.solution import scored
-from oed.records.calibration_record import FILE as ESTIMATE
 from oed.records.path_file import read_trajectory
+from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
 from oed.records.record import RESULTS
 from oed.study.study import Study
-from oed.workflow.runner import record
+from oed.workflow.runner import record, record_files
 from oed.workflow.sweep.run import FILE as SWEEP
 
 
@@ -98,7 +99,8 @@ class TestCsv:
 
     def test_from_a_record_that_was_made_by_the_package(self, tmp_path: Path):
         study = study_of()
-        record(study, [scored(study.problem, winding(study), "mine")], 0, tmp_path)
+        drives = [scored(study.problem, winding(study), "mine")]
+        write_files(tmp_path, record_files(study, drives, record(study, drives, 0, named=True)))
         _, rows = table(export(tmp_path, "csv", result="mine"))
         _, own = table_without_last_inputs(tmp_path / "mine.csv")
         assert rows[:-1, :3] == pytest.approx(own[:, :3], abs=1e-9)

@@ -184,6 +184,14 @@ class TestRuns:
         assert [log.name for log in logs] == ["a[b]"]
         assert found(logs[0])["short_runs"].endswith("left out: a[a]")
 
+    def test_so_is_one_without_inputs_whose_poses_are_in_a_file_of_their_own(self, tmp_path: Path):
+        rows = [row if row[0] == "b" else [*row[:2], "", "", *row[4:]] for row in self.ROWS]
+        write(tmp_path / "poses.csv", cells(drive(50, seed=1)))
+        log = write(tmp_path / "a.csv", rows, ("run", *HEADER))
+        logs = read_logs([log], form(poses={"file": "poses.csv"}), ROBOT)
+        assert [log.name for log in logs] == ["a[b]"]
+        assert found(logs[0])["short_runs"].endswith("left out: a[a]")
+
     @pytest.mark.parametrize("keep", [{"steady": 1}, {"steady": [0.5, 2]}, {"mode": "auto"}])
     def test_only_some_rows_are_kept(self, tmp_path: Path, keep: dict):
         rows = [[*row, *(("1", "auto") if row[0] == "a" else ("0", "hand"))] for row in self.ROWS]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded import record_from
 from studies import SMALL, saved_study
 
 from oed.foundation.errors import FileFlaw, RecordError, StudyError
@@ -55,14 +56,14 @@ class TestItsStudy:
     def test_mistakes_are_told_by_the_records_keys(self, saved: Record):
         study = saved.data["study"]
         limits = {**study["limits"], "path_length": -1.0}
-        changed = Record({**saved.data, "study": {**study, "limits": limits, "estimate": ["colour"]}})
+        changed = record_from({**saved.data, "study": {**study, "limits": limits, "estimate": ["colour"]}})
         with pytest.raises(RecordError) as caught:
             recorded_study(changed)
         (flaw,) = caught.value.flaws
         assert (flaw.file, flaw.line, flaw.key) == ("record", 0, "study.limits.path_length")
 
     def test_characters_that_steer_terminals_are_refused_as_in_a_file(self, saved: Record):
-        changed = Record({**saved.data, "study": {**saved.data["study"], "name": "a\x1b[2J"}})
+        changed = record_from({**saved.data, "study": {**saved.data["study"], "name": "a\x1b[2J"}})
         with pytest.raises(RecordError, match=r"study\.name: the character '\\x1b' cannot stand in a study"):
             recorded_study(changed)
 

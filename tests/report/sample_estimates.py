@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from oed.records.calibration_record import EstimateRecord
-from oed.records.numbers import plain
+from oed.records.record import EstimateRecord
+from oed.records.stored.parts import plain
 
 Data = dict[str, Any]
 

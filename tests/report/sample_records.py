@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import numpy as np
+from recorded import record_from
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
-from oed.records.outcomes import result_of
-from oed.records.problem_tables import parameter_table
+from oed.records.outcomes import parameter_table, result_of
 from oed.records.record import Record
 from oed.study.study import Study
 from oed.workflow.runner import record as record_of
@@ -58,22 +57,10 @@ def scored(regressor: str = "position", noise: str = "{position: 10 cm, heading:
     text = TEXT.replace("REGRESSOR", regressor).replace("NOISE", noise)
     study = parse_study(text)
     return {
-        "format": 1,
-        "oed_version": "1.2.3",
         "study": study.echo(),
         "study_text": study.text,
-        "seed": 7,
         "parameters": [one.plain() for one in parameter_table(study.problem)],
         "results": [drive(study, name, *pair) for name, pair in SHAPES.items()],
-        "certificate": None,
-        "validation": None,
-        "notes": [],
-        "provenance": {
-            "packages": {"casadi": "3.8.2", "numpy": "2.4.6"},
-            "python": "3.11.7",
-            "platform": "Linux x86_64",
-            "finished": "2026-01-02T03:04:05+00:00",
-        },
     }
 
 
@@ -132,7 +119,7 @@ ABSOLUTE = TEXT.replace("REGRESSOR", "both").replace(
 def judged(text: str) -> dict[str, Any]:
     """A record's data as `oed run` would leave it, of the same four drives."""
     study = parse_study(text)
-    return dict(record_of(study, [solution(study, name, *pair) for name, pair in SHAPES.items()], 7).data)
+    return record_of(study, [solution(study, name, *pair) for name, pair in SHAPES.items()], 7).data
 
 
 def as_search_by(entry: dict[str, Any], criterion: str) -> dict[str, Any]:
@@ -197,21 +184,21 @@ def sensors() -> Record:
     history = [{"evaluations": 100, "seconds": 0.5, "objective": first["objective"]}]
     data["results"] = [{**as_search(first), "history": history}, as_search_by(second, "D"), *others]
     data["validation"] = validation_of(data, ("nonlinear",), "soft_l1")
-    return Record(data)
+    return record_from(data)
 
 
 def by_criterion(criterion: str) -> Record:
     """The same sensors without a prior, designed for by another criterion of the track alone."""
     kept = [line for line in SENSORS.splitlines() if not line.startswith("prior")]
     text = "\n".join(kept).replace("criterion: {kind: E}", f"criterion: {criterion}")
-    return Record(judged(text))
+    return record_from(judged(text))
 
 
 def absolute() -> Record:
     """Displacements between measured poses, estimated in three ways."""
     data = judged(ABSOLUTE)
     data["validation"] = validation_of(data, ("ols", "sandwich", "gls"))
-    return Record(data)
+    return record_from(data)
 
 
 def full(**options: str) -> Record:
@@ -219,27 +206,27 @@ def full(**options: str) -> Record:
     data = scored(**options)
     data["results"][0] = as_search(data["results"][0])
     data["notes"] = ["`bound: true` is read, but <not> computed."]
-    return Record(data)
+    return record_from(data)
 
 
 def single() -> Record:
-    data = copy.deepcopy(dict(full().data))
+    data = full().data
     data["results"] = data["results"][:1]
     data["notes"] = []
-    return Record(data)
+    return record_from(data)
 
 
 def many() -> Record:
     """Ten results."""
-    data = copy.deepcopy(dict(full().data))
+    data = full().data
     first = data["results"]
     data["results"] = [{**first[index % 4], "name": f"result_{index}"} for index in range(10)]
-    return Record(data)
+    return record_from(data)
 
 
 def without_drive() -> Record:
     """A search that found nothing: null numbers, no drive."""
-    data = copy.deepcopy(dict(single().data))
+    data = single().data
     entry = data["results"][0]
     numbers = ("objective", "lambda_min", "lambda_max", "condition_number", "smallest_singular_value")
     entry.update(dict.fromkeys((*numbers, "norm_y", "path_length", "drive", "trajectory")))
@@ -247,36 +234,36 @@ def without_drive() -> Record:
     entry.update(status="infeasible", message="One limit is in the way: wheel_speed (by 2.86 rad/s).")
     for start in entry["starts"]:
         start["objective"] = None
-    return Record(data)
+    return record_from(data)
 
 
 def only_infeasible_drive() -> Record:
-    data = copy.deepcopy(dict(full().data))
+    data = full().data
     data["results"] = data["results"][3:]
-    return Record(data)
+    return record_from(data)
 
 
 def unbounded_numbers() -> Record:
     """A singular drive whose infinite numbers JSON holds as null."""
-    data = copy.deepcopy(dict(single().data))
+    data = single().data
     entry = data["results"][0]
     entry.update(objective=None, condition_number=None, standard_deviations={"c21": None, "c22": 0.001})
-    return Record(data)
+    return record_from(data)
 
 
 def piecewise_constant() -> Record:
     """A degree-0 drive, no workspace, no limit on the acceleration."""
-    data = copy.deepcopy(dict(single().data))
+    data = single().data
     drive = data["results"][0]["drive"]
     drive.update(degree=0, knots=[0.0, 2.0, 4.0], coefficients=[[3.0, 2.0], [-1.0, 4.0]])
     data["study"]["limits"] = {"wheel_speed": {"bounds": [-10.0, 10.0]}}
-    return Record(data)
+    return record_from(data)
 
 
 def empty() -> Record:
-    data = copy.deepcopy(dict(single().data))
+    data = single().data
     data["results"] = []
-    return Record(data)
+    return record_from(data)
 
 
 RECORDS = {

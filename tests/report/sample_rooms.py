@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from recorded import record_from
 
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
@@ -75,7 +76,7 @@ def scored(study: Study, name: str, runs: Runs) -> Solution:
 def recorded(text: str, drives: dict[str, Runs]) -> dict[str, Any]:
     """A record's data as `oed run` would leave it."""
     study = parse_study(text)
-    return dict(record_of(study, [scored(study, name, runs) for name, runs in drives.items()], 7).data)
+    return record_of(study, [scored(study, name, runs) for name, runs in drives.items()], 7).data
 
 
 MECANUM = "{kind: mecanum, wheel_radius: 5 cm, half_wheelbase_plus_half_track: 30 cm, body_radius: 15 cm}"
@@ -94,7 +95,7 @@ def crab() -> Record:
         "ipopt": list(zip((left, ahead, winding), places, strict=True)),
         "other": list(zip((ahead, winding, left), places, strict=True)),
     }
-    return Record(recorded(text, drives))
+    return record_from(recorded(text, drives))
 
 
 @cache
@@ -107,7 +108,7 @@ def steered() -> Record:
         "ipopt": [((7 * TURN, 0.5 * REST), start), ((4 * REST, 0.5 * TURN), start)],
         "fast": [((9 * REST, 0.6 * TURN), start), ((-5 * REST, 0.7 * WAVE), start)],
     }
-    return Record(recorded(text, drives))
+    return record_from(recorded(text, drives))
 
 
 @cache
@@ -124,7 +125,7 @@ def towing() -> Record:
         "ipopt": [((4 * REST + TURN, 3 * REST + 2 * WAVE), start)],
         "arc": [((4 * REST, 2 * REST), start)],
     }
-    return Record(recorded(text, drives))
+    return record_from(recorded(text, drives))
 
 
 @cache
@@ -134,7 +135,7 @@ def omni() -> Record:
     text = text_of(robot, "limits: {wheel_speed: 12 rad/s}", name="Omni")
     # One of its coefficients is 0: nothing is relative to that.
     text = text.replace("scaling: relative", "scaling: none")
-    return Record(
+    return record_from(
         recorded(text, {"ipopt": [((5 * REST + TURN, -REST, -4 * REST + 2 * TURN), (0.0, 0.0, 0.0))]})
     )
 
@@ -146,7 +147,9 @@ def stepped() -> Record:
     text = text_of(robot, "limits: {wheel_speed: 12 rad/s}", "runs: 2, rest_to_rest: false", "Stepped")
     text = text.replace("degree: 3", "degree: 0")
     start = (0.0, 0.0, 0.0)
-    return Record(recorded(text, {"ipopt": [((6 * WAVE, 5 * REST), start), ((5 * REST, 2 * REST), start)]}))
+    return record_from(
+        recorded(text, {"ipopt": [((6 * WAVE, 5 * REST), start), ((5 * REST, 2 * REST), start)]})
+    )
 
 
 ROOMS = {"crab": crab, "steered": steered, "towing": towing, "omni": omni, "stepped": stepped}

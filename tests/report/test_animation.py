@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 import sample_records
 from PIL import Image
 from places import REPORTS
+from recorded import record_from
 from sample_rooms import crab, omni, steered, towing
 
 import oed
@@ -233,14 +233,14 @@ class TestReport:
 
     def test_one_of_other_drives_is_not_shown(self, tmp_path: Path):
         oed.animate(towing(), tmp_path / "drive.gif", **QUICK)
-        changed = copy.deepcopy(dict(towing().data))
+        changed = towing().data
         changed["results"][0]["drive"]["poses"][5][0] += 0.1
-        html, markdown = self.pages(Record(changed), tmp_path)
+        html, markdown = self.pages(record_from(changed), tmp_path)
         assert "`drive.gif` shows other drives than this record's; `oed animate` makes it again." in markdown
         assert "data:image/gif" not in html
         # Of one that the record no longer has, too.
-        gone = {**towing().data, "results": towing().data["results"][1:]}
-        assert "data:image/gif" not in self.pages(Record(gone), tmp_path)[0]
+        gone = {**towing().data, "results": towing().data["results"][1:], "best": "arc"}
+        assert "data:image/gif" not in self.pages(record_from(gone), tmp_path)[0]
 
     @pytest.mark.parametrize("comment", ["", "oed on holiday", 'oed {"results": []}', "oed 7"])
     def test_a_film_from_elsewhere(self, comment: str, tmp_path: Path):

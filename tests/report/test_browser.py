@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from recorded import record_from
 from sample_records import scored
 from sample_rooms import crab, towing
 
@@ -36,7 +37,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_report(Record(scored()), tmp_path_factory.mktemp("report"))
+    return write_report(record_from(scored()), tmp_path_factory.mktemp("report"))
 
 
 def opened(page: Path, fragment: str, profile: Path) -> tuple[str, list[str]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from oed.records.record import Record
+from recorded import record_from
+
 from oed.report.sections.searches import certificate
 
 OTHER = {"upper_bound": 93.3, "method": "another way", "assumptions": ["the room is left out"]}
@@ -25,12 +26,12 @@ FOUND: dict[str, Any] = {
 
 
 def section_of(**changes: Any) -> Any:
-    return certificate(Record({"results": [], "certificate": {**FOUND, **changes}}))
+    return certificate(record_from({"results": [], "certificate": {**FOUND, **changes}}))
 
 
 def test_without_a_certificate_there_is_no_section():
-    assert certificate(Record({"results": [], "certificate": None})) is None
-    assert certificate(Record({"results": []})) is None
+    assert certificate(record_from({"results": [], "certificate": None})) is None
+    assert certificate(record_from({"results": []})) is None
 
 
 def test_bound_gap_and_assumptions_are_said():
@@ -58,10 +59,10 @@ def test_all_bounds_are_listed():
 
 def test_a_certificate_with_the_agreed_keys_alone_is_enough():
     plain = {key: FOUND[key] for key in ("upper_bound", "gap", "method", "assumptions")}
-    section = certificate(Record({"results": [], "certificate": plain}))
+    section = certificate(record_from({"results": [], "certificate": plain}))
     assert section is not None
     assert "86.7018" in section.paragraphs[0]
-    assert certificate(Record({"results": [], "certificate": {**plain, "gap": None}})) is not None
+    assert certificate(record_from({"results": [], "certificate": {**plain, "gap": None}})) is not None
 
 
 def test_percent():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from places import REPORTS
+from recorded import record_from
 from scipy import stats
 
 from oed.records.record import Record, load_record
@@ -137,15 +137,15 @@ def test_every_section_is_made_for_the_flagship(flagship: Record):
 
 def test_no_section_needs_more_than_a_search(flagship: Record):
     data = {**flagship.data, "results": flagship.data["results"][:1], "validation": None, "best": "ipopt"}
-    assert all(isinstance(section, Section) for section in sections_of(Record(data)))
+    assert all(isinstance(section, Section) for section in sections_of(record_from(data)))
 
 
 class TestSeveralRecords:
     @pytest.mark.slow
     def test_differences_and_best_drives_are_listed(self, flagship: Record, tmp_path: Path):
-        other = json.loads(json.dumps(flagship.data))
+        other = flagship.data
         other["study"]["limits"]["wheel_speed"]["bounds"] = [0.0, 5.0]
-        page = write_comparison([("first", flagship), ("second", Record(other))], tmp_path)
+        page = write_comparison([("first", flagship), ("second", record_from(other))], tmp_path)
         text = (tmp_path / "report.md").read_text(encoding="utf-8")
         assert page.exists()
         assert "limits.wheel\\_speed.bounds | -10, 10 | 0, 5 |" in text
@@ -153,8 +153,8 @@ class TestSeveralRecords:
         assert {path.name for path in (tmp_path / "figures").iterdir()} == {"path_1.svg", "path_2.svg"}
 
     def test_records_without_a_design_are_named(self, flagship: Record, tmp_path: Path):
-        nothing = {**flagship.data, "results": [], "best": None}
-        write_comparison([("first", flagship), ("empty", Record(nothing))], tmp_path)
+        nothing = {**flagship.data, "results": [], "best": None, "validation": None}
+        write_comparison([("first", flagship), ("empty", record_from(nothing))], tmp_path)
         assert "empty: no feasible drive" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 

@@ -19,8 +19,7 @@ from studies import SMALL
 from oed.cli import main
 from oed.exporters import EXPORTERS, export
 from oed.foundation.errors import LogError, OedError, RecordError, UserMistake
-from oed.records.calibration_record import load_estimate
-from oed.records.record import load_record
+from oed.records.record import load_estimate, load_record
 from oed.report.estimate.page import estimate_sections
 from oed.report.estimate.terminal import estimate_lines, estimate_rows
 from oed.report.figures.draw import svg_text

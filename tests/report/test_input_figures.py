@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
 import sample_rooms
+from recorded import record_from
 from sample_records import full, many
 from shown_in import section
 
@@ -22,9 +21,9 @@ def captions(record: Record, title: str) -> dict[str, str]:
 
 
 def with_limit(record: Record, name: str, limit: dict[str, object] | None) -> Record:
-    data = copy.deepcopy(dict(record.data))
+    data = record.data
     data["study"]["limits"][name] = limit
-    return Record(data)
+    return record_from(data)
 
 
 def test_one_figure_for_each_quantity_and_rate() -> None:
@@ -81,11 +80,11 @@ def test_single_limits_that_are_alike_are_one() -> None:
 
 def test_records_that_do_not_name_their_inputs() -> None:
     data = {key: entry for key, entry in full().data.items() if key != "inputs"}
-    ((values, _),) = groups_of(Record(data), 2)
+    ((values, _),) = groups_of(record_from(data), 2)
     assert values.names == ("wheel_speed_right", "wheel_speed_left")
-    ((other, rates),) = groups_of(Record(data), 3)
+    ((other, rates),) = groups_of(record_from(data), 3)
     assert other.names == ("input_1", "input_2", "input_3")
-    assert other.bounds(Record(data)) is None
+    assert other.bounds(record_from(data)) is None
     assert (other.limit, rates.limit) == ("input", "rate_of_input")
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import sample_records
+from recorded import record_from
 from sample_records import RECORDS
 from shown_in import column, section
 
@@ -20,7 +21,7 @@ import oed.report
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import shown_lines
 from oed.kernel.criteria import CRITERIA
-from oed.records.record import Record, load_record, save_record
+from oed.records.record import load_record, save_record
 from oed.report import write_report
 from oed.report.figures.draw import svg_text
 from oed.report.figures.spec import Panel, Plot
@@ -297,7 +298,7 @@ def _steered(value: object, key: str = "") -> object:
 
 @pytest.mark.slow
 def test_nothing_that_steers_reaches_pages_and_figures(tmp_path: Path) -> None:
-    record = Record(_steered(dict(sample_records.full().data)))
+    record = record_from(_steered(sample_records.full().data))
     write_report(record, tmp_path)
     files = [file for file in tmp_path.rglob("*") if file.is_file()]
     for file in files:

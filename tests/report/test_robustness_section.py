@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import numpy as np
 import pytest
+from recorded import record_from
 from sample_records import full
 
 from oed.records.record import Record
@@ -48,7 +48,7 @@ def told(**changes: Any) -> dict[str, Any]:
 
 def made(**changes: Any) -> Record:
     """The winding drive as the robust search's, the arc as what was found without back-off."""
-    data = copy.deepcopy(dict(full().data))
+    data = full().data
     data["results"] = data["results"][:2]
     data["results"][1]["name"] = "nominal"
     data["best"] = "ipopt"
@@ -66,7 +66,7 @@ def made(**changes: Any) -> Record:
         "bundles": [bundle("ipopt", [False] * 5), bundle("nominal", [True, False, True])],
         **changes,
     }
-    return Record(data)
+    return record_from(data)
 
 
 def text_of(**changes: Any) -> str:
@@ -91,7 +91,7 @@ class TestWords:
 
     def test_a_study_that_is_not_robust_has_no_section(self):
         assert robustness(full()) is None
-        assert robustness(Record({**full().data, "robustness": None})) is None
+        assert robustness(record_from({**full().data, "robustness": None})) is None
 
     def test_without_any_drive_there_is_no_section(self):
         assert robustness(made(results=[], bundles=[])) is None
@@ -155,7 +155,7 @@ class TestTable:
         assert table.rows[0][2:] == (pytest.approx(0.31), "0.21 to 0.44", pytest.approx(5.2), 10_000)
 
     def test_an_objective_without_a_number_is_left_empty(self):
-        (table,) = robustness(made(results=[result("circle", objective=None)], bundles=[])).tables
+        (table,) = robustness(made(results=[result("nominal", objective=None)], bundles=[])).tables
         assert table.rows[0][1] is None
 
 

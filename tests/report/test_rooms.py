@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -13,6 +12,7 @@ import sample_rooms
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
+from recorded import record_from
 from sample_records import full
 from sample_rooms import ROOMS
 from shown_in import section
@@ -37,10 +37,12 @@ def legend(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def changed(record: Record, part: str, **keys: object) -> Record:
-    data = copy.deepcopy(dict(record.data))
+def changed(record: Record, part: str, *without: str, **keys: object) -> Record:
+    data = record.data
     data["study"][part].update(keys)
-    return Record(data)
+    for key in without:
+        del data["study"][part][key]
+    return record_from(data)
 
 
 @pytest.mark.slow
@@ -212,16 +214,16 @@ def test_width_of_robots_with_and_without_a_track() -> None:
     assert robot_width(sample_rooms.steered()) == pytest.approx(0.6 * 0.33)
     # Inside its circle, as the sum of half the wheelbase and half the track is wider than that.
     assert robot_width(sample_rooms.crab()) == pytest.approx(0.3 / 1.35)
-    body = changed(sample_rooms.omni(), "robot", kind="python", object="blimp:Blimp", body_radius=0.27)
-    del body.data["study"]["robot"]["centre_distance"]
+    own = {"kind": "python", "object": "blimp:Blimp", "body_radius": 0.27}
+    body = changed(sample_rooms.omni(), "robot", "centre_distance", **own)
     assert robot_width(body) == pytest.approx(0.4)
-    radius = body.data["study"]["robot"].pop("body_radius")
-    assert robot_width(Record(body.data)) == 0
+    thin = changed(body, "robot", "body_radius")
+    assert robot_width(thin) == 0
     # Of robots of code the keys alone are known, in whatever units.
     for track, width in (("30 cm", 0.3), (0.2, 0.2), ("wide", 0), (None, 0)):
-        given = changed(Record(body.data), "robot", track=track)
+        given = changed(thin, "robot", track=track)
         assert robot_width(given) == pytest.approx(width)
-    assert robot_width(changed(given, "robot", body_radius=radius)) == pytest.approx(0.4)
+    assert robot_width(changed(given, "robot", body_radius=0.27)) == pytest.approx(0.4)
 
 
 @pytest.mark.slow

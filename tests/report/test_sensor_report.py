@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import pickle
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 import sample_records
 from places import REPORTS
+from recorded import record_from
 from shown_in import column, section, text_of
 
 from oed.foundation.errors import RecordError
@@ -59,9 +59,9 @@ def record(kind: str) -> Record:
 
 
 def changed(kind: str, **study: object) -> Record:
-    data = copy.deepcopy(dict(record(kind).data))
+    data = record(kind).data
     data["study"].update(study)
-    return Record(data)
+    return record_from(data)
 
 
 class TestCriteria:
@@ -103,14 +103,14 @@ class TestCriteria:
         assert "not one of repetitions" in text_of(criteria(record("sensors")))
 
     def test_a_best_without_the_largest_objective_is_explained(self):
-        data = copy.deepcopy(dict(record("sensors").data))
+        data = record("sensors").data
         data["results"][1].update(objective=1.002 * data["results"][0]["objective"])
-        text = text_of(criteria(Record(data)))
+        text = text_of(criteria(record_from(data)))
         assert "arc is 0.20 % better by E than ipopt, which counts as equal" in text
 
     def test_none_for_old_records_and_single_drives(self):
         assert criteria(sample_records.full()) is None
-        alone = Record({**record("sensors").data, "results": record("sensors").results[:1]})
+        alone = record("sensors").model_copy(update={"results": record("sensors").results[:1]})
         assert criteria(alone) is None
 
 
@@ -187,10 +187,10 @@ class TestSearches:
         assert [(aim.label, aim.size, len(entries)) for aim, entries in groups] == [("E", 3, 1), ("D", 3, 1)]
 
     def test_a_criterion_of_other_parameters_is_another(self):
-        data = copy.deepcopy(dict(record("sensors").data))
+        data = record("sensors").data
         data["study"]["solvers"][1]["criterion"] = {"kind": "E", "scaling": "none", "subset": ["track"]}
         data["results"][1]["criterion"] = "E"
-        aim = aim_of(Record(data), Record(data).results[1])
+        aim = aim_of(record_from(data), record_from(data).results[1])
         assert aim.label == "E of track with the parameters in SI units"
         assert aim.size == 1
 
@@ -352,11 +352,11 @@ class TestSummary:
         assert "Wheel radius right and wheel radius left: estimated too, but not judged." in text
 
     def test_a_drive_on_the_spot_has_no_length(self):
-        data = copy.deepcopy(dict(record("sensors").data))
+        data = record("sensors").data
         entry = data["results"][0]
         entry["path_length"] = 2e-25
         entry["drive"]["poses"] = [[0.0, 0.0, 0.1 * index] for index in range(21)]
-        parts = {part.title: part for part in sections_of(Record(data))}
+        parts = {part.title: part for part in sections_of(record_from(data))}
         assert "with a drive in place (0.32 turns)" in text_of(parts["Summary"])
         assert "in place" in drawn(parts["Paths in the workspace"].figures[0].figure).axes[0].get_title()
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from oracle import advance
+from recorded import record_from
 from trials import STUDY, small_trial, study_of, tried
 
 from benchmarks.acceptance import floors_of, goals
 from oed.foundation.errors import UserMistake
 from oed.optimize import Silent
-from oed.records.record import Record
 from oed.records.recorded_study import recorded_study
 from oed.simulation.physics import FourWheels, drive
 from oed.simulation.trial.candidates import candidates
@@ -138,7 +138,7 @@ def test_a_study_runs_its_trial_on_the_designs_that_it_finds():
     best = next(one for one in data["results"] if one["kind"] == "ipopt")
     assert planned["path_length"] == pytest.approx(best["path_length"])
     assert planned["promised"] == pytest.approx(best["standard_deviations"])
-    assert recorded_study(Record(data)).file.physics == study.file.physics
+    assert recorded_study(record_from(data)).file.physics == study.file.physics
 
 
 @pytest.mark.slow

@@ -6,9 +6,9 @@ import copy
 from typing import Any
 
 import pytest
+from recorded import record_from
 from trials import small_trial, study_of
 
-from oed.records.record import Record
 from oed.report.figures.draw import svg_text
 from oed.report.parts.section import Section
 from oed.report.sections.physics import BEST, physics
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 
 def section_of(data: dict[str, Any] | None) -> Section | None:
-    return physics(Record({"physics": data, "results": [], "study": study_of().echo()}))
+    return physics(record_from({"physics": data, "results": [], "study": study_of().echo()}))
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def shown() -> Section:
 
 def test_records_without_a_trial_have_no_section():
     assert section_of(None) is None
-    assert physics(Record({"results": [], "study": {}})) is None
+    assert physics(record_from({"results": [], "study": {}})) is None
 
 
 def test_the_least_error_is_marked(shown: Section):

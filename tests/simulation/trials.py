@@ -9,7 +9,7 @@ from typing import Any, Literal
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize import Context, Progress, Silent, Solver
-from oed.records.trial_outcome import trial_of
+from oed.records.outcomes import trial_of
 from oed.robots.baselines import baselines
 from oed.simulation.trial import run_trial
 from oed.study.study import Study

@@ -11,7 +11,7 @@ import pytest
 from studies import saved_study
 
 from oed.foundation.errors import LogError
-from oed.records.calibration_record import EstimateRecord, load_estimate
+from oed.records.record import EstimateRecord, load_estimate
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved

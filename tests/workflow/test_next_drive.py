@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
+from recorded import record_from
 
 from oed.foundation.errors import Failure, StudyError, UserMistake
-from oed.records.calibration_record import load_estimate
-from oed.records.record import Record, save_record
+from oed.records.record import Record, load_estimate, save_record
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive
@@ -160,4 +160,4 @@ class TestMistakes:
     def test_coefficients_have_no_nominal_values(self, designed, tmp_path):
         data = {**designed.data, "study": {**designed.data["study"], "estimate": ["c11", "c12"]}}
         with pytest.raises(UserMistake, match="estimates c11, c12"):
-            next_drive(Record(data), [tmp_path / "drive.csv"])
+            next_drive(record_from(data), [tmp_path / "drive.csv"])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from driven_robot import ROOM_STUDY, write_log
+from recorded import record_from
 from studies import saved_study, small
 
 from oed.foundation.errors import StudyError
@@ -195,7 +196,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Record, Pat
 
 def next_study(record: Record, log: Path) -> Study:
     """The study of the next drive, without searching for it."""
-    found = next_drive(Record({**record.data, "study": {**record.data["study"], "solvers": []}}), [log])
+    found = next_drive(record_from({**record.data, "study": {**record.data["study"], "solvers": []}}), [log])
     assert found.study is not None
     return found.study
 
@@ -217,9 +218,9 @@ class TestDriven:
 
     def test_an_uncertainty_of_nothing_else_is_gone(self, driven):
         _, record, _, log = driven
-        data = json.loads(json.dumps(dict(record.data)))
+        data = record.data
         del data["study"]["uncertainty"]["within"]["y"]
-        following = next_study(Record(data), log)
+        following = next_study(record_from(data), log)
         assert following.problem.uncertainty is None
         assert "uncertainty" not in following.echo()
         assert spread_of(following.problem.uncertain_system).names == tuple(TRUTH)

@@ -20,6 +20,7 @@ from oed.records.path_file import read_trajectory
 from oed.records.record import Record, load_record
 from oed.study.study import Study
 from oed.workflow.runner import best_of, run, search
+from oed.workflow.studies import Work
 
 MINE = "t,wheel_speed_right,wheel_speed_left\n" + "".join(f"{0.25 * k},0.5,0.25\n" for k in range(40))
 TEXT = small(
@@ -186,12 +187,12 @@ class TestSeed:
         # Which start ends first is the workers' affair; where it leads is not. A singular drive's condition
         # number is rounding.
         varying = ("history", "condition_number")
-        assert_alike(timeless(dict(record.data), *varying), timeless(dict(double.data), *varying))
+        assert_alike(timeless(record.data, *varying), timeless(double.data, *varying))
 
     @pytest.mark.slow
     def test_another_seed_can_be_given(self, ran):
         study, record, _ = ran
-        solutions, _ = search(study, seed=6, workers=1)
+        solutions, _ = search(Work(study, 6, workers=1))
         assert [solution.seed for solution in solutions] == [6, 6]
         first, other = record.result("ipopt").drive.trajectory, solutions[0].trajectory
         assert np.abs(first.coefficients - other.coefficients).max() > 0.01
@@ -273,7 +274,7 @@ class TestBestOf:
             solvers="{kind: ipopt, name: plain, starts: 1, perturbations: 0, second_stage: none}, "
             "{kind: ipopt, name: settled, starts: 1, perturbations: 0}"
         )
-        (plain, settled), _ = search(make_study(tmp_path, text), seed=5, workers=1)
+        (plain, settled), _ = search(Work(make_study(tmp_path, text), 5, workers=1))
         assert settled.evaluation.log_determinant > plain.evaluation.log_determinant
         assert best_of([plain, settled], E()) is best_of([settled, plain], E()) is settled
 

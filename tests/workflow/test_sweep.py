@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from recorded import record_from
 from studies import INFEASIBLE, small, without_seconds, write_study
 
 from oed.cli import main
 from oed.cli.terminal.console import print_sweep
 from oed.foundation.errors import Failure, RecordError
 from oed.foundation.work.folders import Draft
-from oed.records.record import Record, load_record, save_record
+from oed.records.record import load_record, save_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.workflow.runner import run as real_run
 from oed.workflow.saving import NotSaved
@@ -204,7 +205,7 @@ def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeyp
 
     def cut_short(study: Any, out: Path, **options: Any) -> Any:
         record = real_run(study, out, **options)
-        save_record(Record({**record.data, "interrupted": True}), out)
+        save_record(record_from({**record.data, "interrupted": True}), out)
 
     monkeypatch.setattr(running, "run", cut_short)
     cut = sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data

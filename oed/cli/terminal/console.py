@@ -20,10 +20,10 @@ from oed.foundation.work.progress import Progress, Silent
 if TYPE_CHECKING:
     import argparse
 
-    from oed.records.calibration_record import EstimateRecord
-    from oed.records.stored.certificate import StoredCertificate
+    from oed.records.record import EstimateRecord
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
+    from oed.records.stored.study_record import StoredCertificate
     from oed.records.stored.sweep import StoredSweep
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
-from oed.logs.series import Gathered, Mask, Rows, Series
+from oed.logs.series import Mask, Rows, Series, together
 from oed.logs.tables.sheet import Sheet, distinct_rows
 
 
@@ -28,13 +30,9 @@ def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Rec
     Raises:
         LogError: empty cells where numbers are needed, clocks that do not rise, counters that jump.
     """
-    stem, gathered = Path(sheet.inputs.series.file).stem, Gathered()
-    drives: list[RecordedDrive] = []
-    runs = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
-    for label, rows in runs:
-        run = _Run(sheet, model, stem if label is None else f"{stem}[{label}]", label, rows, len(runs))
-        drives += gathered.take(lambda: run.drives(gap)) or []  # noqa: B023
-    gathered.raise_any()
+    found = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
+    runs = [_Run(sheet, model, label, rows, len(found)) for label, rows in found]
+    drives: list[RecordedDrive] = [*itertools.chain(*together(partial(run.drives, gap) for run in runs))]
     if sheet.cut_off:
         text = "the file breaks off within its last line, which is left out"
         drives[-1] = drives[-1].with_found(Finding("cut_off", text))
@@ -55,11 +53,11 @@ def _runs(labels: list[str] | None, count: int) -> Iterator[tuple[str | None, Ro
 class _Run:
     """Rows of a sheet that are one run."""
 
-    def __init__(
-        self, sheet: Sheet, model: System, name: str, label: str | None, rows: Rows, runs: int
-    ) -> None:
+    def __init__(self, sheet: Sheet, model: System, label: str | None, rows: Rows, runs: int) -> None:
         """Keep what it is, and how many runs there are in all."""
-        self.sheet, self.model, self.name, self.label, self.runs = sheet, model, name, label, runs
+        self.sheet, self.model, self.label, self.runs = sheet, model, label, runs
+        stem = Path(sheet.inputs.series.file).stem
+        self.name = stem if label is None else f"{stem}[{label}]"
         assert sheet.inputs.table is not None
         self.rows = distinct_rows(sheet.inputs.table, sheet.inputs.series.times, rows)
         self.repeated = len(rows) - len(self.rows)
@@ -68,16 +66,10 @@ class _Run:
         """The run whole, or the stretches of it that are kept."""
         if not self.sheet.kept[self.rows].any():
             return []
-        gathered = Gathered()
-        inputs = gathered.take(self._inputs)
-        poses = gathered.take(self._poses)
-        gathered.raise_any()
-        assert inputs is not None
-        assert poses is not None
-        integrated = _integrated(inputs, self.sheet, self.model)
-        if self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
+        inputs, poses = together([self._inputs, self._poses])
+        if len(inputs) and self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
             poses = _within(poses, inputs.times[0] - MARGIN, inputs.times[-1] + MARGIN)
-        whole = replace(integrated, name=self.name, poses=poses).with_found(*self._found(poses))
+        whole = self._integrated(inputs, poses).with_found(*self._found(poses))
         return self._stretches(whole, gap)
 
     def _found(self, poses: Series) -> Iterator[Finding]:
@@ -120,6 +112,29 @@ class _Run:
         block.require_filled(series, rows)
         return series.without_repeats() if self.sheet.own_clock else series
 
+    def _integrated(self, inputs: Series, poses: Series) -> RecordedDrive:
+        sheet, model = self.sheet, self.model
+        # Without rows there is nothing to integrate.
+        entries = enumerate(zip(sheet.columns, model.inputs, strict=True)) if len(inputs) else ()
+        turned = [column.turned(inputs, place, entry) for place, (column, entry) in entries]
+        flaws = inputs.clock_flaws() + [flaw for one in turned for flaw in one.flaws]
+        if flaws:
+            raise LogError(flaws)
+        values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
+        wraps = sum(one.wraps for one in turned)
+        found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
+        return RecordedDrive(
+            name=self.name,
+            names=model.input_names,
+            inputs=inputs.with_values(values),
+            poses=poses,
+            quantities=sheet.quantities,
+            driving=np.array([entry.drives for entry in model.inputs]),
+            bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
+            one_clock=not sheet.own_clock,
+            found=found if wraps else (),
+        )
+
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
         # What is not kept for a while is not driven across: what comes after it is a drive of its own.
         kept = self.rows[self.sheet.kept[self.rows]]
@@ -156,32 +171,6 @@ def _with_inputs(values: np.typing.NDArray[np.float64], rows: Rows, first: bool,
     wanted = np.zeros(len(rows), dtype=bool)
     wanted[[begin, end]] = wanted[filled] = True
     return np.asarray(rows[wanted])
-
-
-def _integrated(inputs: Series, sheet: Sheet, model: System) -> RecordedDrive:
-    flaws = inputs.clock_flaws()
-    if not len(inputs):
-        turned = []
-    else:
-        entries = zip(sheet.columns, model.inputs, strict=True)
-        turned = [column.turned(inputs, place, entry) for place, (column, entry) in enumerate(entries)]
-    flaws += [flaw for one in turned for flaw in one.flaws]
-    if flaws:
-        raise LogError(flaws)
-    values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
-    wraps = sum(one.wraps for one in turned)
-    found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
-    return RecordedDrive(
-        name="",
-        names=model.input_names,
-        inputs=inputs.with_values(values),
-        poses=inputs,
-        quantities=sheet.quantities,
-        driving=np.array([entry.drives for entry in model.inputs]),
-        bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
-        one_clock=not sheet.own_clock,
-        found=found if wraps else (),
-    )
 
 
 def _within(series: Series, start: float, end: float) -> Series:

@@ -13,11 +13,10 @@ from oed.kernel.dynamics.system import System
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
-from oed.logs.tables.columns import Column, Short, TimeColumn
+from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
-from oed.logs.tables.pose_columns import PoseColumns
-from oed.logs.tables.sheet import SheetLayout, Wanted, read_sheet
+from oed.logs.tables.sheet import Wanted, read_sheet
 from oed.logs.tables.table import DELIMITERS, read_table
 
 
@@ -61,6 +60,5 @@ class CsvForm(LogForm):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
         delimiter = DELIMITERS.get(self.delimiter or "", self.delimiter)
         table = read_table(file, delimiter, self.header)
-        layout = SheetLayout(self.time, self.inputs, self.poses, self.runs, self.keep)
-        drives = drives_in(read_sheet(table, layout, model), model, self.gap)
-        return to_logs(drives, self.handling(self.poses.held))
+        drives = drives_in(read_sheet(table, self, model), model, self.gap)
+        return to_logs(drives, self, self.poses.held)

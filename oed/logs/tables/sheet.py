@@ -3,43 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oed.foundation.errors import LogError
+from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.system import System
-from oed.logs.series import Array, Gathered, Mask, Rows, Series
-from oed.logs.tables.columns import Column, PoseColumn, TimeColumn, unit_factor
+from oed.logs.series import Array, Mask, Rows, Series, together
+from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
-from oed.logs.tables.pose_columns import PoseColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
+
+if TYPE_CHECKING:
+    from oed.logs.tables.csv_form import CsvForm
 
 Wanted = float | str | tuple[float, float]
 RUN = "run"
 """The column that says which run a row belongs to, in the package's own files."""
-
-
-@dataclass(frozen=True)
-class SheetLayout:
-    """Which columns of a table are what.
-
-    Attributes:
-        time: of the inputs, and of the poses without a clock of their own.
-        inputs: by the robot's names of them.
-        poses: of the reference.
-        runs: says which run a row belongs to; None for a column "run" where there is one.
-        keep: values of columns, or [low, high], in rows whose poses are wanted.
-    """
-
-    time: TimeColumn
-    inputs: Mapping[str, InputColumn]
-    poses: PoseColumns
-    runs: Column | None
-    keep: Mapping[str, Wanted]
 
 
 @dataclass(frozen=True)
@@ -98,34 +83,33 @@ class Sheet:
     cut_off: bool
 
 
-def read_sheet(table: Table, layout: SheetLayout, model: System) -> Sheet:
+def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     """Find the columns and read them.
 
     Args:
         table: the log's.
-        layout: which columns are what.
+        form: which columns are what.
         model: the robot that drove.
 
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
-    gathered, poses = Gathered(), layout.poses
-    beside = poses.beside(Path(table.file))
-    columns = dict(zip(model.input_names, input_columns(layout.inputs, model), strict=True))
-    inputs = gathered.take(lambda: _read_block(table, layout.time, columns, layout.runs))
-    read = gathered.take(lambda: _read_poses(table, beside, layout, model))
-    kept = gathered.take(lambda: _kept(table, layout.keep))
-    gathered.raise_any()
-    assert inputs is not None
-    assert read is not None
-    assert kept is not None
+    beside = form.poses.beside(Path(table.file))
+    columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
+    inputs, (quantities, poses), kept = together(
+        [
+            lambda: _read_block(table, form.time, columns, form.runs),
+            lambda: _read_poses(table, beside, form, model),
+            lambda: _kept(table, form.keep),
+        ]
+    )
     return Sheet(
         inputs=inputs,
-        poses=read[1],
-        quantities=read[0],
+        poses=poses,
+        quantities=quantities,
         columns=tuple(columns.values()),
         same_rows=beside is None,
-        own_clock=beside is not None or poses.time is not None,
+        own_clock=beside is not None or form.poses.time is not None,
         kept=kept,
         cut_off=table.cut_off,
     )
@@ -134,22 +118,27 @@ def read_sheet(table: Table, layout: SheetLayout, model: System) -> Sheet:
 def _read_block(
     table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None
 ) -> ColumnBlock:
-    gathered = Gathered()
-    clock = gathered.take(lambda: _read(table, time, "time"))
-    read = [gathered.take(partial(_read, table, column, name)) for name, column in columns.items()]
-    labels = gathered.take(lambda: _run_labels(table, runs))
-    found = [one for one in read if one is not None]
-    if clock is not None and gathered.flaws and labels is None:
-        # What is wrong with the times is named along with what is wrong with the numbers.
-        gathered.flaws += (
-            _series(table, time, clock, ())
-            .rows(distinct_rows(table, clock[1], np.arange(len(table.rows))))
-            .clock_flaws()
+    read = [partial(_read, table, column, name) for name, column in columns.items()]
+    try:
+        clock, *found, labels = together(
+            [partial(_read, table, time, "time"), *read, partial(_run_labels, table, runs)]
         )
-    gathered.raise_any()
-    assert clock is not None
+    except LogError as error:
+        raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
     series = _series(table, time, clock, [numbers for _, numbers in found])
     return ColumnBlock(table, series, clock[0], tuple(place for place, _ in found), labels)
+
+
+def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:
+    # What is wrong with the times of a single run is named along with what is wrong with the numbers.
+    with suppress(LogError):
+        if _run_labels(table, runs) is not None:
+            return []
+    with suppress(LogError):
+        clock = _read(table, time, "time")
+        rows = distinct_rows(table, clock[1], np.arange(len(table.rows)))
+        return _series(table, time, clock, ()).rows(rows).clock_flaws()
+    return []
 
 
 def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: Sequence[Array]) -> Series:
@@ -176,9 +165,9 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 
 def _read_poses(
-    table: Table, beside: Path | None, layout: SheetLayout, model: System
+    table: Table, beside: Path | None, form: CsvForm, model: System
 ) -> tuple[tuple[str, ...], ColumnBlock]:
-    poses, runs = layout.poses, layout.runs
+    poses, runs = form.poses, form.runs
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses)
     if beside is not None:
@@ -186,7 +175,7 @@ def _read_poses(
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
-    block = _read_block(table, poses.time or layout.time, columns, runs)
+    block = _read_block(table, poses.time or form.time, columns, runs)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))

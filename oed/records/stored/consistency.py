@@ -2,48 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from oed.foundation.errors import RecordError
+from oed.foundation.errors import FileFlaw, RecordError
 from oed.kernel.criteria import CRITERIA
-from oed.records.stored.door import flaws_of
+from oed.kernel.measurement.prior import Prior
 from oed.records.stored.result import Result
-from oed.records.stored.study_record import StudyRecord
+from oed.records.stored.study_record import Record
 
 KINDS = tuple(str(criterion.model_fields["kind"].default) for criterion in CRITERIA)
 LARGEST_LOGARITHM = 300.0
 """Of a determinant, per parameter."""
 
 
-def require_one_study(found: StudyRecord, path: Path) -> None:
+def require_one_study(found: Record, path: Path) -> None:
     """Refuse a record whose numbers cannot be its study's.
 
     Raises:
         RecordError: names the file and the keys.
     """
-    flaws = flaws_of(path, [*_unknown(found), *_strangers(found)]) or flaws_of(path, _impossible(found))
+    flaws = [*_unknown(found), *_strangers(found)] or [*_impossible(found)]
     if flaws:
-        raise RecordError(flaws)
+        raise RecordError([FileFlaw(str(path), 0, 0, key, message) for key, message in flaws])
 
 
-def _unknown(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _unknown(found: Record) -> Iterator[tuple[str, str]]:
     # Names of parameters that the record says nothing of.
     known = [one.name for one in found.parameters]
-    prior = found.study.get("prior") or {}
-    for name in (*prior.get("parameters", ()), *prior.get("standard_deviations", {})):
+    prior = found.study.prior
+    for name in prior.names if isinstance(prior, Prior) else ():
         if name not in known:
             yield "parameters", f"expected {name}, of which the study's prior speaks"
     if not any(one.judged for one in found.parameters):
         yield "parameters", "expected one that the criterion judges"
 
 
-def _strangers(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _strangers(found: Record) -> Iterator[tuple[str, str]]:
     # Criteria that neither this package has nor the study names.
-    study = found.study
-    given = (study["criterion"], *(solver.get("criterion") for solver in study["solvers"]))
-    known = tuple(dict.fromkeys((*KINDS, *(_kind(one) for one in given if one))))
+    given = (found.study.criterion, *(solver.criterion for solver in found.study.solvers))
+    known = tuple(dict.fromkeys((*KINDS, *(one.kind for one in given if one is not None))))
     for place, one in enumerate(found.results):
         kinds = {"criterion": [one.criterion or KINDS[0]], "criteria": list(one.criteria)}
         for key, names in kinds.items():
@@ -52,14 +50,9 @@ def _strangers(found: StudyRecord) -> Iterator[tuple[str, str]]:
                     yield f"results.{place}.{key}", f"expected one of {', '.join(known)}, got {name!r}"
 
 
-def _kind(criterion: Mapping[str, Any]) -> str:
-    # One of the user's own has the name that it gave itself.
-    return str((criterion.get("described") or {}).get("kind") or criterion["kind"])
-
-
-def _impossible(found: StudyRecord) -> Iterator[tuple[str, str]]:
+def _impossible(found: Record) -> Iterator[tuple[str, str]]:
     # Objectives that no drive has by the criterion that they are of.
-    own, size = _kind(found.study["criterion"]), len(found.parameters)
+    own, size = found.study.criterion.kind, len(found.parameters)
     for place, one in enumerate(found.results):
         for key, kind, value in _values(one, own):
             if value is not None and not possible(kind, value, size):

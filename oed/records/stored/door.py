@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, Self, TypeVar
 
-from pydantic import ValidationError
+from pydantic import PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
-from oed.foundation.errors import FileFlaw, RecordError
+from oed.foundation.errors import FileFlaw, ProblemError, RecordError
 from oed.foundation.files import text_of
+from oed.foundation.own.part import UNMADE
 from oed.records.stored.parts import Stored
-from oed.study.study_errors import sentence
+from oed.study.study import StudyFile
+from oed.study.study_errors import explain, sentence
+from oed.study.yaml_source import PlainSource
 
 FORMAT: Final = 1
 """Of all files."""
@@ -23,6 +26,40 @@ SHOWN = 12
 """Issues of a file that are listed; what is damaged throughout is not listed line by line."""
 
 Kind = TypeVar("Kind", bound=Stored)
+
+
+class SavedFile(Stored):
+    """A whole file that the package writes.
+
+    `file` is where it was read from, None of one that was made here: what a file names is data, and code that
+    it names is run only for those who trust it.
+    """
+
+    _file: Path | None = PrivateAttr(default=None)
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from, None of one that was made here."""
+        return self._file
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What the file holds, as plain data."""
+        return self.plain()
+
+    def at(self, file: Path) -> Self:
+        """What was read from a file."""
+        found = self.model_copy()
+        found._file = file
+        return found
+
+    def to_json(self) -> str:
+        """The text of the file, every list of numbers on a line of its own.
+
+        Raises:
+            ValueError: numbers that JSON has not.
+        """
+        return _laid_out(self.plain(), "") + "\n"
 
 
 def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") -> dict[str, Any]:
@@ -110,18 +147,26 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
     )
 
 
-def flaws_of(path: Path, found: Iterable[tuple[str, str]]) -> list[FileFlaw]:
-    """Flaws of a file from keys and messages."""
-    return [FileFlaw(str(path), 0, 0, key, message) for key, message in found]
-
-
-def json_text(data: Any) -> str:
-    """The text of a file, every list of numbers on a line of its own.
+def read_echo(data: Any, file: Path) -> StudyFile:
+    """A saved study; no robot of somebody's code is made of it.
 
     Raises:
-        ValueError: numbers that JSON has not.
+        RecordError: names the file and the study's key of every mistake.
     """
-    return _laid_out(data, "") + "\n"
+    source = PlainSource(str(file), "", data)
+    try:
+        return StudyFile.model_validate(data, context=UNMADE)
+    except ValidationError as error:
+        raise in_record(explain(error, StudyFile, source)) from None
+    except ProblemError as error:
+        raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+
+
+def in_record(flaws: Sequence[FileFlaw]) -> RecordError:
+    """Flaws of a study as those of the record that holds it."""
+    return RecordError(
+        [FileFlaw(flaw.file, 0, 0, f"study.{flaw.key}".rstrip("."), flaw.message) for flaw in flaws]
+    )
 
 
 def _laid_out(value: Any, indent: str) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, Field, PrivateAttr
+from pydantic import Field
 
+from oed.records.stored.door import SavedFile
 from oed.records.stored.parts import (
     Count,
+    Entries,
     Interval,
     Number,
     Positive,
@@ -26,21 +27,12 @@ from oed.records.stored.parts import (
 from oed.records.stored.study_record import Provenance
 
 Array = npt.NDArray[np.float64]
-Kind = TypeVar("Kind")
 Maybe = Number | None
 Column = list[Maybe]
 Drawn = Annotated[Column, Rounded(4)]
 """Numbers that are drawn only."""
 Place = Annotated[Column, Rounded(5)]
 """Coordinates of a path [m], or times [s]."""
-
-
-def _listed(found: Any) -> Any:
-    return [] if found is None else found
-
-
-Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
-"""A list that older files leave out."""
 
 
 class Value(Stored):
@@ -298,7 +290,7 @@ class Correlations(Stored):
     bound: Maybe = None
 
 
-class EstimateRecord(Stored):
+class EstimateRecord(SavedFile):
     """The outcome of a calibration, as estimate.json holds it; SI, None where there is none.
 
     What all models that were compared have in common stands in `comparison`: readings, inflation,
@@ -332,7 +324,6 @@ class EstimateRecord(Stored):
     paths: Entries[ReckonedPath]
     residuals: Entries[Residuals]
     correlations: Entries[Correlations]
-    _file: Path | None = PrivateAttr(default=None)
 
     def _require(self) -> None:
         require_different("parameters", [one.name for one in self.parameters])
@@ -342,20 +333,15 @@ class EstimateRecord(Stored):
                 require_table(what, matrix, len(self.parameters), len(self.parameters))
 
     @property
-    def file(self) -> Path | None:
-        """Where it was read from, None of one that was made here."""
-        return self._file
-
-    def at(self, file: Path) -> EstimateRecord:
-        """What was read from a file."""
-        found = self.model_copy()
-        found._file = file
-        return found
-
-    @property
     def values(self) -> dict[str, float]:
         """Estimates by name, SI; NaN where there is none."""
         return {one.name: math.nan if one.value is None else one.value for one in self.parameters}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard errors by name, SI; NaN where there is none."""
+        known = ((one.name, one.standard_error) for one in self.parameters)
+        return {name: math.nan if error is None else error for name, error in known}
 
     @property
     def title(self) -> str:
@@ -384,11 +370,6 @@ class EstimateRecord(Stored):
         (95 %) and whether it is as good as the best.
         """
         return [] if self.comparison is None else self.comparison.models
-
-    @property
-    def data(self) -> dict[str, Any]:
-        """What estimate.json holds, as plain data."""
-        return self.plain()
 
     def plain(self) -> dict[str, Any]:
         """As plain data, as much as the file holds."""

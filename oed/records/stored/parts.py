@@ -5,20 +5,43 @@ The fields of a part say what its file holds: reading checks them (pydantic), an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 from oed.foundation.files import identifier_flaw, name_flaw
 from oed.foundation.quantities import LARGEST as FARTHEST
-from oed.records.numbers import plain
+
+Kind = TypeVar("Kind")
 
 LARGEST = 1e100
 """Of any number: its square is one as well."""
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """A value as JSON holds it: arrays as lists, members of enumerations as their values, null where a
+    number is not finite; numbers to so many decimals, None for all of them.
+    """
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray | np.generic):
+        return plain((value if digits is None else np.round(value, digits)).tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(entry, digits) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry, digits) for entry in value]
+    if not isinstance(value, float):
+        return value
+    return None if not math.isfinite(value) else value if digits is None else round(value, digits)
 
 
 class Stored(BaseModel):
@@ -159,6 +182,14 @@ Sizes = list[list[Size]]
 Point = Annotated[list[Size], Field(min_length=2, max_length=2)]
 Line = Annotated[list[Point], Field(min_length=1)]
 """Where something is, or goes along [m]."""
+
+
+def _listed(found: Any) -> Any:
+    return [] if found is None else found
+
+
+Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
+"""A list that older files leave out."""
 Interval = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
 
 
@@ -220,23 +251,3 @@ def require_different(what: str, names: Sequence[str]) -> None:
     twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
     if twice is not None:
         raise ValueError(f"{what}: a second one named {twice!r}")
-
-
-def require_pairs(
-    what: str, table: Iterable[tuple[str, str]], one: Sequence[str], other: Sequence[str]
-) -> None:
-    """Refuse a table by pairs of names in which one is missing.
-
-    Args:
-        what: its name.
-        table: by pairs.
-        one: names of the first.
-        other: names of the second.
-
-    Raises:
-        ValueError: names the pair.
-    """
-    there = set(table)
-    for pair in ((first, second) for first in one for second in other):
-        if pair not in there:
-            raise ValueError(f"{what}: expected one of {pair[0]!r} and {pair[1]!r}, got none")

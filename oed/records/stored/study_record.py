@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
-from oed.records.stored.certificate import StoredCertificate
+from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
+    Count,
+    Entries,
     Identifier,
+    Matrix,
+    Name,
     Number,
     Positive,
+    Seconds,
     Seed,
     Stored,
     require_alike,
@@ -18,8 +24,8 @@ from oed.records.stored.parts import (
     require_known,
 )
 from oed.records.stored.result import Result
-from oed.records.stored.simulation import StoredRobustness, StoredValidation
-from oed.records.stored.trial import StoredTrial
+from oed.records.stored.simulation import StoredRobustness, StoredTrial, StoredValidation
+from oed.study.study import StudyFile
 
 
 class StoredInput(Stored):
@@ -59,6 +65,52 @@ class StoredNuisance(Stored):
     deviation: Positive | None
 
 
+class UpperBound(Stored):
+    """A bound and how it is proved."""
+
+    upper_bound: Number
+    method: str
+    assumptions: list[str]
+
+
+class WidenedBound(UpperBound):
+    """A bound on drives that satisfy the limits within a tolerance, a share of each limit's size."""
+
+    tolerance: Positive
+
+
+class StoredCertificate(UpperBound):
+    """A record's `certificate`.
+
+    Attributes:
+        gap: of the best result to the bound, None where there is none.
+        gap_to: the bound that this gap is to.
+        multiplier: proves the bound.
+        widened: what holds for drives that satisfy the limits within the tolerance.
+        loose: whether the gap is too large to be informative.
+        complete: whether the search for the bound came to its end.
+        nodes: of that search.
+        best: largest objective of a feasible result.
+        drive: name of the result that the search for the bound came upon.
+        spline_objective: largest objective of a feasible result of a search over splines.
+        bounds: every bound that was found, the lowest first.
+        wall_seconds: of the search for the bound.
+    """
+
+    gap: Number | None
+    multiplier: Matrix | None = None
+    widened: WidenedBound | None = None
+    gap_to: Number | None = None
+    loose: bool | None = None
+    complete: bool = True
+    nodes: Count | None = None
+    best: Number | None = None
+    drive: Name | None = None
+    spline_objective: Number | None = None
+    bounds: list[UpperBound] = Field(default_factory=list, alias="caps")
+    wall_seconds: Seconds = 0.0
+
+
 class Provenance(Stored):
     """What made the file."""
 
@@ -68,33 +120,108 @@ class Provenance(Stored):
     finished: str
 
 
-class StudyRecord(Stored):
-    """A study's outcome; the study itself is checked by its own reader."""
+class Record(SavedFile):
+    """A study's outcome, as record.json holds it; numbers are SI, None where there is none.
+
+    Attributes:
+        version: of the package that made it.
+        echo: the study as plain data, SI, defaults filled in.
+        study_text: the study as it was written.
+        seed: of every random draw.
+        inputs, states: the robot's; none in older records.
+        nuisances: parameters that are unknown too.
+        results: one of every solver and baseline.
+        named: name of the best feasible result.
+        certificate: what is proved of all drives.
+        robustness: how many robots violate the limits on the drives; of a study that is robust.
+        validation: whether simulated estimates scatter as predicted.
+        trial: drives of a simulated robot with slip.
+        interrupted: whether the run was cut short.
+        notes: what else is to be known of the run.
+        provenance: what made it.
+    """
 
     format: Literal[1]
-    oed_version: str
-    study: dict[str, Any]
+    version: str = Field(alias="oed_version")
+    echo: dict[str, Any] = Field(alias="study")
     study_text: str
     seed: Seed
-    inputs: list[StoredInput] | None = None
-    states: list[StoredState] | None = None
+    inputs: Entries[StoredInput]
+    states: Entries[StoredState]
     parameters: Annotated[list[StoredParameter], Field(min_length=1)]
-    nuisances: list[StoredNuisance] = Field(default_factory=list)
+    nuisances: Entries[StoredNuisance]
     results: list[Result]
-    best: str | None = None
+    named: str | None = Field(default=None, alias="best")
     certificate: StoredCertificate | None
     robustness: StoredRobustness | None = None
     validation: StoredValidation | None
-    physics: StoredTrial | None = None
+    trial: StoredTrial | None = Field(default=None, alias="physics")
     interrupted: bool = False
     notes: list[str]
     provenance: Provenance
+    _study: StudyFile | None = PrivateAttr(default=None)
+    _folder: Path | None = PrivateAttr(default=None)
+
+    @property
+    def study(self) -> StudyFile:
+        """The study, its parts as objects that describe themselves; robots of code that was not run yet
+        cannot move.
+        """
+        if self._study is None:
+            self._study = read_echo(self.echo, self.file or Path("record.json"))
+        return self._study
+
+    @property
+    def folder(self) -> Path | None:
+        """Where it was saved, None where it was not."""
+        return self._folder
+
+    @property
+    def best(self) -> Result | None:
+        """The best feasible result, None where nothing is feasible.
+
+        A record that does not name it was not made by this package: then the largest objective.
+        """
+        feasible = [one for one in self.results if one.feasible and one.objective is not None]
+        named = [one for one in feasible if one.name == self.named]
+        return max(named or feasible, key=lambda one: one.objective or 0.0, default=None)
+
+    def result(self, name: str | None) -> Result | None:
+        """The result of that name, the best for None; None where there is no such result."""
+        if name is None:
+            return self.best
+        return next((one for one in self.results if one.name == name), None)
+
+    def with_validation(self, found: StoredValidation) -> Self:
+        """The record with other simulated experiments."""
+        return self.model_copy(update={"validation": found})
+
+    def of_study(self, study: StudyFile) -> Self:
+        """The record with the study that it was made of, or that its file holds; defaults filled in."""
+        found = self.model_copy(update={"echo": study.echo()})
+        found._study = study
+        return found
+
+    def saved_in(self, folder: Path | None) -> Self:
+        """The record with where it was saved."""
+        found = self.model_copy()
+        found._folder = folder
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both hold the same, of the same file."""
+        return isinstance(other, Record) and (self.plain(), self.file) == (other.plain(), other.file)
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Without the objects that are made of the plain study again."""
+        state = super().__getstate__()
+        return {**state, "__pydantic_private__": {**state["__pydantic_private__"], "_study": None}}
 
     def _require(self) -> None:
         names, parameters = [one.name for one in self.results], [one.name for one in self.parameters]
         require_different("results", names)
         require_different("parameters", parameters)
-        require_known("best", [self.best] if self.best is not None else [], names)
+        require_known("best", [self.named] if self.named is not None else [], names)
         for place, one in enumerate(self.results):
             what = f"results.{place}"
             require_known(f"{what}.standard_deviations", one.standard_deviations, parameters)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from oed.records.calibration_record import EstimateRecord
-from oed.records.record import ESTIMATE
+from oed.records.record import ESTIMATE, EstimateRecord
 from oed.report.estimate.dead_reckoning import paths, validation
 from oed.report.estimate.fit import error_bars, fit
 from oed.report.estimate.logs import logs

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.records.stored.simulation import Simulated
-from oed.records.stored.trial import StoredFloor, StoredPlan
+from oed.records.stored.simulation import Simulated, StoredFloor, StoredPlan
 from oed.report.figures import spec
 from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Array, Look, mark, stroke
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from oed.foundation.text import count, listing, words
-from oed.records.numbers import plain
 from oed.records.record import Record
+from oed.records.stored.parts import plain
 from oed.records.stored.result import Result
 from oed.report.figures import paths as path_figures
 from oed.report.figures import time

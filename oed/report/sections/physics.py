@@ -9,7 +9,7 @@ import numpy as np
 
 from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
-from oed.records.stored.trial import Error, Scatter, StoredFloor, StoredTrial, TriedModel
+from oed.records.stored.simulation import Error, Scatter, StoredFloor, StoredTrial, TriedModel
 from oed.report.figures import spread
 from oed.report.figures.spread import MILLIMETRES
 from oed.report.parts.prose import Prose

@@ -8,8 +8,8 @@ from statistics import median
 
 from oed.foundation.text import fixed, listing, significant, whole
 from oed.records.record import Record
-from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.result import Progress, Result
+from oed.records.stored.study_record import StoredCertificate
 from oed.report.figures import spread, time
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose

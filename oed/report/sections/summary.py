@@ -44,7 +44,7 @@ def summary(record: Record) -> Section:
         answer = (SAY("nothing", bool(record.results)),)
         failures = tuple(f"{one.name}: {one.message}" for one in record.results)
         return Section("Summary", paragraphs=(question, *answer), notices=(*record.notes, *failures))
-    return Section("Summary", paragraphs=(question, *_answer(record, winner)), notices=record.notes)
+    return Section("Summary", paragraphs=(question, *_answer(record, winner)), notices=tuple(record.notes))
 
 
 def _answer(record: Record, winner: Result) -> tuple[str, ...]:

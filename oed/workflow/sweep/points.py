@@ -56,7 +56,8 @@ def grid(file: str, axes: Sequence[Axis]) -> list[Point]:
     source = read_yaml(file)
     points: list[Point] = []
     flaws: list[tuple[str, FileFlaw]] = []
-    for chosen in itertools.product(*(range(len(axis.texts)) for axis in axes)):
+    combinations = list(itertools.product(*(range(len(axis.texts)) for axis in axes)))
+    for chosen in combinations:
         label = _label(axes, chosen)
         try:
             study = _study(source, axes, chosen, label)
@@ -65,8 +66,7 @@ def grid(file: str, axes: Sequence[Axis]) -> list[Point]:
         except (FileError, ProblemError) as error:
             flaws += [(label, flaw) for flaw in _flaws(error, source)]
     if flaws:
-        count = len(list(itertools.product(*(axis.texts for axis in axes))))
-        raise StudyError(_together(flaws, count, source))
+        raise StudyError(_together(flaws, len(combinations), source))
     return points
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +16,13 @@ from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_i
 from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
+from oed.records.outcomes import package_version
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, load_record, pages, saved_file
 from oed.records.stored.door import FORMAT, checked, read_file
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
-from oed.workflow.runner import package_version, run
+from oed.workflow.runner import run
 from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
@@ -77,7 +78,7 @@ def sweep(
     """
     points, listener = grid(str(file), axes), progress or Silent()
     with drafted(out) as draft:
-        done = _Sweep(points, draft, seed, lambda work: work.table(Path(file), axes))
+        done = _Sweep(Path(file), axes, points, draft, seed)
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
 
@@ -118,12 +119,13 @@ def _run_point(task: _Task) -> _Result:
 class _Sweep:
     def __init__(
         self,
+        file: Path,
+        axes: Sequence[Axis],
         points: Sequence[Point],
         draft: Draft,
         seed: int | None,
-        table: Callable[[_Sweep], StoredSweep],
     ) -> None:
-        self.points, self.draft, self._table = points, draft, table
+        self.file, self.axes, self.points, self.draft = file, axes, points, draft
         self.seeds = [point.study.seed if seed is None else seed for point in points]
         self.records: dict[int, Record] = {}
         self.failures: dict[int, str] = {}
@@ -158,18 +160,17 @@ class _Sweep:
             return
         folder = self.points[index].folder
         try:
-            require_readable(result.files, self.draft.target / folder)
+            record: Record = require_readable(result.files, self.draft.target / folder)[RECORD]
         except OedError as error:
             self.failures[index] = str(error)
             return
-        record = Record(json.loads(result.files[RECORD]))
         self.records[index] = record
         try:
             # The record last: where it is, everything is.
             names = sorted(result.files, key=lambda name: name == RECORD)
             self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
             # Lest the process be killed: what is there by now is a sweep that was cut short.
-            self.draft.write(_file(self._table(self).model_copy(update={"interrupted": True})))
+            self.draft.write(_file(self._table().model_copy(update={"interrupted": True})))
         except OedError as error:
             # Without room for this one there is none for the others.
             self.unsaved = error
@@ -200,7 +201,7 @@ class _Sweep:
         """The sweep, saved in its folder; beside it where one that was cut short would take the place of a
         finished one.
         """
-        found, draft = self._table(self), self.draft
+        found, draft = self._table(), self.draft
         if self.unsaved is not None:
             raise self._not_saved(self.unsaved, found)
         if self.interrupted and self._in_the_way():
@@ -228,25 +229,25 @@ class _Sweep:
         text = f"{error}: make room"
         return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(found))
 
-    def table(self, file: Path, axes: Sequence[Axis]) -> StoredSweep:
-        """The points side by side."""
+    def _table(self) -> StoredSweep:
+        # The points side by side.
         rows = [self._row(index) for index in range(len(self.points))]
-        comparable = all(_comparable(axis) for axis in axes)
-        names = short_names([axis.key for axis in axes])
+        comparable = all(_comparable(axis) for axis in self.axes)
+        names = short_names([axis.key for axis in self.axes])
         return StoredSweep.of(
-            self,
             format=FORMAT,
             oed_version=_version(),
-            study=file.name,
+            study=self.file.name,
             name=self.points[0].study.name.removesuffix(f" ({self.points[0].label})"),
             keys=[
                 SweptKey.of(axis, name=name, values=axis.texts, numeric=axis.numbers is not None)
-                for axis, name in zip(axes, names, strict=True)
+                for axis, name in zip(self.axes, names, strict=True)
             ],
             points=rows,
             best=_best(rows) if comparable else None,
             comparable=comparable,
             kept=len(self.kept),
+            interrupted=self.interrupted,
         )
 
     def _row(self, index: int) -> SweptPoint:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +127,7 @@ class TestCode:
         assert not (folder / "was_run").exists()
 
     def test_of_alternatives_is_found_as_well(self, folder: Path):
-        data = copy.deepcopy(dict(made(study_in(folder)).data))
+        data = made(study_in(folder)).data
         robot = data["study"]["robot"]
         data["study"]["robot"] = {"kind": "differential_drive", "wheel_radius": 0.05, "track": 0.2}
         data["study"]["calibration"] = {"models": [robot]}
@@ -189,7 +187,7 @@ class TestExportOfSomebodysRobot:
             export(folder, "csv")
 
     def test_states_beyond_the_pose_have_names_in_any_case(self, folder: Path):
-        data = copy.deepcopy(dict(made(study_in(folder)).data))
+        data = made(study_in(folder)).data
         for pose in data["results"][0]["drive"]["poses"]:
             pose.append(0.5)
         data["results"][0]["drive"]["start"].append(0.5)
@@ -213,8 +211,8 @@ class TestNames:
 
     def test_nor_does_one_of_a_record_in_memory(self, tmp_path: Path):
         fresh = made(parse_study(SMALL))
-        evil = {**fresh.results[0].plain(), "name": "../evil"}
-        changed = replace(fresh, data={**fresh.data, "results": [evil]})
+        evil = fresh.results[0].model_copy(update={"name": "../evil"})
+        changed = fresh.model_copy(update={"results": [evil]})
         request = Request(tmp_path, changed, "../evil", None, None, "sqlite3", force=False)
         with pytest.raises(UserMistake, match="expected a name"):
             request.path("commands.csv")

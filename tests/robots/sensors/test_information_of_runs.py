@@ -18,7 +18,7 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
-from oed.records.problem_tables import nuisance_table
+from oed.records.outcomes import nuisance_table
 from oed.robots.sensors import Displacements, Poses, Several
 
 SAMPLES, RUNS = 11, 3

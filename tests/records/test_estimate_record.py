@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from oed.foundation.errors import RecordError
-from oed.records.calibration_record import EstimateRecord, load_estimate
+from oed.records.record import EstimateRecord, load_estimate
 from oed.workflow.saving import save_estimate
 
 DATA = {"format": 1, "parameters": [{"name": "track", "value": 0.2}], "notes": []}
