@@ -35,10 +35,11 @@ RENAMED = {
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
     "physics_film": "report.film.physics",
+    "report.parts.rounding": "foundation.text",
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""Folders of the top level by where they are now, under another name."""
+"""Folders and modules by where they are now, under another name."""
 
 
 NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}

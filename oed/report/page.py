@@ -22,7 +22,7 @@ NAME = REPORT
 """Of a report's files, without suffix."""
 HTML, MARKDOWN = "report.html.jinja", "report.md.jinja"
 FIGURES = "figures"
-UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s|×10⁻³|×10⁻⁶"
+UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s"
 """Units that follow a number in a text."""
 WIDE = 9
 """Columns beyond which a table is set smaller."""

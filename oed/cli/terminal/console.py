@@ -138,8 +138,7 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
-    from oed.foundation.text import words
-    from oed.report.parts.rounding import error_text, own_unit, to_error
+    from oed.foundation.text import error_text, own_unit, to_error, words
 
     headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
     table = _table(headings, ("parameter", "unit"))

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from oed.foundation.text import count, significant, unit_text, words
+from oed.foundation.text import count, own_unit, significant, to_error, unit_text, words
 from oed.records.stored.estimate import EstimateRecord, Reckoned, UnseenLogs
 from oed.report.estimate.logs import MOST_ROWS
 from oed.report.figures import calibration as figures
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import own_unit, scaled, sized, to_error
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Cell, Column, Table, scaled, sized
 
 SAY = Prose("estimate/dead_reckoning")
 MEASURES = (

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import fixed, in_signs, significant, slug, words
+from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_unit, significant, slug, words
 from oed.records.stored.estimate import Column as Numbers
 from oed.records.stored.estimate import Estimated, EstimateRecord, TriedLength
 from oed.report.figures import calibration as figures
 from oed.report.figures.residuals import Residuals, residuals_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import error_text, own_unit, probability, scaled, shown_unit, sized
 from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Cell, Column, Table, probability, scaled, sized
 
 SAY = Prose("estimate/fit")
 KINDS = ("information", "sandwich", "bootstrap")

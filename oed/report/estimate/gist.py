@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import in_signs, quantity
+from oed.foundation.text import in_signs, quantity, unit_for
 from oed.records.stored.estimate import EstimateRecord
 from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
 from oed.report.estimate.logs import LogFinding, findings
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import unit_for
 
 SAY = Prose("estimate/gist")
 GAINS = (

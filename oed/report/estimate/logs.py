@@ -8,9 +8,8 @@ from pathlib import PurePath
 
 from oed.foundation.text import fixed, in_signs, listing, whole, words
 from oed.records.stored.estimate import EstimateRecord, Finding, ReadLog, Unknown
-from oed.report.parts.rounding import scaled, sized
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.tables import Cell, Column, Table, scaled, sized
 
 MOST_ROWS = 15
 """Rows of a table beyond which the others share one."""

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import fixed, significant, whole, words
+from oed.foundation.text import (
+    MISSING,
+    error_text,
+    fixed,
+    own_unit,
+    shown_unit,
+    significant,
+    size_text,
+    to_error,
+    whole,
+    words,
+)
 from oed.records.stored.estimate import ComparedModel, EstimateRecord, Score
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import error_text, own_unit, scaled, shown_unit, size_text, sized, to_error
 from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table
+from oed.report.parts.tables import Cell, Column, Table, scaled, sized
 
 SAY = Prose("estimate/models")
 LIKELIHOODS, PREDICTION = ("aicc", "bic"), "held_out"

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from oed.foundation.text import quantity, significant, words
+from oed.foundation.text import (
+    MISSING,
+    decimals_of,
+    error_text,
+    nominal_text,
+    own_unit,
+    quantity,
+    shown_unit,
+    significant,
+    to_error,
+    unit_for,
+    words,
+)
 from oed.records.stored.estimate import Estimated, EstimateRecord, FoundNoise, Unknown
 from oed.report.estimate.gist import gains, notes, warnings
 from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, offset_clocks
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import (
-    decimals_of,
-    error_text,
-    lasting,
-    own_unit,
-    shown_unit,
-    span_text,
-    to_error,
-    unit_for,
-)
 from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table
+from oed.report.parts.tables import Cell, Column, Table, lasting, span_text
 
 SAY = Prose("estimate/parameters")
 PLACES = {
@@ -81,7 +83,7 @@ def estimate_cells(one: Estimated) -> tuple[str, ...]:
     return (
         words(one.name),
         shown_unit(one.unit),
-        MISSING if one.nominal is None else f"{one.nominal * factor:.6g}",
+        MISSING if one.nominal is None else nominal_text(one.nominal * factor),
         to_error(one.value, error, factor),
         error_text(error, factor),
         span_text(*one.ends, error, factor),

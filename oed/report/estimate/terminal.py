@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from oed.foundation.text import MISSING
 from oed.records.stored.estimate import EstimateRecord
 from oed.report.estimate.fit import segment_text
 from oed.report.estimate.gist import gains, notes, warnings
 from oed.report.estimate.logs import offset_clocks
 from oed.report.estimate.models import model_lines
 from oed.report.estimate.parameters import estimate_cells
-from oed.report.parts.tables import MISSING
 
 CLOCKS_APART = 0.02
 """Offset of two clocks that is worth a line [s]."""

@@ -9,10 +9,9 @@ from statistics import NormalDist
 import numpy as np
 import numpy.typing as npt
 
-from oed.foundation.text import unit_text, words
+from oed.foundation.text import unit_for, unit_text, words
 from oed.records.stored.estimate import Correlations, EstimateRecord, FoundNoise
 from oed.records.stored.estimate import Residuals as StoredResiduals
-from oed.report.parts.rounding import unit_for
 
 Array = npt.NDArray[np.float64]
 

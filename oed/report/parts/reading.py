@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.component import Component
-from oed.foundation.text import Unit, common_units, deviation_text, given_text, listing, words
+from oed.foundation.text import deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -98,12 +97,6 @@ def readings_text(record: Record) -> str:
 
 def _each_run(record: Record) -> str:
     return " in each run" if runs_of(record) > 1 else ""
-
-
-def shown_units(record: Record, sizes: Mapping[str, float | None]) -> dict[str, Unit]:
-    """The unit, and its factor from SI, that suits each parameter's deviation, of these sizes [SI]."""
-    units = {one.name: one.unit for one in record.parameters}
-    return common_units({name: sizes.get(name) for name in units}, units)
 
 
 def nuisance_text(record: Record) -> str:

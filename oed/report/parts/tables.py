@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from oed.foundation.text import Form, significant
+from oed.foundation.text import MISSING, Form, fixed, quantity, significant, to_error, unit_for, unit_text
 
 Cell = float | str | bool | None
-
-MISSING = "–"
 
 
 @dataclass(frozen=True)
@@ -76,3 +75,58 @@ class Table:
         return [
             [column.text(cell) for column, cell in zip(self.columns, row, strict=True)] for row in self.rows
         ]
+
+
+def span_text(low: float | None, high: float | None, error: float | None, factor: float) -> str:
+    """`41.83 to 41.88`.
+
+    Args:
+        low: [SI].
+        high: [SI].
+        error: standard error [SI].
+        factor: to the unit shown.
+    """
+    if low is None or high is None:
+        return MISSING
+    return f"{to_error(low, error, factor)} to {to_error(high, error, factor)}"
+
+
+def sized(title: str, sizes: Iterable[float | None], unit: str) -> tuple[Column, float]:
+    """A column for sizes [SI], in one unit and with as many decimals as give most of them three digits.
+
+    Returns:
+        column: it.
+        factor: from SI, for its cells.
+
+    Args:
+        title: of the column.
+        sizes: [SI].
+        unit: SI unit.
+    """
+    known = [size for size in sizes if size is not None]
+    shown, factor = unit_for(known, unit)
+    middle = sorted(abs(size) for size in known)[len(known) // 2] * factor if known else 1.0
+    decimals = 2 - math.floor(math.log10(middle)) if middle > 0 else 2
+    return Column(title, unit_text(shown), fixed(min(max(decimals, 0), 3))), factor
+
+
+def scaled(value: float | None, factor: float) -> Cell:
+    """A cell in a column's unit."""
+    return None if value is None else value * factor
+
+
+def probability(p_value: float | None) -> str:
+    """A p-value; below what matters, just that."""
+    if p_value is None:
+        return MISSING
+    return "< 0.0001" if p_value < 1e-4 else significant(2)(p_value)
+
+
+def lasting(seconds: float) -> str:
+    """A duration: `48.2 s`, `6 min 56 s`, `3 h 5 min`."""
+    if seconds < 100:
+        return quantity(seconds, "s")
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 100:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import fixed, readable, significant, whole
+from oed.foundation.text import fixed, own_unit, significant, whole
 from oed.kernel.criteria import E
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
@@ -184,7 +184,7 @@ def _response(unit: str) -> tuple[Column, Column]:
         condition = or_infinite(one, one.condition_number)
         if one.norm_y is None or condition is None:
             return None
-        return one.norm_y if unit == "rad" else readable(one.norm_y, "m")[0]
+        return one.norm_y if unit == "rad" else one.norm_y * own_unit("m")[1]
 
     def factor(one: Result) -> float | None:
         response, condition = size(one), or_infinite(one, one.condition_number)
@@ -196,7 +196,7 @@ def _response(unit: str) -> tuple[Column, Column]:
 def _response_unit(record: Record) -> str:
     # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
     block, *others = dict.fromkeys(one.block for one in record.parameters)
-    return "" if others else {"position": readable(1.0, "m")[1], "heading": "rad"}.get(block, "")
+    return "" if others else {"position": own_unit("m")[0], "heading": "rad"}.get(block, "")
 
 
 def _reading(record: Record, regression: Displacements, unit: str) -> tuple[str, ...]:

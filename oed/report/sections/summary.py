@@ -19,7 +19,6 @@ from oed.report.parts.reading import (
     prior_text,
     regression_of,
     runs_of,
-    shown_units,
 )
 from oed.report.parts.section import Section
 from oed.report.parts.tables import Column, Table
@@ -69,12 +68,12 @@ def _turns(result: Result) -> float:
 
 def _deviations(record: Record, winner: Result) -> list[tuple[str, str | None, float]]:
     # Name, deviation as it is shown, and its share of the nominal value [%], 0 for none.
-    known, units = winner.standard_deviations, shown_units(record, winner.standard_deviations)
+    known = winner.standard_deviations
     found: list[tuple[str, str | None, float]] = []
     for one in record.parameters:
         if one.name in known:
             size = known[one.name]
-            text = None if size is None else deviation_text(size, one.unit, units[one.name])
+            text = None if size is None else deviation_text(size, one.unit)
             found.append((one.name, text, _share(size, one.nominal) or 0.0))
     return found
 
