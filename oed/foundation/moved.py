@@ -35,7 +35,10 @@ RENAMED = {
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
     "physics_film": "report.film.physics",
+    "report.estimate.page": "report.estimate",
+    "report.estimate.terminal": "report.estimate.parameters",
     "report.parts.rounding": "foundation.text",
+    "report.parts.tables": "report.parts.section",
     "solvers": "optimize",
     "validation": "simulation",
 }

@@ -15,8 +15,7 @@ from oed.report.figures.driven import path_of, room_of
 from oed.report.page import render
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of, whole_duration
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Picture, Section, Table
 
 SAY = Prose("comparison")
 Named = tuple[str, Record]

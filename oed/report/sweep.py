@@ -19,8 +19,7 @@ from oed.report.figures.chart import Chart
 from oed.report.figures.driven import path_of, room_of
 from oed.report.page import NAME, render
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Picture, Section, Table
 
 SAY = Prose("sweep")
 SERIES = 6

@@ -17,7 +17,7 @@ from oed.foundation.text import (
     significant,
     slug,
 )
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Table
 
 
 @pytest.mark.parametrize(

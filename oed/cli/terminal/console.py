@@ -233,7 +233,7 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
 
 def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
-    from oed.report.estimate.terminal import estimate_lines, estimate_rows
+    from oed.report.estimate.parameters import estimate_lines, estimate_rows
 
     headings = ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]")
     table = _table(headings, ("parameter", "unit"), no_wrap=True)

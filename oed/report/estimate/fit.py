@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_unit, significant, slug, words
 from oed.records.stored.estimate import Column as Numbers
-from oed.records.stored.estimate import Estimated, EstimateRecord, TriedLength
+from oed.records.stored.estimate import EstimateRecord, TriedLength
 from oed.report.figures import calibration as figures
 from oed.report.figures.residuals import Residuals, residuals_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table, probability, scaled, sized
+from oed.report.parts.section import Column, Picture, Section, Table, probability, sized
 
 SAY = Prose("estimate/fit")
 KINDS = ("information", "sandwich", "bootstrap")
@@ -70,50 +69,38 @@ def _side_by_side(record: EstimateRecord) -> Table | None:
     kinds, used = _kinds(record), record.covariance_kind
     if len(kinds) < 2:
         return None
-    titles = [f"{kind} (used)" if kind == used else kind for kind in kinds]
-    columns = (Column("parameter"), Column("unit"), *(_digits(title, 2) for title in titles))
-    return Table(columns, tuple(_errors(one, kinds) for one in record.parameters), "Standard errors")
 
+    def column(kind: str) -> Column:
+        title = f"{kind} (used)" if kind == used else kind
+        return Column(
+            title, "", significant(2), lambda one: error_text(one.error(kind), own_unit(one.unit)[1])
+        )
 
-def _digits(title: str, digits: int) -> Column:
-    return Column(title, "", significant(digits))
-
-
-def _errors(one: Estimated, kinds: Sequence[str]) -> tuple[Cell, ...]:
-    factor = own_unit(one.unit)[1]
-    return words(one.name), shown_unit(one.unit), *(error_text(one.error(kind), factor) for kind in kinds)
+    columns = (
+        Column("parameter", cell=lambda one: words(one.name)),
+        Column("unit", cell=lambda one: shown_unit(one.unit)),
+        *map(column, kinds),
+    )
+    return Table.of(record.parameters, columns, "Standard errors")
 
 
 def _lengths(record: EstimateRecord) -> Table | None:
     segments = record.segments
     if segments is None or len(segments.tried) < 2:
         return None
-    abouts, first = list(segments.tried[0].sizes), segments.tried[0]
-    measures = [_measured(about, segments.tried) for about in abouts]
-    rows = tuple(
-        (
-            "whole logs" if one.seconds is None else f"{one.seconds:.3g} s",
-            *(
-                scaled(one.sizes.get(about), factor)
-                for about, (_, factor) in zip(abouts, measures, strict=True)
-            ),
-            _growth(one, first),
-            "chosen" if one.seconds == segments.seconds else "",
-        )
-        for one in segments.tried
-    )
+
+    def size(about: str) -> Column:
+        unit = "m" if about == "position" else "rad"
+        sizes = [one.sizes.get(about) for one in segments.tried]
+        return sized(words(about), unit, sizes, lambda one: one.sizes.get(about))
+
     columns = (
-        Column("segments"),
-        *(column for column, _ in measures),
-        Column("variance over the shortest's", "", fixed(2)),
-        Column("chosen"),
+        Column("segments", cell=lambda one: "whole logs" if one.seconds is None else f"{one.seconds:.3g} s"),
+        *map(size, segments.tried[0].sizes),
+        Column("variance over the shortest's", "", fixed(2), lambda one: _growth(one, segments.tried[0])),
+        Column("chosen", cell=lambda one: "chosen" if one.seconds == segments.seconds else ""),
     )
-    return Table(columns, rows, "Size of the residuals (RMS) by the length of the segments")
-
-
-def _measured(about: str, tried: Sequence[TriedLength]) -> tuple[Column, float]:
-    unit = "m" if about == "position" else "rad"
-    return sized(words(about), [one.sizes.get(about) for one in tried], unit)
+    return Table.of(segments.tried, columns, "Size of the residuals (RMS) by the length of the segments")
 
 
 def _growth(one: TriedLength, first: TriedLength) -> float | None:
@@ -162,25 +149,14 @@ def fit(record: EstimateRecord) -> Section | None:
 
 def _tests(record: EstimateRecord) -> Table:
     columns = (
-        Column("test"),
-        Column("of"),
-        Column("verdict"),
-        _digits("statistic", 3),
-        _digits("p-value", 2),
-        Column("in words"),
+        Column("test", cell=lambda one: TESTS.get(one.name, words(one.name))),
+        Column("of", cell=lambda one: words(one.about)),
+        Column("verdict", cell=lambda one: "passed" if one.passed else "not\u00a0passed"),
+        Column("statistic", "", significant(3), lambda one: one.statistic),
+        Column("p-value", "", probability, lambda one: one.p_value),
+        Column("in words", cell=lambda one: in_signs(one.message)),
     )
-    rows = tuple(
-        (
-            TESTS.get(one.name, words(one.name)),
-            words(one.about),
-            "passed" if one.passed else "not\u00a0passed",
-            one.statistic,
-            probability(one.p_value),
-            in_signs(one.message),
-        )
-        for one in record.diagnostics
-    )
-    return Table(columns, rows, "Tests of the fit")
+    return Table.of(record.diagnostics, columns, "Tests of the fit")
 
 
 def _picture(one: Residuals) -> Picture:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
+from typing import Any
 
 from oed.foundation.text import fixed, in_signs, listing, whole, words
 from oed.records.stored.estimate import EstimateRecord, Finding, ReadLog, Unknown
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table, scaled, sized
+from oed.report.parts.section import Cell, Column, Section, Table, sized
 
 MOST_ROWS = 15
 """Rows of a table beyond which the others share one."""
@@ -64,33 +64,27 @@ def logs(record: EstimateRecord) -> Section | None:
 
 
 def _table(record: EstimateRecord) -> Table:
-    clock, factor = sized("clock offset", [log.clock_offset for log in record.logs], "s")
-    timed = bool(clocks(record))
-    numbered = list(enumerate(record.logs, 1))
-    if len(numbered) > MOST_ROWS:
+    items = [(str(number), log.name, [log]) for number, log in enumerate(record.logs, 1)]
+    if len(items) > MOST_ROWS:
         # Doubtful ones first; the order is otherwise kept.
-        numbered = sorted(numbered, key=lambda pair: not pair[1].doubtful)
-    shown, rest = numbered[:MOST_ROWS], [log for _, log in numbered[MOST_ROWS:]]
-    rows: list[tuple[Cell, ...]] = []
-    for number, log in shown:
-        offset = (scaled(log.clock_offset, factor),) if timed else ()
-        rows.append((float(number), log.name, *_sizes([log]), *offset, _named(log)))
-    if rest:
-        rows.append(("", f"and {len(rest)} more", *_sizes(rest), *([""] if timed else []), ""))
+        items.sort(key=lambda item: not item[2][0].doubtful)
+        rest = [log for _, _, logs in items[MOST_ROWS:] for log in logs]
+        items[MOST_ROWS:] = [("", f"and {len(rest)} more", rest)]
+
+    def alone(say: Callable[[ReadLog], Cell]) -> Callable[[Any], Cell]:
+        # What is said of a log, but not of several in one row.
+        return lambda item: say(item[2][0]) if item[0] else ""
+
+    offsets = [log.clock_offset for log in record.logs]
     columns = (
-        Column("no.", "", whole),
-        Column("log"),
-        Column("duration", "s", fixed(1)),
-        Column("poses", "", whole),
-        *((clock,) if timed else ()),
-        Column("findings"),
+        Column("no.", "", whole, lambda item: item[0]),
+        Column("log", cell=lambda item: item[1]),
+        Column("duration", "s", fixed(1), lambda item: sum(log.seconds or 0.0 for log in item[2])),
+        Column("poses", "", whole, lambda item: float(sum(log.poses or 0 for log in item[2]))),
+        sized("clock offset", "s", offsets, alone(lambda log: log.clock_offset)) if clocks(record) else None,
+        Column("findings", cell=alone(_named)),
     )
-    return Table(columns, tuple(rows), "Logs that the estimate rests on")
-
-
-def _sizes(some: Sequence[ReadLog]) -> tuple[Cell, Cell]:
-    # Duration [s] and number of poses, in all.
-    return sum(log.seconds or 0.0 for log in some), float(sum(log.poses or 0 for log in some))
+    return Table.of(items, columns, "Logs that the estimate rests on")
 
 
 def _named(log: ReadLog) -> str:
@@ -98,12 +92,19 @@ def _named(log: ReadLog) -> str:
 
 
 def _findings(record: EstimateRecord) -> Table:
-    groups = findings(record)
-    columns = (Column("finding"), Column("logs", "", whole), Column("doubtful"), Column("in words"))
-    rows = []
-    for (name, doubtful), group in groups.items():
-        count, message = len({one.log for one in group}), in_signs(group[0].finding.message)
-        alone = len(groups) == 1 and count == 1
-        text = message if alone else f"{group[0].log}: {message}"
-        rows.append((words(name), float(count), doubtful, text))
-    return Table(columns, tuple(rows), "What was found in the logs, by kind, each with its first instance")
+    groups = list(findings(record).values())
+
+    def count(group: Sequence[LogFinding]) -> float:
+        return float(len({one.log for one in group}))
+
+    def text(group: Sequence[LogFinding]) -> str:
+        message, alone = in_signs(group[0].finding.message), len(groups) == 1 and count(group) == 1
+        return message if alone else f"{group[0].log}: {message}"
+
+    columns = (
+        Column("finding", cell=lambda group: words(group[0].finding.name)),
+        Column("logs", "", whole, count),
+        Column("doubtful", cell=lambda group: bool(group[0].finding.doubtful)),
+        Column("in words", cell=text),
+    )
+    return Table.of(groups, columns, "What was found in the logs, by kind, each with its first instance")

@@ -7,8 +7,7 @@ from typing import Any
 from oed.foundation.text import words
 from oed.records.stored.estimate import EstimateRecord
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("estimate/provenance")
 

@@ -15,8 +15,7 @@ from oed.records.stored.result import Result
 from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of, with_drive
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Section, Table
 from oed.robots.sensors import Displacements
 
 SAY = Prose("candidates")

@@ -10,8 +10,7 @@ from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import with_drive
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Section, Table
 from oed.robots.limits import LIMITS
 
 SAY = Prose("limits")

@@ -13,8 +13,7 @@ from oed.records.stored.trial import Error, Scatter, StoredFloor, StoredTrial, T
 from oed.report.figures import spread
 from oed.report.figures.spread import MILLIMETRES
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Picture, Section, Table
 
 SAY = Prose("physics")
 BEST = " ← best"

@@ -18,8 +18,7 @@ from oed.report.parts.reading import (
     regression_of,
     with_drive,
 )
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Section, Table
 
 SAY = Prose("precision")
 NORMAL_95 = 1.959964

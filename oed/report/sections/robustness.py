@@ -14,8 +14,7 @@ from oed.report.figures import paths
 from oed.report.figures.driven import room_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table
 from oed.robots.limits import EndHeading, EndPosition
 
 SAY = Prose("robustness")

@@ -14,8 +14,7 @@ from oed.report.figures import spread, time
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import solver_of
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("searches")
 SIX = significant(6)

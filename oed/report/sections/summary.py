@@ -20,8 +20,7 @@ from oed.report.parts.reading import (
     regression_of,
     runs_of,
 )
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("summary")
 

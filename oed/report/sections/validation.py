@@ -13,8 +13,7 @@ from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import nuisance_names, regression_of
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
 FOUR, THREE = significant(4), significant(3)
