@@ -36,6 +36,7 @@ RENAMED = {
     "readings": "estimation.prediction.drive_readings",
     "physics_film": "report.film.physics",
     "report.estimate.page": "report.estimate",
+    "report.estimate.provenance": "report.parts.provenance",
     "report.estimate.terminal": "report.estimate.parameters",
     "report.parts.rounding": "foundation.text",
     "report.parts.tables": "report.parts.section",

@@ -12,8 +12,8 @@ from oed.report.estimate.fit import error_bars, fit
 from oed.report.estimate.logs import logs
 from oed.report.estimate.models import models
 from oed.report.estimate.parameters import nuisances, summary
-from oed.report.estimate.provenance import provenance
 from oed.report.page import render
+from oed.report.parts.provenance import estimate_provenance
 from oed.report.parts.section import Section
 
 SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
@@ -25,7 +25,7 @@ SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
     validation,
     models,
     logs,
-    provenance,
+    estimate_provenance,
 )
 """In the order of the page; a function returns None where the estimate has nothing for its section."""
 __all__ = ["estimate_sections", "write_estimate"]

@@ -72,10 +72,7 @@ def validation(record: EstimateRecord) -> Section | None:
         _errors(folds_of(record), caption),
         _parameters(record),
     )
-    found = tuple(table for table in tables if table is not None)
-    if not found:
-        return None
-    return Section("Cross-validation and test set", paragraphs=(SAY("errors"),), tables=found)
+    return Section.of("Cross-validation and test set", SAY("errors"), *tables) if any(tables) else None
 
 
 def _errors(runs: Sequence[Run], caption: str) -> Table | None:
@@ -154,4 +151,4 @@ def paths(record: EstimateRecord) -> Section | None:
     alt = "Driven paths beside dead reckoning with nominal and with estimated parameters"
     roles = sorted({str(one.role) for one in record.paths[: len(drawn)]})
     picture = Picture("estimate_paths", alt, SAY("paths"), figures.paths(drawn))
-    return Section("Driven paths", paragraphs=(SAY("drawn", roles),), figures=(picture,))
+    return Section.of("Driven paths", SAY("drawn", roles), picture)

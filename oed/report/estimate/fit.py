@@ -30,13 +30,13 @@ TESTS = {
 
 def error_bars(record: EstimateRecord) -> Section:
     """Standard errors side by side, segments, correlations."""
-    tables = (_side_by_side(record), _lengths(record), _correlations(record))
-    cut = SAY("segments", record, segment_text(record))
-    errors = SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record))
-    return Section(
+    return Section.of(
         "What the error bars rest on",
-        paragraphs=tuple(filter(None, (cut, errors))),
-        tables=tuple(table for table in tables if table is not None),
+        SAY("segments", record, segment_text(record)),
+        SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record)),
+        _side_by_side(record),
+        _lengths(record),
+        _correlations(record),
     )
 
 
@@ -138,13 +138,8 @@ def fit(record: EstimateRecord) -> Section | None:
     if not tests and not drawn:
         return None
     failed = sum(not one.passed for one in tests)
-    verdict = SAY("verdict", failed, len(tests), record.covariance_kind)
-    return Section(
-        "Does the fit hold",
-        paragraphs=(verdict,) if verdict else (),
-        tables=(_tests(record),) if tests else (),
-        figures=tuple(_picture(one) for one in drawn),
-    )
+    verdict, table = SAY("verdict", failed, len(tests), record.covariance_kind), _tests(record)
+    return Section.of("Does the fit hold", verdict, table if tests else None, *map(_picture, drawn))
 
 
 def _tests(record: EstimateRecord) -> Table:

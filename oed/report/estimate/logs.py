@@ -57,10 +57,8 @@ def offset_clocks(record: EstimateRecord, beyond: float = CLOCKS_APART) -> str:
 
 def logs(record: EstimateRecord) -> Section | None:
     """Tables of logs and of findings, grouped by kind."""
-    if not record.logs:
-        return None
-    tables = (_table(record), _findings(record))
-    return Section("Logs", tables=tuple(table for table in tables if table.rows))
+    tables = [table for table in (_table(record), _findings(record)) if table.rows]
+    return Section.of("Logs", *tables) if record.logs else None
 
 
 def _table(record: EstimateRecord) -> Table:

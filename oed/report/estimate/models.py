@@ -25,13 +25,10 @@ def models(record: EstimateRecord) -> Section | None:
     if not record.models:
         return None
     tables = (_by_likelihood(record), _by_prediction(record), _parameters(record))
-    said = (verdict(record), _likelihood(record), _prediction(record))
-    return Section(
-        "Model selection",
-        notices=tuple(filter(None, (SAY("note", one) for one in record.models))),
-        paragraphs=tuple(filter(None, said)),
-        tables=tuple(table for table in tables if table is not None),
-    )
+    predicted = SAY("prediction", bool(_scored(record, PREDICTION)), len(record.logs))
+    notices = (SAY("note", one) for one in record.models)
+    said = (verdict(record), _likelihood(record), predicted)
+    return Section.of("Model selection", *said, *tables, notices=notices)
 
 
 def model_lines(record: EstimateRecord) -> list[str]:
@@ -66,10 +63,6 @@ def _likelihood(record: EstimateRecord) -> str:
         [one for one in record.models if (one.starts or 0.0) >= 1],
         any(one.interval for one in scores),
     )
-
-
-def _prediction(record: EstimateRecord) -> str:
-    return SAY("prediction", bool(_scored(record, PREDICTION)), len(record.logs))
 
 
 def _scored(record: EstimateRecord, *measures: str) -> list[ComparedModel]:

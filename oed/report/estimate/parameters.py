@@ -41,12 +41,7 @@ def summary(record: EstimateRecord) -> Section:
     origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
     outside = [one.name for one in record.parameters if one.nominal_outside]
     said = (origin, " ".join(gains(record)), SAY("nominal", outside, len(record.parameters)))
-    return Section(
-        "Summary",
-        notices=(*warnings(record), *notes(record)),
-        paragraphs=tuple(filter(None, said)),
-        tables=(estimates(record),),
-    )
+    return Section.of("Summary", *said, estimates(record), notices=(*warnings(record), *notes(record)))
 
 
 def estimates(record: EstimateRecord) -> Table:
@@ -110,11 +105,9 @@ def nuisances(record: EstimateRecord) -> Section | None:
         _noise(record),
         _table("coefficient", record.coefficients, "Coefficients that these give"),
     )
-    found = tuple(table for table in tables if table.rows)
-    if not found:
-        return None
-    warned = tuple(filter(None, [SAY("clocks", offset_clocks(record))]))
-    return Section("Nuisance parameters", notices=warned, tables=found)
+    found = [table for table in tables if table.rows]
+    warned = SAY("clocks", offset_clocks(record))
+    return Section.of("Nuisance parameters", *found, notices=[warned]) if found else None
 
 
 def _table(title: str, some: Iterable[Unknown], caption: str) -> Table:

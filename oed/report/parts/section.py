@@ -173,6 +173,23 @@ class Section:
     links: tuple[tuple[str, str], ...] = ()
     code: str = ""
 
+    @classmethod
+    def of(cls, title: str, *parts: str | Table | Picture | None, notices: Iterable[str] = ()) -> Section:
+        """Those of these sentences, tables and figures that say something, each kind in its order.
+
+        Args:
+            title: heading.
+            parts: sentences, tables and figures; "" and None are left out.
+            notices: sentences that must not be overlooked; "" is left out.
+        """
+        return cls(
+            title,
+            paragraphs=tuple(one for one in parts if isinstance(one, str) and one),
+            tables=tuple(one for one in parts if isinstance(one, Table)),
+            figures=tuple(one for one in parts if isinstance(one, Picture)),
+            notices=tuple(filter(None, notices)),
+        )
+
 
 def estimated(of: Callable[[Any], Any] = lambda item: item) -> tuple[Column, ...]:
     """Columns for what items say was estimated: unit, estimate and standard error."""
@@ -222,6 +239,11 @@ def sized(
     decimals = 2 - math.floor(math.log10(middle)) if middle > 0 else 2
     write = fixed(min(max(decimals, 0), 3))
     return Column(title, unit_text(shown), lambda size: write(size * factor), cell)
+
+
+def percent(share: float | None) -> float | None:
+    """A share in percent, for a cell."""
+    return None if share is None else 100 * share
 
 
 def probability(p_value: float) -> str:

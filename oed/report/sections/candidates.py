@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from oed.foundation.text import fixed, own_unit, significant, whole
-from oed.kernel.criteria import E
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -16,7 +15,6 @@ from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetit
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of, with_drive
 from oed.report.parts.section import Column, Section, Table
-from oed.robots.sensors import Displacements
 
 SAY = Prose("candidates")
 FOUR = significant(4)
@@ -34,8 +32,9 @@ def candidates(record: Record) -> Section | None:
     baselines = any(one.origin == "baseline" for one in record.results)
     best = None if record.best is None else record.best.name
     said = SAY("worth", study_aim(record), shares, best, record.nuisances, record.study.prior, baselines)
-    table = Table.of(record.results, _columns(record, shares))
-    return Section("Candidates", paragraphs=(said,) if several else (), tables=(table,))
+    return Section.of(
+        "Candidates", said if several else "", Table.of(record.results, _columns(record, shares))
+    )
 
 
 def _columns(record: Record, shares: bool) -> Iterator[Column]:
@@ -115,11 +114,6 @@ def criteria(record: Record) -> Section | None:
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
     scaling = scaling_text(record.study.criterion.scaling)
-    said = (
-        SAY("criteria", judges, scaling, record.study.prior),
-        _verdict(record, judges),
-        _practically_equal(record),
-    )
     columns = (
         Column("result", cell=lambda one: one.name),
         Column(
@@ -128,8 +122,13 @@ def criteria(record: Record) -> Section | None:
         *(one.column for one in judges),
         Column("satisfies every limit", cell=lambda one: one.feasible),
     )
-    said_all = tuple(filter(None, said))
-    return Section("Criteria", paragraphs=said_all, tables=(Table.of(results, columns),))
+    return Section.of(
+        "Criteria",
+        SAY("criteria", judges, scaling, record.study.prior),
+        _verdict(record, judges),
+        _practically_equal(record),
+        Table.of(results, columns),
+    )
 
 
 def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
@@ -173,8 +172,9 @@ def paper(record: Record) -> Section | None:
         Column("s_min(W)", "rad", FOUR, lambda one: one.smallest_singular_value),
         *(_response(unit) if unit else ()),
     )
-    reading = _reading(record, regression, unit)
-    return Section("The paper's figures", paragraphs=reading, tables=(Table.of(record.results, columns),))
+    absolute, scaling = regression.noise_model == "absolute", scaling_text(record.study.criterion.scaling)
+    said = SAY.paragraphs("paper", absolute, record.study.criterion, record.study.prior, scaling, unit)
+    return Section.of("The paper's figures", *said, Table.of(record.results, columns))
 
 
 def _response(unit: str) -> tuple[Column, Column]:
@@ -196,11 +196,3 @@ def _response_unit(record: Record) -> str:
     # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
     block, *others = dict.fromkeys(one.block for one in record.parameters)
     return "" if others else {"position": own_unit("m")[0], "heading": "rad"}.get(block, "")
-
-
-def _reading(record: Record, regression: Displacements, unit: str) -> tuple[str, ...]:
-    criterion = record.study.criterion
-    notes = (criterion.scaling != "none", record.study.prior is not None, bool(criterion.subset))
-    scaling = scaling_text(criterion.scaling)
-    aimed = isinstance(criterion, E)
-    return SAY.paragraphs("paper", regression.noise_model == "absolute", aimed, notes, scaling, unit)

@@ -18,7 +18,7 @@ from oed.report.parts.reading import (
     regression_of,
     with_drive,
 )
-from oed.report.parts.section import Cell, Column, Section, Table
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("precision")
 NORMAL_95 = 1.959964
@@ -31,14 +31,12 @@ def precision(record: Record) -> Section | None:
     noisy = [one for one in record.parameters if one.noise is not None]
     results = [one for one in with_drive(record) if one.standard_deviations]
     if not noisy:
-        return Section(title, paragraphs=(SAY("no_noise"),))
+        return Section.of(title, SAY("no_noise"))
     if not results:
         return None
     winner = record.best or results[0]
     correlations = [_matrix(winner, one) for one in winner.covariances if len(one.parameters) > 1]
-    tables = [_by_parameter(record, noisy, winner), *correlations]
-    tables += [_side_by_side(noisy, results)] if len(results) > 1 else []
-    paragraphs = SAY.paragraphs(
+    said = SAY.paragraphs(
         "reading",
         regression_of(record),
         list({one.block: _noise(one) for one in noisy}.items()),
@@ -47,7 +45,8 @@ def precision(record: Record) -> Section | None:
         (nuisance_text(record), prior_text(record)),
         bool(correlations),
     )
-    return Section(title, paragraphs=paragraphs, tables=tuple(tables))
+    every = _side_by_side(noisy, results) if len(results) > 1 else None
+    return Section.of(title, *said, _by_parameter(record, noisy, winner), *correlations, every)
 
 
 def _noise(parameter: StoredParameter) -> str:
@@ -84,19 +83,19 @@ def _deviation(parameter: StoredParameter, result: Result) -> float:
 
 
 def _matrix(result: Result, one: Covariance) -> Table:
-    names = [words(name) for name in one.parameters]
-    columns = (Column("parameter"), *(Column(name, "", fixed(3)) for name in names))
-    rows = tuple((name, *_correlations(one.covariance, index)) for index, name in enumerate(names))
-    return Table(columns, rows, f"Correlations, drive of {result.name}")
+    def column(at: int, name: str) -> Column:
+        # – where a parameter is not identifiable.
+        def correlation(other: int) -> float | None:
+            shared, own, its = (
+                one.covariance[row][of] for row, of in ((other, at), (other, other), (at, at))
+            )
+            return shared / math.sqrt(own * its) if shared is not None and own and its else None
 
+        return Column(words(name), "", fixed(3), correlation)
 
-def _correlations(covariance: Sequence[Sequence[float | None]], index: int) -> list[Cell]:
-    # – where a parameter is not identifiable.
-    cells: list[Cell] = []
-    for other, shared in enumerate(covariance[index]):
-        own, its = covariance[index][index], covariance[other][other]
-        cells.append(shared / math.sqrt(own * its) if shared is not None and own and its else None)
-    return cells
+    first = Column("parameter", cell=lambda at: words(one.parameters[at]))
+    columns = (first, *(column(at, name) for at, name in enumerate(one.parameters)))
+    return Table.of(range(len(one.parameters)), columns, f"Correlations, drive of {result.name}")
 
 
 def _side_by_side(noisy: Sequence[StoredParameter], results: Sequence[Result]) -> Table:

@@ -20,7 +20,7 @@ from oed.report.parts.reading import (
     regression_of,
     runs_of,
 )
-from oed.report.parts.section import Column, Section, Table
+from oed.report.parts.section import Section
 
 SAY = Prose("summary")
 
@@ -39,10 +39,10 @@ def summary(record: Record) -> Section:
         (nuisance_text(record), prior_text(record)),
     )
     if winner is None:
-        answer = (SAY("nothing", bool(record.results)),)
-        failures = tuple(f"{one.name}: {one.message}" for one in record.results)
-        return Section("Summary", paragraphs=(question, *answer), notices=(*record.notes, *failures))
-    return Section("Summary", paragraphs=(question, *_answer(record, winner)), notices=record.notes)
+        failures = (f"{one.name}: {one.message}" for one in record.results)
+        nothing = SAY("nothing", bool(record.results))
+        return Section.of("Summary", question, nothing, notices=(*record.notes, *failures))
+    return Section.of("Summary", question, *_answer(record, winner), notices=record.notes)
 
 
 def _answer(record: Record, winner: Result) -> tuple[str, ...]:
@@ -111,18 +111,3 @@ def _simulated(record: Record, winner: Result) -> str:
     if len(own) == 1:
         return own[0].verdict
     return " ".join(f"By {words(one.estimator)}: {one.verdict}" for one in own)
-
-
-def provenance(record: Record) -> Section:
-    """Versions, seed and time, and the study's own text."""
-    made = record.provenance
-    rows = [
-        ("oed", record.version),
-        *made.packages.items(),
-        ("Python", made.python),
-        ("platform", made.platform),
-        ("seed", str(record.seed)),
-        ("finished", made.finished),
-    ]
-    table = Table((Column("what"), Column("value")), tuple(rows))
-    return Section("Provenance", paragraphs=(SAY("made"),), tables=(table,), code=record.study_text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -39,14 +39,13 @@ def validation(record: Record) -> Section | None:
     estimators = list(dict.fromkeys(one.estimator for one in every))
     several = len(estimators) > 1
     names, prior = nuisance_names(record), record.study.prior
-    intro = SAY("intro", outcome, regression_of(record), estimators, names, prior)
-    verdicts = [f"{_titled(one, several)}: {one.verdict}" for one in chosen]
-    tables = [_checks(one, outcome.alpha, several) for one in chosen]
-    return Section(
+    return Section.of(
         "Validation by simulation",
-        paragraphs=(intro, *verdicts),
-        figures=clouds(record, every, chosen, several),
-        tables=(*tables, _side_by_side(record, every, several)),
+        SAY("intro", outcome, regression_of(record), estimators, names, prior),
+        *(f"{_titled(one, several)}: {one.verdict}" for one in chosen),
+        *_clouds(record, every, chosen, several),
+        *(_checks(one, outcome.alpha, several) for one in chosen),
+        _side_by_side(record, every, several),
     )
 
 
@@ -129,19 +128,10 @@ def _error(size: float) -> str:
     return significant(1)(size if size > ROUNDING else 0.0)
 
 
-def clouds(
+def _clouds(
     record: Record, every: Sequence[Simulated], chosen: Sequence[Simulated], several: bool
-) -> tuple[Picture, ...]:
-    """A figure for each pair of parameters: the design by every estimator first, then other drives.
-
-    All panels of a figure are on one scale.
-
-    Args:
-        record: that has the simulations.
-        every: all simulations.
-        chosen: those that are drawn.
-        several: whether there are several estimators.
-    """
+) -> Iterator[Picture]:
+    # A figure for each pair of parameters: the design by every estimator first, then other drives.
     others = [
         one
         for one in every
@@ -151,8 +141,8 @@ def clouds(
     ]
     drawn, names = [*chosen, *others][:MOST_CLOUDS], chosen[0].parameters
     known = [pair for pair in COEFFICIENTS if set(pair) <= set(names)]
-    pairs = known or list(pairwise(names))[:MOST_PAIRS]
-    return tuple(_picture(record, drawn, pair, several) for pair in pairs)
+    for pair in known or list(pairwise(names))[:MOST_PAIRS]:
+        yield _picture(record, drawn, pair, several)
 
 
 def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], several: bool) -> Picture:
