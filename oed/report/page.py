@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
@@ -37,22 +38,23 @@ def write_report(record: Record, folder: str | Path) -> Path:
         UserMistake: the folder cannot be written to.
     """
     target = Path(folder)
-    sections = [with_film(section, record, target) for section in sections_of(record)]
+    sections = (with_film(section, record, target) for section in sections_of(record))
     return render(record.study.name, sections, target)
 
 
-def render(title: str, sections: list[Section], target: Path, name: str = NAME) -> Path:
+def render(title: str, parts: Iterable[Section | None], target: Path, name: str = NAME) -> Path:
     """Write sections as an HTML page, as Markdown and as figures/*.svg into `target`; returns the page.
 
     Args:
         title: of the page.
-        sections: in order.
+        parts: its sections, in order; None is left out.
         target: folder.
         name: of the page's files, without suffix.
 
     Raises:
         UserMistake: the folder cannot be written to.
     """
+    sections = [one for one in parts if one is not None]
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = environment().overlay()
@@ -70,8 +72,7 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
 
 def sections_of(record: Record) -> list[Section]:
     """The sections that the record has something for, in order."""
-    made = (make(record) for make in SECTIONS)
-    return [section for section in made if section is not None]
+    return [section for make in SECTIONS if (section := make(record)) is not None]
 
 
 def _drawings(sections: list[Section]) -> dict[str, str]:

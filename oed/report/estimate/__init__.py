@@ -49,5 +49,4 @@ def write_estimate(record: EstimateRecord, folder: str | Path) -> Path:
 
 def estimate_sections(record: EstimateRecord) -> list[Section]:
     """The sections that the estimate has something for, in order."""
-    made = (make(record) for make in SECTIONS)
-    return [section for section in made if section is not None]
+    return [section for make in SECTIONS if (section := make(record)) is not None]

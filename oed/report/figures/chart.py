@@ -49,13 +49,8 @@ class Chart:
         return np.where(np.isfinite(found), found, np.nan)
 
 
-def lines(chart: Chart) -> spec.Plot:
-    """One panel: a line of each combination of the other keys, or bars where the key's values are words."""
-    return panels([chart])
-
-
 def panels(charts: Sequence[Chart]) -> spec.Plot:
-    """One panel for each chart, all over the same key."""
+    """One panel for each chart, all over the same key: lines over numbers, bars over words."""
     columns, first = (1 if len(charts) == 1 else 2), charts[0]
     height = (3.0 if columns == 1 else 2.4) * -(-len(charts) // columns)
     look = _fill if first.worded else _line
