@@ -38,6 +38,7 @@ RENAMED = {
     "report.estimate.page": "report.estimate",
     "report.estimate.provenance": "report.parts.provenance",
     "report.estimate.terminal": "report.estimate.parameters",
+    "report.figures.time": "report.figures.chart",
     "report.parts.rounding": "foundation.text",
     "report.parts.tables": "report.parts.section",
     "solvers": "optimize",

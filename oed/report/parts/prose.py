@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from oed.foundation import text
+from oed.kernel.measurement.information import scaling_text
 
 
 @lru_cache(maxsize=1)
@@ -34,6 +35,7 @@ def environment() -> jinja2.Environment:
         given=text.given_text,
         unit=text.unit_text,
         slug=text.slug,
+        scaling=scaling_text,
     )
     made.globals["infinity"] = math.inf
     return made

@@ -8,17 +8,9 @@ from oed.foundation.text import count, listing, words
 from oed.records.numbers import plain
 from oed.records.record import Record
 from oed.records.stored.result import Result
+from oed.report.figures import chart
 from oed.report.figures import paths as path_figures
-from oed.report.figures import time
-from oed.report.figures.driven import (
-    Path,
-    Room,
-    path_of,
-    paths_of,
-    robot_width,
-    room_of,
-    view_of,
-)
+from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
 from oed.report.parts.inputs import Group, Series, groups_of, series_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import in_place, runs_of, segments, with_drive
@@ -37,7 +29,7 @@ def paths(record: Record) -> Section | None:
     results = with_drive(record)
     if not results:
         return None
-    drives, room = paths_of(record, results), room_of(record)
+    drives, room = [path_of(record, one) for one in results], room_of(record)
     figure = path_figures.paths(drives, room)
     pictures = [Picture("paths", SAY("paths", len(drives)), _caption(record, drives, room), figure)]
     if record.best is not None and len(drives) > 1:
@@ -99,7 +91,7 @@ def _picture(record: Record, group: Group, drives: list[Series]) -> Picture:
     own = [(called[name], ends) for name, ends in group.own_bounds(record).items()]
     caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, _broken(record))
     alt = f"{group.title.capitalize()} over time of {count(len(drives), 'drive')}"
-    return Picture(f"{group.limit}s", alt, caption, time.series(drives, group, labels, bounds))
+    return Picture(f"{group.limit}s", alt, caption, chart.series(drives, group, labels, bounds))
 
 
 def player(record: Record) -> Section | None:

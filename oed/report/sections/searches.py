@@ -10,7 +10,7 @@ from oed.foundation.text import fixed, listing, significant, whole
 from oed.records.record import Record
 from oed.records.stored.certificate import StoredCertificate
 from oed.records.stored.result import Progress, Result
-from oed.report.figures import spread, time
+from oed.report.figures import chart, spread
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import solver_of
@@ -150,7 +150,7 @@ def convergence(record: Record) -> Section | None:
     apart = len(groups) > 1
     lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
     alt = f"Convergence of {listing([one.name for one in searches])} over time"
-    picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), time.convergence(lines, apart))
+    picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), chart.convergence(lines, apart))
     races = (sentence for _, results in groups for sentence in _races(results))
     return Section.of("Convergence", *races, picture, _times(groups))
 
@@ -170,7 +170,7 @@ def time_to(result: Result, objective: float) -> tuple[float, int] | None:
     return next(hits, None)
 
 
-def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[time.Search]:
+def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[chart.Search]:
     # (seconds, shortfall in percent), one point each time the objective rose, and at the end.
     best = max(map(_reached, searches))
     for one in searches:
