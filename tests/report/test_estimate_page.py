@@ -15,8 +15,8 @@ from oed.cli.terminal.console import print_estimate
 from oed.foundation.text import decimals_of, error_text, size_text, to_error
 from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
-from oed.report.estimate.gist import gains, warnings
-from oed.report.figures.residuals import residuals_of
+from oed.report.estimate.parameters import gains, warnings
+from oed.report.figures.calibration import residuals_of
 from oed.report.parts.section import Section, Table, lasting, span_text
 
 

@@ -8,7 +8,7 @@ from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_uni
 from oed.records.stored.estimate import Column as Numbers
 from oed.records.stored.estimate import EstimateRecord, TriedLength
 from oed.report.figures import calibration as figures
-from oed.report.figures.residuals import Residuals, residuals_of
+from oed.report.figures.calibration import Residuals, residuals_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Column, Picture, Section, Table, probability, sized
 

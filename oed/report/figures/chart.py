@@ -67,7 +67,7 @@ def _inputs(drive: Series, unit: str, bounds: Ends | None) -> list[spec.Part]:
     ]
     return [
         *lines,
-        *(spec.Limit(end, stroke(FAINT, 0.8, 1.5), upright=True) for end in drive.breaks),
+        *(spec.Call("axvline", (end,), stroke(FAINT, 0.8, 1.5)) for end in drive.breaks),
         *limits,
     ]
 
@@ -85,12 +85,7 @@ def _ends(drives: Sequence[Series], bounds: Ends | None) -> Ends:
 
 
 def convergence(searches: Sequence[Search], apart: bool) -> spec.Plot:
-    """All searches on one pair of axes: shortfall from the best [%] against seconds.
-
-    Args:
-        searches: at least one.
-        apart: whether the best is that by each search's own criterion.
-    """
+    """All searches on one pair of axes: shortfall from the best [%], `apart` by each one's own criterion."""
     parts = [part for index, (_, points) in enumerate(searches) for part in _search(points, line_look(index))]
     values = [value for _, points in searches for _, value in points]
     below = "below the best by\nits own criterion" if apart else "below the best"
@@ -182,7 +177,7 @@ def _bars(values: Array) -> list[spec.Part]:
     width = 0.8 / len(values)
     middle = np.arange(values.shape[1]) - 0.5 * (len(values) - 1) * width
     return [
-        spec.Bars(middle + index * width, row, 0.92 * width, {**_fill(index), "zorder": 3})
+        spec.Call("bar", (middle + index * width, row, 0.92 * width), {**_fill(index), "zorder": 3})
         for index, row in enumerate(values)
     ]
 

@@ -231,9 +231,6 @@ def _put_shades(part: spec.Shades, ax: Axes, shades: Colours) -> None:
 
 @put.register
 def _(part: spec.Limit, ax: Axes) -> None:
-    if part.upright:
-        ax.axvline(part.value, **part.look)
-        return
     ax.axhline(part.value, **part.look)
     if part.text:
         ax.annotate(
@@ -251,18 +248,8 @@ def _(part: spec.Limit, ax: Axes) -> None:
 
 
 @put.register
-def _(part: spec.Band, ax: Axes) -> None:
-    ax.axhspan(part.low, part.high, **part.look)
-
-
-@put.register
-def _(part: spec.Intervals, ax: Axes) -> None:
-    ax.hlines(part.y, part.low, part.high, **part.look)
-
-
-@put.register
-def _(part: spec.Bars, ax: Axes) -> None:
-    ax.bar(part.x, part.heights, part.width, **part.look)
+def _(part: spec.Call, ax: Axes) -> None:
+    getattr(ax, part.method)(*part.arguments, **part.look)
 
 
 @put.register

@@ -41,10 +41,6 @@ class _Room:
     margin: Margin
 
     @property
-    def name(self) -> str:
-        return words(self.margin.limit)
-
-    @property
     def unit(self) -> Unit:
         """As shown, and its factor from SI."""
         degrees = getattr(LIMITS.get(self.margin.limit), "in_degrees", False)
@@ -74,7 +70,7 @@ class _Room:
 
 def _by_limit(result: Result) -> Table:
     columns = (
-        Column("limit", cell=lambda one: one.name),
+        Column("limit", cell=lambda one: words(one.margin.limit)),
         Column("margin", cell=lambda one: one.amount),
         Column("size of the limit", cell=lambda one: one.size),
         Column("unit", cell=lambda one: unit_text(one.unit[0])),
@@ -100,7 +96,7 @@ def _column(name: str) -> Column:
 def _touched() -> Iterator[Column]:
     def exceeded(one: Result) -> Cell:
         broken = (_Room(margin) for margin in one.margins if not margin.satisfied)
-        return ", ".join(f"{room.name} by {room.text}" for room in broken) or None
+        return ", ".join(f"{words(room.margin.limit)} by {room.text}" for room in broken) or None
 
     def met(one: Result) -> Cell:
         touched = (words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)
