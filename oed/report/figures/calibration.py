@@ -274,8 +274,8 @@ def _later(one: Residuals) -> spec.Panel:
     values, bounds = np.nan_to_num(one.correlations), [] if one.bound is None else [-one.bound, one.bound]
     parts: list[spec.Part] = [
         spec.Call("bar", (np.arange(1, len(values) + 1), values, 0.65), {"color": SHADES[0], "zorder": 2}),
-        spec.Limit(0.0, stroke(INK, 0.8, 3)),
-        *(spec.Limit(bound, EXPECTED) for bound in bounds),
+        spec.Call("axhline", (0.0,), stroke(INK, 0.8, 3)),
+        *(spec.Call("axhline", (bound,), EXPECTED) for bound in bounds),
     ]
     ends = min(1.15 * float(values.min()), -0.1), max(1.15 * float(values.max()), 0.25)
     x = spec.Axis("readings later", ends=(0.4, len(values) + 0.6), most=5, whole=True)

@@ -19,6 +19,15 @@ LABELS = 0.28
 LONG = 22
 """Letters of a legend's entry beyond which there are fewer of them on a line."""
 LONG_LINES = {"handlelength": 3.2}
+PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+LIMIT: Look = {
+    "xycoords": ("axes fraction", "data"),
+    "ha": "right",
+    "fontsize": "small",
+    "bbox": PLATE,
+    "zorder": 4,
+}
+"""Of the words at a limit's line."""
 
 Search = tuple[str, Sequence[tuple[float, float]]]
 """Name of a search, and its shortfalls [%] over its seconds."""
@@ -61,10 +70,11 @@ def _inputs(drive: Series, unit: str, bounds: Ends | None) -> list[spec.Part]:
         spec.Line(drive.times, column, {**line_look(index), **steps, "zorder": 3})
         for index, column in enumerate(drive.values.T)
     ]
-    limits = [
-        spec.Limit(bound, stroke(INK, 0.9, 2), f"limit {bound:g} {unit_text(unit)}", below=index == 0)
-        for index, bound in enumerate(bounds or ())
-    ]
+    limits: list[spec.Part] = []
+    for bound, offset, side in zip(bounds or (), (-3, 3), ("top", "bottom"), strict=False):
+        text = f"limit {bound:g} {unit_text(unit)}"
+        limits.append(spec.Call("axhline", (bound,), stroke(INK, 0.9, 2)))
+        limits.append(spec.Note(text, (0.99, bound), (0, offset), {**LIMIT, "va": side}))
     return [
         *lines,
         *(spec.Call("axvline", (end,), stroke(FAINT, 0.8, 1.5)) for end in drive.breaks),

@@ -230,24 +230,6 @@ def _put_shades(part: spec.Shades, ax: Axes, shades: Colours) -> None:
 
 
 @put.register
-def _(part: spec.Limit, ax: Axes) -> None:
-    ax.axhline(part.value, **part.look)
-    if part.text:
-        ax.annotate(
-            as_drawn(part.text),
-            (0.99, part.value),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, -3 if part.below else 3),
-            textcoords="offset points",
-            horizontalalignment="right",
-            verticalalignment="top" if part.below else "bottom",
-            fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
-            zorder=4,
-        )
-
-
-@put.register
 def _(part: spec.Call, ax: Axes) -> None:
     getattr(ax, part.method)(*part.arguments, **part.look)
 

@@ -128,23 +128,6 @@ class Shades:
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A level line across the panel at a value.
-
-    Attributes:
-        value: on the y axis.
-        look: of the line.
-        text: beside it; "" for none.
-        below: whether the text stands below it.
-    """
-
-    value: float
-    look: Look
-    text: str = ""
-    below: bool = False
-
-
-@dataclass(frozen=True)
 class Call:
     """What matplotlib's axes draw by a method: bars, bands and lines across the panel.
 
@@ -154,7 +137,7 @@ class Call:
         look: of what it draws.
     """
 
-    method: Literal["axhspan", "axvline", "bar", "hlines"]
+    method: Literal["axhline", "axhspan", "axvline", "bar", "hlines"]
     arguments: tuple[Any, ...]
     look: Look
 
@@ -192,7 +175,7 @@ class Note:
     look: Look
 
 
-Part = Line | Dots | Shades | Limit | Call | Cells | Shape | Note
+Part = Line | Dots | Shades | Call | Cells | Shape | Note
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,8 @@ def _errors(floor: StoredFloor, drives: Sequence[str], fits: Sequence[str]) -> A
 
 def _lanes(table: Array, most: float) -> list[spec.Part]:
     lanes, count = np.arange(len(table)), table.shape[1]
-    parts: list[spec.Part] = [spec.Limit(lane - 0.5, stroke("#dddddd", 0.8, 1)) for lane in lanes[1:]]
+    between = stroke("#dddddd", 0.8, 1)
+    parts: list[spec.Part] = [spec.Call("axhline", (lane - 0.5,), between) for lane in lanes[1:]]
     for index in range(count):
         value, low, high = np.minimum(np.nan_to_num(table[:, index].T, nan=most, posinf=most), most)
         heights = lanes + LANE * ((index + 0.5) / count - 0.5)

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +19,6 @@ import numpy.typing as npt
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.files import require_replaceable, unwritten
 from oed.foundation.work.progress import Progress, Silent
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 Frame = npt.NDArray[np.uint8]
 """An RGB image, (height, width, 3)."""
@@ -175,35 +171,28 @@ def require_format(file: Path, fps: float) -> Format:
 def _write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
     # By Pillow; it repeats for ever. Frames that are alike become one that is shown for longer. Delays are
     # rounded so that the film as a whole keeps its time.
-    film = _Film(frames, fps, colours)
-    first = next(film)
+    from PIL import Image
+
+    pictures, count = iter(frames), 0
+    first = next(pictures)
+    every = Image.fromarray(first if colours is None else colours)
+    palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
+
+    def images() -> Iterator[Image.Image]:
+        nonlocal count
+        for frame in chain([first], pictures):
+            image = Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+            begin, end = (round(number / fps * TICK) for number in (count, count + 1))
+            image.info["duration"] = (end - begin) * 1000 // TICK
+            count += 1
+            yield image
+
+    film = images()
+    image = next(film)
     # Pillow leaves out what stays the same from frame to frame, and finds the frames that are alike.
     with file.open("wb") as out:
-        first.save(out, "GIF", save_all=True, append_images=film, loop=0, comment=comment, disposal=1)
-    return film.count
-
-
-class _Film(Iterator["Image"]):
-    """The frames in the film's colours, each with the time that it is shown, and how many there were."""
-
-    def __init__(self, frames: Iterable[Frame], fps: float, colours: Frame | None) -> None:
-        from PIL import Image
-
-        self._frames, self._fps, self.count = iter(frames), fps, 0
-        first = next(self._frames)
-        self._frames = chain([first], self._frames)
-        every = Image.fromarray(first if colours is None else colours)
-        self._palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
-
-    def __next__(self) -> Image:
-        from PIL import Image
-
-        frame = Image.fromarray(next(self._frames))
-        image = frame.quantize(palette=self._palette, dither=Image.Dither.NONE)
-        begin, end = (round(count / self._fps * TICK) for count in (self.count, self.count + 1))
-        image.info["duration"] = (end - begin) * 1000 // TICK
-        self.count += 1
-        return image
+        image.save(out, "GIF", save_all=True, append_images=film, loop=0, comment=comment, disposal=1)
+    return count
 
 
 def _write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:

@@ -33,6 +33,7 @@ def environment() -> jinja2.Environment:
         count=text.count,
         digits=lambda value, digits: text.significant(digits)(value),
         given=text.given_text,
+        deviation=text.deviation_text,
         unit=text.unit_text,
         slug=text.slug,
         scaling=scaling_text,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from oed.foundation.text import deviation_text, words
+from oed.foundation.text import words
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.judging import aim_of, judged, meaning, precision, repetitions_of, study_aim
@@ -54,7 +54,7 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
         len(record.results),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),
-        _deviations(record, winner),
+        [one for one in record.parameters if one.name in winner.standard_deviations],
         _compared(record, winner),
         _simulated(record, winner),
     )
@@ -63,18 +63,6 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
 def _turns(result: Result) -> float:
     assert result.drive is not None
     return sum(float(np.abs(np.diff(run[:, 2])).sum()) for run in result.drive.by_run) / math.tau
-
-
-def _deviations(record: Record, winner: Result) -> list[tuple[str, str | None, float]]:
-    # Name, deviation as it is shown, and its share of the nominal value [%], 0 for none.
-    known = winner.standard_deviations
-    found: list[tuple[str, str | None, float]] = []
-    for one in record.parameters:
-        if one.name in known:
-            size = known[one.name]
-            text = None if size is None else deviation_text(size, one.unit)
-            found.append((one.name, text, _share(size, one.nominal) or 0.0))
-    return found
 
 
 def _share(deviation: float | None, nominal: float) -> float | None:
