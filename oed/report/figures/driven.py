@@ -174,6 +174,11 @@ class Path:
         """Whether the robot leaves its place."""
         return any(run.steps.sum() >= NOWHERE for run in self.runs)
 
+    @property
+    def tows(self) -> bool:
+        """Whether it has a trailer."""
+        return any(run.trailer is not None for run in self.runs)
+
 
 def path_of(record: Record, result: Result) -> Path:
     """The path of a result that has a drive, from the poses saved with it."""

@@ -259,5 +259,5 @@ def _room_keys(drives: Sequence[Path], room: Room) -> Iterator[spec.Key]:
         yield spec.Key("obstacle", OBSTACLE, patch=True)
     if room.body_radius:
         yield spec.Key("robot's body", BODY_KEY)
-    if any(run.trailer is not None for one in drives for run in one.runs):
+    if any(one.tows for one in drives):
         yield spec.Key("trailer's axle", TRAILER)

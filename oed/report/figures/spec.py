@@ -289,11 +289,6 @@ class Plot:
     wide: int = 0
     heights: Sequence[float] | None = None
 
-    @property
-    def rows(self) -> int:
-        """Of panels."""
-        return -(-len(self.panels) // self.columns)
-
 
 LETTER = 0.072
 """Width of a letter of a legend [inch]."""

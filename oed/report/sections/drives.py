@@ -41,14 +41,13 @@ def paths(record: Record) -> Section | None:
 
 def _caption(record: Record, drives: list[Path], room: Room) -> str:
     parts = segments(record, record.study.trajectory.samples)
-    runs = [run for one in drives for run in one.runs]
     return SAY(
         "caption",
         room,
         any(one.sideways for one in drives),
         runs_of(record),
         count(parts, "segment") if parts else "",
-        any(run.trailer is not None for run in runs),
+        any(one.tows for one in drives),
         any(map(in_place, with_drive(record))),
         _broken(record),
     )
