@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.text import fixed, significant, words
-from oed.kernel.criteria import Criterion
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.figures import paths
 from oed.report.figures.driven import path_of, room_of
 from oed.report.page import render
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import or_infinite, regression_of, whole_duration
+from oed.report.parts.reading import or_infinite, regression_of
 from oed.report.parts.section import Cell, Column, Picture, Section, Table
 
 SAY = Prose("comparison")
@@ -37,21 +36,23 @@ def write_comparison(records: Sequence[Named], folder: str | Path) -> Path:
 
 
 def _summary(records: Sequence[Named]) -> Section:
+    def condition(best: Result) -> float | None:
+        return or_infinite(best, best.condition_number)
+
+    def duration(item: Named) -> float:
+        asked = item[1].study.trajectory
+        return asked.runs * asked.duration
+
     columns = (
         NAME,
         Column("study", cell=lambda item: item[1].study.name),
         Column("robot", cell=lambda item: item[1].study.robot.kind),
-        Column("criterion", cell=lambda item: _criterion(item[1].study.criterion)),
+        Column("criterion", cell=lambda item: SAY("criterion", item[1].study.criterion)),
         Column("best result", cell=_of_best(lambda best: best.name)),
         Column("objective", "", significant(4), _of_best(lambda best: best.objective)),
         Column("s_min(W)", "rad", significant(4), _of_best(lambda best: best.smallest_singular_value, True)),
-        Column(
-            "cond(W)",
-            "",
-            significant(4),
-            _of_best(lambda best: or_infinite(best, best.condition_number), True),
-        ),
-        Column("duration", "s", significant(3), lambda item: whole_duration(item[1])),
+        Column("cond(W)", "", significant(4), _of_best(condition, True)),
+        Column("duration", "s", significant(3), duration),
         Column("path length", "m", fixed(2), _of_best(lambda best: best.path_length)),
     )
     missing = (f"{name}: no feasible drive." for name, record in records if record.best is None)
@@ -68,11 +69,6 @@ def _of_best(cell: Callable[[Result], Cell], regressor: bool = False) -> Callabl
         return cell(record.best)
 
     return found
-
-
-def _criterion(criterion: Criterion) -> str:
-    scaling = criterion.scaling if isinstance(criterion.scaling, str) else "given"
-    return f"{words(criterion.kind)}, scaling {scaling}"
 
 
 def _differences(records: Sequence[Named]) -> Section:

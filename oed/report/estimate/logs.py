@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -19,20 +18,12 @@ NAMED = 3
 """How many clocks a sentence names before it counts the others."""
 
 
-@dataclass(frozen=True)
-class LogFinding:
-    """A finding, and the name of its log."""
-
-    log: str
-    finding: Finding
-
-
-def findings(record: EstimateRecord) -> dict[tuple[str, bool], list[LogFinding]]:
-    """Findings by kind and doubtfulness, the doubtful ones first."""
-    groups: dict[tuple[str, bool], list[LogFinding]] = {}
+def findings(record: EstimateRecord) -> dict[tuple[str, bool], list[tuple[str, Finding]]]:
+    """Findings, each with its log's name, by kind and doubtfulness, the doubtful ones first."""
+    groups: dict[tuple[str, bool], list[tuple[str, Finding]]] = {}
     for log in record.logs:
         for one in log.findings:
-            groups.setdefault((one.name, bool(one.doubtful)), []).append(LogFinding(log.name, one))
+            groups.setdefault((one.name, bool(one.doubtful)), []).append((log.name, one))
     return dict(sorted(groups.items(), key=lambda item: not item[0][1]))
 
 
@@ -92,17 +83,18 @@ def _named(log: ReadLog) -> str:
 def _findings(record: EstimateRecord) -> Table:
     groups = list(findings(record).values())
 
-    def count(group: Sequence[LogFinding]) -> float:
-        return float(len({one.log for one in group}))
+    def count(group: Sequence[tuple[str, Finding]]) -> float:
+        return float(len({log for log, _ in group}))
 
-    def text(group: Sequence[LogFinding]) -> str:
-        message, alone = in_signs(group[0].finding.message), len(groups) == 1 and count(group) == 1
-        return message if alone else f"{group[0].log}: {message}"
+    def text(group: Sequence[tuple[str, Finding]]) -> str:
+        log, first = group[0]
+        alone = len(groups) == 1 and count(group) == 1
+        return in_signs(first.message) if alone else f"{log}: {in_signs(first.message)}"
 
     columns = (
-        Column("finding", cell=lambda group: words(group[0].finding.name)),
+        Column("finding", cell=lambda group: words(group[0][1].name)),
         Column("logs", "", whole, count),
-        Column("doubtful", cell=lambda group: bool(group[0].finding.doubtful)),
+        Column("doubtful", cell=lambda group: bool(group[0][1].doubtful)),
         Column("in words", cell=text),
     )
     return Table.of(groups, columns, "What was found in the logs, by kind, each with its first instance")

@@ -18,10 +18,10 @@ from oed.foundation.text import (
     unit_for,
     words,
 )
-from oed.records.stored.estimate import Estimated, EstimateRecord, FoundNoise, Unknown
+from oed.records.stored.estimate import Estimated, EstimateRecord, Finding, FoundNoise, Unknown
 from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
 from oed.report.estimate.fit import segment_text
-from oed.report.estimate.logs import MOST_ROWS, LogFinding, clock_label, clocks, findings, offset_clocks
+from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, findings, offset_clocks
 from oed.report.estimate.models import model_lines
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Cell, Column, Section, Table, estimated, lasting, span_text
@@ -52,7 +52,9 @@ def summary(record: EstimateRecord) -> Section:
     origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
     outside = [one.name for one in record.parameters if one.nominal_outside]
     said = (origin, " ".join(gains(record)), SAY("nominal", outside, len(record.parameters)))
-    return Section.of("Summary", *said, estimates(record), notices=(*warnings(record), *notes(record)))
+    return Section.of(
+        "Summary", *said, estimates(record), notices=(*warnings(record), *map(sentence, record.notes))
+    )
 
 
 def estimates(record: EstimateRecord) -> Table:
@@ -103,7 +105,7 @@ def estimate_lines(record: EstimateRecord) -> list[str]:
         *gains(record),
         *model_lines(record),
         *(f"warning: {text}" for text in warnings(record)),
-        *(f"note: {text}" for text in notes(record)),
+        *(f"note: {sentence(text)}" for text in record.notes),
     ]
 
 
@@ -132,11 +134,6 @@ def warnings(record: EstimateRecord) -> list[str]:
     return list(filter(None, [*found, *_doubts(record), _worse(record), *_failed(record)]))
 
 
-def notes(record: EstimateRecord) -> list[str]:
-    """What was decided or seen on the way."""
-    return [sentence(text) for text in record.notes]
-
-
 def _worse(record: EstimateRecord) -> str:
     runs = tested(record.test_set) or folds_of(record)
     pairs = [(name, means(runs, key)) for name, key, _ in GAINS]
@@ -154,10 +151,9 @@ def _doubts(record: EstimateRecord) -> list[str]:
     return [_doubt(group) for (_, doubtful), group in findings(record).items() if doubtful]
 
 
-def _doubt(group: Sequence[LogFinding]) -> str:
-    first = group[0]
-    others = len({one.log for one in group} - {first.log})
-    return SAY("doubt", first.log, in_signs(first.finding.message), others)
+def _doubt(group: Sequence[tuple[str, Finding]]) -> str:
+    log, first = group[0]
+    return SAY("doubt", log, in_signs(first.message), len({name for name, _ in group} - {log}))
 
 
 def sentence(text: str) -> str:

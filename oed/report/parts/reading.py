@@ -61,11 +61,6 @@ def runs_of(record: Record) -> int:
     return record.study.trajectory.runs
 
 
-def whole_duration(record: Record) -> float:
-    """Duration of the designed drives, all runs together [s]."""
-    return runs_of(record) * record.study.trajectory.duration
-
-
 def duration_text(record: Record) -> str:
     """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
     duration, runs = f"{record.study.trajectory.duration:g} s", runs_of(record)
