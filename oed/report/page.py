@@ -101,11 +101,6 @@ def _escaped(text: str) -> str:
     return re.sub(r"([\\`*_\[\]<>#~|$])", r"\\\1", text)
 
 
-def table_text(text: str) -> str:
-    """A table's cell as Markdown."""
-    return _escaped(" ".join(text.split()))
-
-
 def fence(code: str) -> str:
     """The fence that encloses a code block: longer than any run of backticks in it."""
     longest = max((len(run) for run in re.findall(r"`+", code)), default=0)
@@ -123,14 +118,8 @@ def embedded(gif: Path) -> str:
     return f"data:image/gif;base64,{base64.b64encode(gif.read_bytes()).decode('ascii')}"
 
 
-def inline_svg(svg: str, name: str, alt: str) -> Markup:
-    """An SVG file's text as an element of a page, its ids made unique to the figure.
-
-    Args:
-        svg: the file's text.
-        name: of the figure.
-        alt: what it shows, for those who do not see it.
-    """
+def _inline_svg(svg: str, name: str, alt: str) -> Markup:
+    # An SVG file's text as an element of a page, its ids made unique to the figure.
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
     label = f'<svg role="img" aria-label="{escape(alt)}"'
@@ -140,10 +129,10 @@ def inline_svg(svg: str, name: str, alt: str) -> Markup:
 FILTERS = {
     "html": html_text,
     "markdown": markdown_text,
-    "cell": table_text,
+    "cell": lambda text: _escaped(" ".join(text.split())),
     "data": script_data,
     "embedded": embedded,
     "fence": fence,
-    "inline": inline_svg,
+    "inline": _inline_svg,
 }
 """Of the templates of pages."""

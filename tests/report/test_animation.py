@@ -17,7 +17,7 @@ import oed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.records.record import Record, save_record
 from oed.report import write_report
-from oed.report.figures.driven import room_of, view_of
+from oed.report.figures.driven import view_of
 from oed.report.film.cast import PAUSE, Cast, motion
 from oed.report.film.stage import FACE, TRACE, Stage
 from oed.report.film.writing import FORMATS, Frame
@@ -85,7 +85,7 @@ class TestStage:
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()
         stage = stage_of(record)
-        width, height = view_of(record, [record.best], room_of(record)).size
+        width, height = view_of(record, [record.best]).size
         first = Cast.of(record.best).runs[0]
         places = {}
         for time in (0.0, 8.0):

@@ -210,14 +210,9 @@ def _trailer(record: Record, poses: Array) -> Array | None:
     return robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
 
 
-def view_of(record: Record, results: Sequence[Result], room: Room) -> Box:
-    """A view on drives, workspace and obstacles, with a margin.
-
-    Args:
-        record: that has the results.
-        results: whose drives are seen.
-        room: with walls and obstacles.
-    """
+def view_of(record: Record, results: Sequence[Result]) -> Box:
+    """A view on drives, workspace and obstacles, with a margin."""
+    room = room_of(record)
     runs = [poses for one in results if one.drive is not None for poses in one.drive.by_run]
     trailers = (_trailer(record, poses) for poses in runs)
     paths = [*(poses[:, :2] for poses in runs), *(path for path in trailers if path is not None)]

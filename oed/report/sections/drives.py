@@ -99,7 +99,7 @@ def player(record: Record) -> Section | None:
     results = sorted(with_drive(record), key=lambda one: best is None or one.name != best.name)
     if not results:
         return None
-    view = view_of(record, results, room)
+    view = view_of(record, results)
     (left, bottom), (right, top) = view.low, view.high
     animation = Animation(
         drives=tuple(run for one in results for run in _runs(one)),
