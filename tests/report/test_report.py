@@ -145,10 +145,10 @@ def test_paper_table_holds_the_records_numbers() -> None:
             math.inf if value is None else value for value in (getattr(one, key) for one in record.results)
         ]
     first = record.results[0]
-    assert column(table, "|y|")[0] == pytest.approx(1e3 * first.norm_y)
-    factor = first.condition_number / (1e3 * first.norm_y)
+    assert column(table, "|y|")[0] == pytest.approx(100 * first.norm_y)
+    factor = first.condition_number / (100 * first.norm_y)
     assert column(table, "cond(W)/|y|")[0] == pytest.approx(factor)
-    assert table.columns[5].heading == "|y| [mm]"
+    assert table.columns[5].heading == "|y| [cm]"
 
 
 def test_heading_response_is_in_radians_and_a_mixed_one_is_left_out() -> None:

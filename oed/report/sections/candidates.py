@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import fixed, own_unit, significant, whole
+from oed.foundation.text import fixed, significant, whole
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -18,6 +18,8 @@ from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("candidates")
 FOUR = significant(4)
+CENTIMETRES = 100.0
+"""In a metre: the founding paper's table has |y| in cm."""
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""
 PRACTICALLY = 1e-3
@@ -183,7 +185,7 @@ def _response(unit: str) -> tuple[Column, Column]:
         condition = or_infinite(one, one.condition_number)
         if one.norm_y is None or condition is None:
             return None
-        return one.norm_y if unit == "rad" else one.norm_y * own_unit("m")[1]
+        return one.norm_y if unit == "rad" else CENTIMETRES * one.norm_y
 
     def factor(one: Result) -> float | None:
         response, condition = size(one), or_infinite(one, one.condition_number)
@@ -195,4 +197,4 @@ def _response(unit: str) -> tuple[Column, Column]:
 def _response_unit(record: Record) -> str:
     # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
     block, *others = dict.fromkeys(one.block for one in record.parameters)
-    return "" if others else {"position": own_unit("m")[0], "heading": "rad"}.get(block, "")
+    return "" if others else {"position": "cm", "heading": "rad"}.get(block, "")
