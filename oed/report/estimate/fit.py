@@ -32,7 +32,7 @@ def error_bars(record: EstimateRecord) -> Section:
     """Standard errors side by side, segments, correlations."""
     return Section.of(
         "What the error bars rest on",
-        SAY("segments", record, segment_text(record)),
+        SAY("segments", record),
         SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record)),
         _side_by_side(record),
         _lengths(record),
@@ -40,14 +40,9 @@ def error_bars(record: EstimateRecord) -> Section:
     )
 
 
-def segment_text(record: EstimateRecord) -> str:
-    """`segments of 2 s (210 in all)`, or what else the logs were cut into."""
-    segments, parts = record.segments, "windows" if record.by_windows else "segments"
-    if segments is None or segments.seconds is None:
-        each = "whole logs"
-    else:
-        each = f"{parts} of {segments.seconds:.3g} s"
-    return f"{each} ({segments.count} in all)" if segments is not None and segments.count else each
+def error_line(record: EstimateRecord) -> str:
+    """For a terminal: how standard errors were found, and from what."""
+    return SAY("line", record)
 
 
 def _more_than_predicted(record: EstimateRecord) -> tuple[str, str]:

@@ -20,7 +20,7 @@ from oed.foundation.text import (
 )
 from oed.records.stored.estimate import Estimated, EstimateRecord, Finding, FoundNoise, Unknown
 from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
-from oed.report.estimate.fit import segment_text
+from oed.report.estimate.fit import error_line
 from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, findings, offset_clocks
 from oed.report.estimate.models import model_lines
 from oed.report.parts.prose import Prose
@@ -43,8 +43,6 @@ WORSE = 1.05
 """Ratio of errors after and before from which on the estimate has made dead reckoning worse."""
 WORTH_A_LINE = 0.02
 """Offset of two clocks that is worth a line in a terminal [s]."""
-DRIFT = {None: "", True: "; longer ones drift", False: "; no drift found"}
-"""What is said of segments that drift, or do not."""
 
 
 def summary(record: EstimateRecord) -> Section:
@@ -97,10 +95,9 @@ def estimate_rows(record: EstimateRecord) -> list[list[str]]:
 
 def estimate_lines(record: EstimateRecord) -> list[str]:
     """For a terminal: what the errors rest on, clocks, dead reckoning, models compared, warnings."""
-    drift = DRIFT[record.segments.drifts if record.segments else None]
     offset = offset_clocks(record, WORTH_A_LINE)
     return [
-        f"standard errors: {record.covariance_kind}, from {segment_text(record)}{drift}",
+        error_line(record),
         *([f"wheels' clock ahead of the poses': {offset}"] if offset else []),
         *gains(record),
         *model_lines(record),
