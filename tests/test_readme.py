@@ -14,7 +14,7 @@ from own_parts import OWN_PARTS
 from places import PROBLEMS, REPORTS, ROOT
 
 from oed.cli import main
-from oed.report.estimate.terminal import estimate_rows
+from oed.report.estimate.parameters import estimate_rows
 from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
 from oed.robots.presets import preset_names

@@ -4,29 +4,33 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-
-READABLE_UNITS = {"m": ("cm", 100.0)}
-"""SI unit -> unit in which parameters are shown, and its factor."""
+from collections.abc import Callable, Iterable, Sequence
 
 DEGREES = 180.0 / math.pi
 """In a radian."""
 
-FINE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
-    "m": (("cm", 1e2), ("mm", 1e3), ("µm", 1e6)),
-    "": (("", 1.0), ("×10⁻³", 1e3), ("×10⁻⁶", 1e6)),
-    "rad": (("deg", DEGREES),),
-    "rad/s": (("deg/s", DEGREES),),
-}
-"""SI unit -> units in which deviations are shown, coarse to fine, and their factors."""
-
-ENOUGH = 0.1
-"""Least number that is shown of a deviation before the next finer unit is taken."""
-LEAST = {"": 0.01}
-"""Least number that is shown in the coarsest unit of these, where that is another."""
-
 Unit = tuple[str, float]
 Form = Callable[[float], str]
+
+LADDERS: dict[str, tuple[tuple[str, float, float], ...]] = {
+    "m": (("m", 1.0, 1.0), ("mm", 1e3, 1e-4), ("µm", 1e6, 0.0)),
+    "s": (("s", 1.0, 1.0), ("ms", 1e3, 0.0)),
+    "m/m": (("mm/m", 1e3, 0.0),),
+    "rad": (("deg", DEGREES, 0.0),),
+    "rad/m": (("deg/m", DEGREES, 0.0),),
+    "rad/s": (("deg/s", DEGREES, 0.0),),
+}
+"""SI unit -> units from coarse to fine, their factors, and the least size [SI] that they suit."""
+OWN_UNITS: dict[str, Unit] = {
+    "m": ("mm", 1e3),
+    "s": ("ms", 1e3),
+    "rad": ("deg", DEGREES),
+    "rad/s": ("deg/s", DEGREES),
+}
+"""SI unit -> unit in which parameters and their errors are shown, so that lengths compare."""
+MOST_DECIMALS = 9
+MISSING = "–"
+"""What stands where there is no number."""
 
 
 def significant(digits: int) -> Form:
@@ -64,63 +68,91 @@ def _special(value: float) -> str:
     return "undefined" if math.isnan(value) else "∞" if value > 0 else "-∞"
 
 
-def readable(value: float, unit: str) -> tuple[float, str]:
-    """A parameter's value and unit as shown: lengths in cm."""
-    shown, factor = READABLE_UNITS.get(unit, (unit, 1.0))
-    return value * factor, shown
+def unit_for(sizes: Iterable[float | None], unit: str) -> Unit:
+    """The unit, and its factor from SI, in which most of these sizes [SI] are easily read."""
+    known = sorted(abs(size) for size in sizes if size is not None)
+    size = known[len(known) // 2] if known else 0.0
+    ladder = LADDERS.get(unit, ((unit, 1.0, 0.0),))
+    for shown, factor, least in ladder:
+        if size >= least and size > 0:
+            return shown, factor
+    # Of nothing at all neither the coarsest nor the finest.
+    return ladder[min(1, len(ladder) - 1)][:2]
 
 
-def fine_unit(size: float | None, unit: str, least: float | None = None) -> Unit:
-    """The unit, and its factor from SI, in which a deviation of that size [SI] is easily read.
+def own_unit(unit: str | None) -> Unit:
+    """The unit, and its factor from SI, in which a parameter and its errors are shown."""
+    return OWN_UNITS.get(unit or "", (unit or "", 1.0))
+
+
+def shown_unit(unit: str | None) -> str:
+    """The unit in which a parameter is shown, "1" for none."""
+    return unit_text(own_unit(unit)[0]) or "1"
+
+
+def decimals_of(error: float | None) -> int | None:
+    """Decimals down to an error's second digit; None where the error says nothing of that."""
+    if error is None or not math.isfinite(error) or error <= 0:
+        return None
+    exponent = int(f"{error:.1e}".split("e")[1])
+    return min(max(1 - exponent, 0), MOST_DECIMALS)
+
+
+def to_error(value: float | None, error: float | None, factor: float = 1.0) -> str:
+    """A number rounded to its error's second digit, both [SI] shown times a factor.
 
     Args:
-        size: of the deviation, SI.
+        value: [SI].
+        error: its standard error [SI].
+        factor: to the unit shown.
+    """
+    if value is None:
+        return MISSING
+    decimals = decimals_of(None if error is None else error * factor)
+    shown = value * factor
+    if decimals is None or abs(shown) >= 1e6:
+        return significant(5)(shown)
+    return fixed(decimals)(shown)
+
+
+def error_text(error: float | None, factor: float = 1.0) -> str:
+    """An error's two digits."""
+    if error is None:
+        return MISSING
+    return significant(2)(error * factor) if error * factor >= 1e6 else to_error(error, error, factor)
+
+
+def nominal_text(value: float) -> str:
+    """A nominal value in its unit, without idle digits."""
+    return f"{value:.6g}"
+
+
+def deviation_text(size: float, unit: str) -> str:
+    """A parameter's standard deviation [SI]: `0.30 mm`."""
+    shown, factor = own_unit(unit)
+    return f"{error_text(size, factor)} {unit_text(shown)}".strip()
+
+
+def size_text(size: float, unit: str, digits: int = 3) -> str:
+    """A size [SI] in the unit that suits it: `45.2 mm`.
+
+    Args:
+        size: [SI].
         unit: SI unit.
-        least: number that may be shown; `LEAST` by default.
+        digits: that are shown.
     """
-    choices = FINE_UNITS.get(unit, ((unit, 1.0),))
-    if size is None or not math.isfinite(size) or size <= 0:
-        return choices[0]
-    first, others = (LEAST.get(unit, ENOUGH), ENOUGH) if least is None else (least, least)
-    needed = [first, *[others] * (len(choices) - 1)]
-    good = (choice for choice, enough in zip(choices, needed, strict=True) if size * choice[1] >= enough)
-    return next(good, choices[-1])
-
-
-def common_units(sizes: Mapping[str, float | None], units: Mapping[str, str]) -> dict[str, Unit]:
-    """A unit, and its factor from SI, for the deviations of each parameter: one for all lengths, and so on.
-
-    Args:
-        sizes: standard deviations by parameter, SI; None for those that are not identifiable.
-        units: SI units by parameter.
-    """
-    smallest: dict[str, float] = {}
-    for name, size in sizes.items():
-        if size is not None and math.isfinite(size) and size > 0:
-            smallest[units[name]] = min(size, smallest.get(units[name], math.inf))
-    return {name: fine_unit(smallest.get(unit), unit) for name, unit in units.items()}
-
-
-def deviation_text(size: float, unit: str, chosen: Unit | None = None) -> str:
-    """A standard deviation [SI] in the unit that suits it, or the one chosen: `30.3 µm`.
-
-    Args:
-        size: of the deviation, SI.
-        unit: SI unit.
-        chosen: the unit to show it in, and its factor; the one that suits it by default.
-    """
-    shown, factor = chosen or fine_unit(size, unit)
-    return quantity(size * factor, shown)
+    shown, factor = unit_for([size], unit)
+    return quantity(size * factor, shown, digits)
 
 
 def given_text(size: float, unit: str) -> str:
-    """A quantity [SI] that somebody chose, without idle digits: `1 cm`, `2.5 deg`."""
-    shown, factor = fine_unit(abs(size), unit, least=1 - 1e-9)
+    """A quantity [SI] that somebody chose, without idle digits: `10 mm`, `2.5 deg`."""
+    shown, factor = unit_for([size], unit)
     return f"{size * factor:.4g} {unit_text(shown)}".strip()
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """`4.90 cm`; just the number where there is no unit.
+    """`49.0 mm`; just the number where there is no unit.
 
     Args:
         value: in `unit`.

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from oed.foundation.text import fixed, significant, words
-from oed.kernel.criteria import Criterion
 from oed.records.record import Record
+from oed.records.stored.result import Result
 from oed.report.figures import paths
 from oed.report.figures.driven import path_of, room_of
 from oed.report.page import render
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import or_infinite, regression_of, whole_duration
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.reading import or_infinite, regression_of
+from oed.report.parts.section import Cell, Column, Picture, Section, Table
 
 SAY = Prose("comparison")
 Named = tuple[str, Record]
+NAME = Column("record", cell=lambda item: item[0])
 
 ASKED = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
 """Keys of a study that say what is designed for, rather than how it was searched."""
@@ -31,43 +31,44 @@ def write_comparison(records: Sequence[Named], folder: str | Path) -> Path:
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    sections = [_summary(records), _differences(records), _paths(records), _precision(records)]
-    made = [section for section in sections if section is not None]
-    return render("Comparison", made, Path(folder))
+    sections = (_summary(records), _differences(records), _paths(records), _precision(records))
+    return render("Comparison", sections, Path(folder))
 
 
 def _summary(records: Sequence[Named]) -> Section:
+    def condition(best: Result) -> float | None:
+        return or_infinite(best, best.condition_number)
+
+    def duration(item: Named) -> float:
+        asked = item[1].study.trajectory
+        return asked.runs * asked.duration
+
     columns = (
-        Column("record"),
-        Column("study"),
-        Column("robot"),
-        Column("criterion"),
-        Column("best result"),
-        Column("objective", "", significant(4)),
-        Column("s_min(W)", "rad", significant(4)),
-        Column("cond(W)", "", significant(4)),
-        Column("duration", "s", significant(3)),
-        Column("path length", "m", fixed(2)),
+        NAME,
+        Column("study", cell=lambda item: item[1].study.name),
+        Column("robot", cell=lambda item: item[1].study.robot.kind),
+        Column("criterion", cell=lambda item: SAY("criterion", item[1].study.criterion)),
+        Column("best result", cell=_of_best(lambda best: best.name)),
+        Column("objective", "", significant(4), _of_best(lambda best: best.objective)),
+        Column("s_min(W)", "rad", significant(4), _of_best(lambda best: best.smallest_singular_value, True)),
+        Column("cond(W)", "", significant(4), _of_best(condition, True)),
+        Column("duration", "s", significant(3), duration),
+        Column("path length", "m", fixed(2), _of_best(lambda best: best.path_length)),
     )
-    missing = tuple(f"{name}: no feasible drive." for name, record in records if record.best is None)
-    table = Table(columns, tuple(_summary_row(name, record) for name, record in records))
-    return Section("Best drives", paragraphs=(SAY("best", len(records)),), tables=(table,), notices=missing)
+    missing = (f"{name}: no feasible drive." for name, record in records if record.best is None)
+    said = SAY("best", len(records))
+    return Section.of("Best drives", said, Table.of(records, columns), notices=missing)
 
 
-def _summary_row(name: str, record: Record) -> tuple[Cell, ...]:
-    study, best = record.study, record.best
-    asked = (name, study.name, study.robot.kind, _criterion(study.criterion))
-    if best is None:
-        return (*asked, None, None, None, None, whole_duration(record), None)
-    # Sensors have no regressor W.
-    known = regression_of(record) is not None
-    own = (best.smallest_singular_value, or_infinite(best, best.condition_number)) if known else (None, None)
-    return (*asked, best.name, best.objective, *own, whole_duration(record), best.path_length)
+def _of_best(cell: Callable[[Result], Cell], regressor: bool = False) -> Callable[[Named], Cell]:
+    # Of the best result; what is of the regressor W is not of sensors, which have none.
+    def found(item: Named) -> Cell:
+        _, record = item
+        if record.best is None or (regressor and regression_of(record) is None):
+            return None
+        return cell(record.best)
 
-
-def _criterion(criterion: Criterion) -> str:
-    scaling = criterion.scaling if isinstance(criterion.scaling, str) else "given"
-    return f"{words(criterion.kind)}, scaling {scaling}"
+    return found
 
 
 def _differences(records: Sequence[Named]) -> Section:
@@ -76,11 +77,12 @@ def _differences(records: Sequence[Named]) -> Section:
     flat = [_flattened(study) for study in asked]
     keys = sorted({key for study in flat for key in study})
     differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
-    columns = (Column("key"), *(Column(name) for name, _ in records))
-    rows = tuple((key, *(study.get(key) for study in flat)) for key in differing)
-    if not rows:
-        return Section("What differs", paragraphs=("The studies design for the same problem.",))
-    return Section("What differs", tables=(Table(columns, rows, "Keys of the studies, in SI units"),))
+    columns = (
+        Column("key"),
+        *(Column(name, cell=study.get) for (name, _), study in zip(records, flat, strict=True)),
+    )
+    table = Table.of(differing, columns, "Keys of the studies, in SI units")
+    return Section.of("What differs", table if differing else SAY("alike"))
 
 
 def _flattened(part: Any, prefix: str = "") -> dict[str, str]:
@@ -105,27 +107,31 @@ def _text(value: Any) -> str:
 
 
 def _paths(records: Sequence[Named]) -> Section | None:
-    drawn = [(name, record, record.best) for name, record in records if record.best is not None]
-    pictures = tuple(
-        Picture(
-            f"path_{number}",
-            f"Path of the best drive of {name}",
-            name,
-            paths.paths([path_of(record, best)], room_of(record)),
-        )
-        for number, (name, record, best) in enumerate(drawn, 1)
-    )
-    return Section("Best paths, each in its own workspace", figures=pictures) if pictures else None
+    pictures: list[Picture] = []
+    for name, record in records:
+        if record.best is not None:
+            figure = paths.paths([path_of(record, record.best)], room_of(record))
+            alt = f"Path of the best drive of {name}"
+            pictures.append(Picture(f"path_{len(pictures) + 1}", alt, name, figure))
+    return Section.of("Best paths, each in its own workspace", *pictures) if pictures else None
 
 
 def _precision(records: Sequence[Named]) -> Section | None:
-    names = list(dict.fromkeys(one.name for _, record in records for one in record.parameters))
-    known = [(name, relative_deviations(record)) for name, record in records]
-    rows = tuple((name, *(sizes.get(one) for one in names)) for name, sizes in known if sizes)
-    if not rows:
-        return None
-    columns = (Column("record"), *(Column(words(name), "%", significant(3)) for name in names))
-    return Section("Predicted precision", paragraphs=(SAY("precision"),), tables=(Table(columns, rows),))
+    names = dict.fromkeys(one.name for _, record in records for one in record.parameters)
+    known = [(name, sizes) for name, record in records if (sizes := relative_deviations(record))]
+    table = Table.of(known, (NAME, *deviation_columns(names, lambda item: item[1])))
+    return Section.of("Predicted precision", SAY("precision"), table) if known else None
+
+
+def deviation_columns(
+    names: Iterable[str], sizes: Callable[[Any], Mapping[str, float | None]]
+) -> Iterator[Column]:
+    """A column for each parameter, of what an item has for relative deviations [%]."""
+    return (_deviation(name, sizes) for name in names)
+
+
+def _deviation(name: str, sizes: Callable[[Any], Mapping[str, float | None]]) -> Column:
+    return Column(words(name), "%", significant(3), lambda item: sizes(item).get(name))
 
 
 def relative_deviations(record: Record) -> dict[str, float | None]:

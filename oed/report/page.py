@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
@@ -22,7 +23,7 @@ NAME = REPORT
 """Of a report's files, without suffix."""
 HTML, MARKDOWN = "report.html.jinja", "report.md.jinja"
 FIGURES = "figures"
-UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s|×10⁻³|×10⁻⁶"
+UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s"
 """Units that follow a number in a text."""
 WIDE = 9
 """Columns beyond which a table is set smaller."""
@@ -37,22 +38,23 @@ def write_report(record: Record, folder: str | Path) -> Path:
         UserMistake: the folder cannot be written to.
     """
     target = Path(folder)
-    sections = [with_film(section, record, target) for section in sections_of(record)]
+    sections = (with_film(section, record, target) for section in sections_of(record))
     return render(record.study.name, sections, target)
 
 
-def render(title: str, sections: list[Section], target: Path, name: str = NAME) -> Path:
+def render(title: str, parts: Iterable[Section | None], target: Path, name: str = NAME) -> Path:
     """Write sections as an HTML page, as Markdown and as figures/*.svg into `target`; returns the page.
 
     Args:
         title: of the page.
-        sections: in order.
+        parts: its sections, in order; None is left out.
         target: folder.
         name: of the page's files, without suffix.
 
     Raises:
         UserMistake: the folder cannot be written to.
     """
+    sections = [one for one in parts if one is not None]
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
     templates = environment().overlay()
@@ -70,8 +72,7 @@ def render(title: str, sections: list[Section], target: Path, name: str = NAME) 
 
 def sections_of(record: Record) -> list[Section]:
     """The sections that the record has something for, in order."""
-    made = (make(record) for make in SECTIONS)
-    return [section for section in made if section is not None]
+    return [section for make in SECTIONS if (section := make(record)) is not None]
 
 
 def _drawings(sections: list[Section]) -> dict[str, str]:
@@ -100,11 +101,6 @@ def _escaped(text: str) -> str:
     return re.sub(r"([\\`*_\[\]<>#~|$])", r"\\\1", text)
 
 
-def table_text(text: str) -> str:
-    """A table's cell as Markdown."""
-    return _escaped(" ".join(text.split()))
-
-
 def fence(code: str) -> str:
     """The fence that encloses a code block: longer than any run of backticks in it."""
     longest = max((len(run) for run in re.findall(r"`+", code)), default=0)
@@ -122,14 +118,8 @@ def embedded(gif: Path) -> str:
     return f"data:image/gif;base64,{base64.b64encode(gif.read_bytes()).decode('ascii')}"
 
 
-def inline_svg(svg: str, name: str, alt: str) -> Markup:
-    """An SVG file's text as an element of a page, its ids made unique to the figure.
-
-    Args:
-        svg: the file's text.
-        name: of the figure.
-        alt: what it shows, for those who do not see it.
-    """
+def _inline_svg(svg: str, name: str, alt: str) -> Markup:
+    # An SVG file's text as an element of a page, its ids made unique to the figure.
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
     label = f'<svg role="img" aria-label="{escape(alt)}"'
@@ -139,10 +129,10 @@ def inline_svg(svg: str, name: str, alt: str) -> Markup:
 FILTERS = {
     "html": html_text,
     "markdown": markdown_text,
-    "cell": table_text,
+    "cell": lambda text: _escaped(" ".join(text.split())),
     "data": script_data,
     "embedded": embedded,
     "fence": fence,
-    "inline": inline_svg,
+    "inline": _inline_svg,
 }
 """Of the templates of pages."""

@@ -9,18 +9,17 @@ from typing import Any
 from urllib.parse import quote
 
 from oed.foundation.files import inside
-from oed.foundation.text import count, listing, significant, unit_text, words
+from oed.foundation.text import listing, significant, unit_text, words
 from oed.records.record import Record, load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
-from oed.report.comparison import relative_deviations
+from oed.report.comparison import deviation_columns, relative_deviations
 from oed.report.figures import chart as charts
 from oed.report.figures import paths as path_figures
 from oed.report.figures.chart import Chart
 from oed.report.figures.driven import path_of, room_of
 from oed.report.page import NAME, render
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table, percent
 
 SAY = Prose("sweep")
 SERIES = 6
@@ -45,59 +44,40 @@ def write_sweep(found: StoredSweep, source: str | Path, folder: str | Path | Non
     records = {
         one.folder: load_record(inside(base, one.folder)) for one in found.points if one.record is not None
     }
-    sections = [
-        _summary(found),
-        _precision(found, records),
-        _paths(found, records),
-        _links(found, base) if base == target else None,
-    ]
+    links = _links(found, base) if base == target else None
+    sections = (_summary(found), _precision(found, records), _paths(found, records), links)
     keys = listing([words(axis.name) for axis in found.keys])
-    return render(f"{found.name} over {keys}", [one for one in sections if one is not None], target)
+    return render(f"{found.name} over {keys}", sections, target)
 
 
 def _summary(found: StoredSweep) -> Section:
     columns = (
         *map(_key_column, found.keys),
-        Column("best result"),
-        Column("objective", "", significant(4)),
-        Column("lambda_min", "", significant(4)),
-        Column("bound", "", significant(4)),
-        Column("gap", "%", significant(2)),
-        Column("status"),
-        Column("time", "s", significant(3)),
-        *((Column("best"),) if found.comparable else ()),
+        Column("best result", cell=lambda one: one.design),
+        Column("objective", "", significant(4), lambda one: one.objective),
+        Column("lambda_min", "", significant(4), lambda one: one.lambda_min),
+        Column("bound", "", significant(4), lambda one: one.upper_bound),
+        Column("gap", "%", significant(2), lambda one: percent(one.gap)),
+        Column("status", cell=lambda one: words(one.status)),
+        Column("time", "s", significant(3), lambda one: one.seconds),
+        Column("best", cell=lambda one: "best" if one.folder == found.best else "")
+        if found.comparable
+        else None,
     )
-    return Section(
+    return Section.of(
         "Points",
-        paragraphs=(SAY("points", len(found.points), found.comparable),),
-        tables=(Table(columns, tuple(_summary_row(found, one) for one in found.points)),),
-        figures=_objective_figures(found) if found.comparable else (),
-        notices=tuple(f"{one.label}: {one.message}" for one in found.points if one.objective is None),
+        SAY("points", len(found.points), found.comparable),
+        Table.of(found.points, columns),
+        _objective(found) if found.comparable else None,
+        notices=(f"{one.label}: {one.message}" for one in found.points if one.objective is None),
     )
 
 
 def _key_column(axis: SweptKey) -> Column:
     if not axis.numeric:
-        return Column(words(axis.name))
-    return Column(words(axis.name), unit_text(axis.unit), lambda value: f"{value:g}")
-
-
-def _key_cells(found: StoredSweep, one: SweptPoint) -> tuple[Cell, ...]:
-    return tuple(one.numbers[axis.key] if axis.numeric else one.values[axis.key] for axis in found.keys)
-
-
-def _summary_row(found: StoredSweep, one: SweptPoint) -> tuple[Cell, ...]:
-    return (
-        *_key_cells(found, one),
-        one.design,
-        one.objective,
-        one.lambda_min,
-        one.upper_bound,
-        None if one.gap is None else 100 * one.gap,
-        words(one.status),
-        one.seconds,
-        *(("best" if one.folder == found.best else "",) if found.comparable else ()),
-    )
+        return Column(words(axis.name), cell=lambda one: one.values[axis.key])
+    unit = unit_text(axis.unit)
+    return Column(words(axis.name), unit, lambda value: f"{value:g}", lambda one: one.numbers[axis.key])
 
 
 def charted(found: StoredSweep, quantity: str, values: Mapping[str, float | None]) -> Chart | None:
@@ -133,15 +113,13 @@ def _setting(axis: SweptKey, one: SweptPoint) -> str:
     return f"{words(axis.name)} {one.values[axis.key]}"
 
 
-def _objective_figures(found: StoredSweep) -> tuple[Picture, ...]:
+def _objective(found: StoredSweep) -> Picture | None:
     chart = charted(found, "objective", {one.folder: one.objective for one in found.points})
-    if chart is None:
-        return ()
     grid = len(found.varied) == 2 and all(axis.numeric for axis in found.varied)
-    if len(chart.series) > SERIES and not grid:
-        return ()
-    figure = charts.lines(chart) if len(chart.series) <= SERIES else charts.heat_map(chart)
-    return (Picture("objective", f"Objective over {chart.across}", SAY("objective"), figure),)
+    if chart is None or (len(chart.series) > SERIES and not grid):
+        return None
+    figure = charts.panels([chart]) if len(chart.series) <= SERIES else charts.heat_map(chart)
+    return Picture("objective", f"Objective over {chart.across}", SAY("objective"), figure)
 
 
 def _precision(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
@@ -149,26 +127,14 @@ def _precision(found: StoredSweep, records: Mapping[str, Record]) -> Section | N
     names = list(dict.fromkeys(name for one in deviations.values() for name in one))
     if not names:
         return None
-    columns = (
-        *map(_key_column, found.keys),
-        *(Column(words(name), "%", significant(3)) for name in names),
-    )
-    rows = tuple(
-        (*_key_cells(found, one), *(deviations[one.folder].get(name) for name in names))
-        for one in found.points
-        if deviations.get(one.folder)
-    )
-    return Section(
-        "Predicted precision",
-        paragraphs=(SAY("deviations"),),
-        tables=(Table(columns, rows),),
-        figures=_precision_figures(found, names, deviations),
-    )
+    columns = (*map(_key_column, found.keys), *deviation_columns(names, lambda one: deviations[one.folder]))
+    table = Table.of((one for one in found.points if deviations.get(one.folder)), columns)
+    return Section.of("Predicted precision", SAY("deviations"), table, _deviations(found, names, deviations))
 
 
-def _precision_figures(
+def _deviations(
     found: StoredSweep, names: Sequence[str], deviations: Mapping[str, Mapping[str, float | None]]
-) -> tuple[Picture, ...]:
+) -> Picture | None:
     drawn = []
     for name in names:
         values = {folder: one.get(name) for folder, one in deviations.items()}
@@ -176,12 +142,9 @@ def _precision_figures(
         if chart is not None and len(chart.series) <= SERIES:
             drawn.append(replace(chart, title=words(name)))
     if not drawn:
-        return ()
-    alt, caption = (
-        f"Standard deviations over {drawn[0].across}",
-        "Predicted standard deviation of each parameter.",
-    )
-    return (Picture("precision", alt, caption, charts.panels(drawn)),)
+        return None
+    alt = f"Standard deviations over {drawn[0].across}"
+    return Picture("precision", alt, SAY("each"), charts.panels(drawn))
 
 
 def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
@@ -193,17 +156,11 @@ def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
         if result is not None:
             title = "\n".join(_setting(axis, one) for axis in found.keys)
             rooms.setdefault(repr(room), (room, []))[1].append(replace(path_of(record, result), title=title))
-    pictures = tuple(
-        Picture(
-            f"paths_{number}",
-            f"Paths of {count(len(paths), 'best drive')} in the same room",
-            "Best drives; colour and width show the speed.",
-            path_figures.paths(paths, room),
-        )
+    pictures = [
+        Picture(f"paths_{number}", SAY("room", len(paths)), SAY("best"), path_figures.paths(paths, room))
         for number, (room, paths) in enumerate(rooms.values(), start=1)
-    )
-    notes = tuple(filter(None, [SAY("drawn", PATHS, len(best))]))
-    return Section("Best paths", paragraphs=notes, figures=pictures) if best else None
+    ]
+    return Section.of("Best paths", SAY("drawn", PATHS, len(best)), *pictures) if best else None
 
 
 def _links(found: StoredSweep, base: Path) -> Section | None:

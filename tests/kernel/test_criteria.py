@@ -436,11 +436,11 @@ def test_meanings_in_words(criterion: Criterion, told: str):
         (D(), -6 * math.log(0.01), "the geometric mean of those along the ellipsoid's axes is 1.00 %"),
         (A(), -3e-4, "the root mean square of those of the parameters is 1.00 %"),
         (A(scaling="none"), -3e-4, ""),
-        (G(test_drive=LEGS), -1e-4, "the largest standard deviation of a predicted position is 1.00 cm"),
+        (G(test_drive=LEGS), -1e-4, "the largest standard deviation of a predicted position is 10 mm"),
         (
             I(test_drive=LEGS, quantity="heading"),
             -(math.radians(2) ** 2),
-            "the root mean square of the standard deviation of a predicted heading is 2.00 deg",
+            "the root mean square of the standard deviation of a predicted heading is 2.0 deg",
         ),
     ],
     ids=["E", "D", "A", "A in SI", "G", "I"],

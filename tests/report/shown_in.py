@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from oed.records.record import Record
 from oed.report.page import sections_of
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Table
+from oed.report.parts.section import Section, Table
 
 
 def section(record: Record, title: str) -> Section:

@@ -17,8 +17,8 @@ import oed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.records.record import Record, save_record
 from oed.report import write_report
-from oed.report.figures.driven import motion, motions_of, room_of, view_of
-from oed.report.film.cast import PAUSE, Cast
+from oed.report.figures.driven import view_of
+from oed.report.film.cast import PAUSE, Cast, motion
 from oed.report.film.stage import FACE, TRACE, Stage
 from oed.report.film.writing import FORMATS, Frame
 from oed.report.parts.section import Section
@@ -58,13 +58,13 @@ class TestMotion:
     @pytest.mark.parametrize("make", [crab, towing, omni])
     def test_it_passes_every_sample(self, make):
         entry = make().best
-        for run, poses in zip(motions_of(entry), entry.drive.by_run, strict=True):
+        for run, poses in zip(Cast.of(entry).runs, entry.drive.by_run, strict=True):
             times = np.linspace(0.0, 8.0, len(poses))
             found = np.array([run.at(time) for time in times])
             np.testing.assert_allclose(found, poses[:, : found.shape[1]], atol=1e-9)
 
     def test_the_path_grows(self):
-        run = motions_of(towing().best)[0]
+        run = Cast.of(towing().best).runs[0]
         lengths = [np.hypot(*np.diff(run.until(time), axis=0).T).sum() for time in np.linspace(0, 8, 9)]
         assert lengths[0] == 0
         assert (np.diff(lengths) > 0).all()
@@ -85,7 +85,7 @@ class TestStage:
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()
         stage = stage_of(record)
-        width, height = view_of(record, [record.best], room_of(record)).size
+        width, height = view_of(record, [record.best]).size
         first = Cast.of(record.best).runs[0]
         places = {}
         for time in (0.0, 8.0):

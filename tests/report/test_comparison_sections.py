@@ -12,6 +12,7 @@ from places import REPORTS
 from recorded import record_from
 from scipy import stats
 
+from oed.foundation.text import significant
 from oed.records.record import Record, load_record
 from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
@@ -50,7 +51,7 @@ class TestSummary:
         best, square = flagship.best, entry(flagship, "square")
         for one in (best, square):
             share = 100 * deviation(one, "c22") / 0.0245
-            assert f"±{share:.1f} %" in text
+            assert f"±{significant(2)(share)} %" in text
         assert f"{best.objective / square.objective:.1f} of them would be needed" in text
         assert f"objective of {best.objective:.1f}" in text
 

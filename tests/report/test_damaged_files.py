@@ -20,8 +20,8 @@ from oed.cli import main
 from oed.exporters import EXPORTERS, export
 from oed.foundation.errors import LogError, OedError, RecordError, UserMistake
 from oed.records.record import load_estimate, load_record
-from oed.report.estimate.page import estimate_sections
-from oed.report.estimate.terminal import estimate_lines, estimate_rows
+from oed.report.estimate import estimate_sections
+from oed.report.estimate.parameters import estimate_lines, estimate_rows
 from oed.report.figures.draw import svg_text
 from oed.report.film.animation import animate
 from oed.report.page import sections_of, write_report

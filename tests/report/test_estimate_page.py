@@ -12,13 +12,12 @@ import pytest
 from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part, read
 
 from oed.cli.terminal.console import print_estimate
+from oed.foundation.text import decimals_of, error_text, size_text, to_error
 from oed.report import write_estimate
-from oed.report.estimate.gist import gains, warnings
-from oed.report.estimate.page import estimate_sections
-from oed.report.figures.residuals import residuals_of
-from oed.report.parts.rounding import decimals_of, error_text, lasting, size_text, span_text, to_error
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Table
+from oed.report.estimate import estimate_sections
+from oed.report.estimate.parameters import gains, warnings
+from oed.report.figures.calibration import residuals_of
+from oed.report.parts.section import Section, Table, lasting, span_text
 
 
 def section(data: Data, title: str) -> Section:

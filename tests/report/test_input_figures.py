@@ -10,7 +10,7 @@ from sample_records import full, many
 from shown_in import section
 
 from oed.records.record import Record
-from oed.report.figures import time
+from oed.report.figures import chart
 from oed.report.figures.draw import drawn
 from oed.report.figures.spec import line_look
 from oed.report.parts.inputs import groups_of, series_of
@@ -55,7 +55,7 @@ def test_every_input_is_drawn_with_its_label() -> None:
     record = sample_rooms.crab()
     ((values, _),) = groups_of(record, 4)
     labels = [f"{name} (solid)" for name in ("front left", "front right", "rear left", "rear right")]
-    figure = drawn(time.series([series_of(record.results[0], values)], values, labels, None))
+    figure = drawn(chart.series([series_of(record.results[0], values)], values, labels, None))
     figure.canvas.draw()
     assert len([line for line in figure.axes[0].lines if len(line.get_xdata()) > 9]) == 4
     box = figure.legends[0].get_window_extent()

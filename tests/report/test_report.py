@@ -159,17 +159,17 @@ def test_heading_response_is_in_radians_and_a_mixed_one_is_left_out() -> None:
     assert not any("|y|" in entry.title for entry in both.columns)
 
 
-def test_deviations_in_cm_with_their_interval() -> None:
+def test_deviations_in_mm_with_their_interval() -> None:
     record = sample_records.single()
     table = section(record, "Predicted standard deviations").tables[0]
     known = record.results[0].standard_deviations
     for row, name in zip(table.rows, ("c21", "c22"), strict=True):
         deviation = known[name]
-        assert row[:3] == (name, "cm", pytest.approx(2.45))
+        assert row[:3] == (name, "mm", pytest.approx(24.5))
         assert row[3:] == (
-            pytest.approx(100 * deviation),
+            pytest.approx(1e3 * deviation),
             pytest.approx(100 * deviation / 0.0245),
-            pytest.approx(196 * deviation, rel=1e-4),
+            pytest.approx(1960 * deviation, rel=1e-4),
         )
 
 

@@ -7,18 +7,17 @@ import math
 import pytest
 
 from oed.foundation.text import (
-    common_units,
     count,
     deviation_text,
     fixed,
     given_text,
     listing,
+    own_unit,
     quantity,
-    readable,
     significant,
     slug,
 )
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Table
 
 
 @pytest.mark.parametrize(
@@ -51,8 +50,7 @@ def test_cells_as_printed() -> None:
 
 
 def test_words() -> None:
-    assert readable(0.0245, "m") == (pytest.approx(2.45), "cm")
-    assert readable(0.27, "") == (0.27, "")
+    assert (own_unit("m"), own_unit("")) == (("mm", 1e3), ("", 1.0))
     assert quantity(20.0, "rad/s^2") == "20.0 rad/s²"
     assert (listing([]), listing(["a"]), listing(["a", "b", "c"])) == ("", "a", "a, b and c")
     assert (count(1, "start"), count(12, "start")) == ("1 start", "12 starts")
@@ -62,41 +60,29 @@ def test_words() -> None:
 @pytest.mark.parametrize(
     ("size", "unit", "text"),
     [
-        (0.00472, "m", "0.472 cm"),
-        (3.03e-4, "m", "0.303 mm"),
-        (3.03e-5, "m", "30.3 µm"),
-        (3.03e-9, "m", "0.00303 µm"),
-        (0.05, "", "0.0500"),
-        (0.00361, "", "3.61 ×10⁻³"),
-        (3.61e-5, "", "36.1 ×10⁻⁶"),
-        (math.inf, "m", "∞ cm"),
+        (0.00472, "m", "4.7 mm"),
+        (3.03e-4, "m", "0.30 mm"),
+        (3.03e-5, "m", "0.030 mm"),
+        (3.03e-9, "m", "0.0000030 mm"),
+        (math.radians(2.5), "rad", "2.5 deg"),
+        (0.05, "", "0.050"),
+        (3.61e-5, "", "0.000036"),
+        (math.inf, "m", "∞ mm"),
     ],
 )
-def test_deviations_in_the_unit_that_suits_them(size: float, unit: str, text: str) -> None:
+def test_deviations_have_two_digits_in_the_unit_of_parameters(size: float, unit: str, text: str) -> None:
     assert deviation_text(size, unit) == text
 
 
 @pytest.mark.parametrize(
     ("size", "unit", "text"),
     [
-        (0.01, "m", "1 cm"),
-        (0.0005, "m", "500 µm"),
+        (0.01, "m", "10 mm"),
+        (0.0005, "m", "0.5 mm"),
+        (3.0, "m", "3 m"),
         (math.radians(2.5), "rad", "2.5 deg"),
-        (0.2, "s", "0.2 s"),
+        (0.2, "s", "200 ms"),
     ],
 )
 def test_given_quantities_have_no_idle_digits(size: float, unit: str, text: str) -> None:
     assert given_text(size, unit) == text
-
-
-def test_parameters_of_one_kind_share_a_unit() -> None:
-    units = common_units(
-        {"radius": 3e-5, "track": 1e-3, "slip": 0.02, "untold": None},
-        {"radius": "m", "track": "m", "slip": "", "untold": "m"},
-    )
-    assert {name: unit for name, (unit, _) in units.items()} == {
-        "radius": "µm",
-        "track": "µm",
-        "slip": "",
-        "untold": "µm",
-    }

@@ -98,7 +98,7 @@ class TestWords:
 
     def test_what_may_differ_is_said(self):
         assert "track ± 9 mm (5 % of nominal)" in text_of()
-        assert "track 17 cm to 20 cm" in text_of(uncertain=[ONE_SIDED])
+        assert "track 170 mm to 200 mm" in text_of(uncertain=[ONE_SIDED])
         assert "(standard deviation)" in text_of(uncertain=[SLIP])
         assert "% of nominal)" not in text_of(uncertain=[SLIP])
 

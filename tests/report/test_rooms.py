@@ -21,7 +21,7 @@ from oed.records.record import Record
 from oed.report import write_report
 from oed.report.comparison import write_comparison
 from oed.report.figures import draw, spec
-from oed.report.figures.driven import Room, path_of, paths_of, robot_width, room_of
+from oed.report.figures.driven import Room, path_of, robot_width, room_of
 from oed.report.figures.paths import paths, surroundings
 from oed.report.page import script_data
 from oed.report.parts.reading import with_drive
@@ -30,7 +30,7 @@ from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 
 
 def drawn(record: Record) -> Figure:
-    return draw.drawn(paths(paths_of(record, with_drive(record)), room_of(record)))
+    return draw.drawn(paths([path_of(record, one) for one in with_drive(record)], room_of(record)))
 
 
 def legend(figure: Figure) -> list[str]:
@@ -132,7 +132,7 @@ def test_sideways_motion_is_seen_of_unlisted_robots() -> None:
     record = changed(sample_rooms.omni(), "robot", kind="python", object="hover:Craft")
     assert path_of(record, record.results[0]).sideways
     assert not path_of(full(), full().results[0]).sideways
-    assert not any(path.sideways for path in paths_of(sample_rooms.steered(), sample_rooms.steered().results))
+    assert not any(path_of(sample_rooms.steered(), one).sideways for one in sample_rooms.steered().results)
 
 
 def test_backwards_is_told_of_robots_that_only_drive_ahead() -> None:
@@ -204,7 +204,7 @@ def test_unknown_shapes_are_left_out() -> None:
         outline: ClassVar[None] = None
 
     record = full()
-    drives = paths_of(record, with_drive(record))
+    drives = [path_of(record, one) for one in with_drive(record)]
     assert not draw.drawn(paths(drives, Room(Blob(radius=1)))).axes[0].patches
     assert draw.drawn(paths(drives, Room(CircularRoom(radius=1)))).axes[0].patches
 

@@ -7,9 +7,9 @@ import sample_rooms
 from sample_records import full
 from shown_in import section
 
-from oed.report.figures import time
+from oed.report.figures import chart
 from oed.report.figures.draw import drawn
-from oed.report.figures.driven import Run, path_of, paths_of, room_of
+from oed.report.figures.driven import Run, path_of, room_of
 from oed.report.figures.paths import number_places, paths
 from oed.report.parts.inputs import groups_of, series_of
 
@@ -25,7 +25,7 @@ def test_paths_are_split_where_runs_begin() -> None:
 
 def test_no_line_joins_two_runs() -> None:
     record = sample_rooms.crab()
-    drives = paths_of(record, record.results)
+    drives = [path_of(record, one) for one in record.results]
     longest = max(run.steps.max() for drive in drives for run in drive.runs)
     for ax in drawn(paths(drives, room_of(record))).axes[:2]:
         lines = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) > 1]
@@ -35,7 +35,7 @@ def test_no_line_joins_two_runs() -> None:
 
 def test_every_run_has_its_marks_and_its_number() -> None:
     record = sample_rooms.crab()
-    ax = drawn(paths(paths_of(record, record.results), room_of(record))).axes[0]
+    ax = drawn(paths([path_of(record, one) for one in record.results], room_of(record))).axes[0]
     assert [text.get_text() for text in ax.texts] == ["1", "2", "3"]
     assert sum(line.get_marker() == "o" for line in ax.lines) == 3
     assert sum(line.get_marker() == "s" for line in ax.lines) == 3
@@ -43,7 +43,7 @@ def test_every_run_has_its_marks_and_its_number() -> None:
 
 
 def test_a_single_run_has_no_number() -> None:
-    figure = drawn(paths(paths_of(full(), full().results), room_of(full())))
+    figure = drawn(paths([path_of(full(), one) for one in full().results], room_of(full())))
     assert not figure.axes[0].texts
     assert "runs" not in section(full(), "Paths in the workspace").figures[1].caption
 
@@ -70,7 +70,7 @@ def test_lines_over_time_break_between_runs() -> None:
     for group in (values, rates):
         series = series_of(record.results[0], group)
         assert series.breaks == (8.0, 16.0)
-        figure = drawn(time.series([series], group, ["a", "b", "c", "d"], None))
+        figure = drawn(chart.series([series], group, ["a", "b", "c", "d"], None))
         lines, separators = figure.axes[0].lines[:4], figure.axes[0].lines[4:]
         for line in lines:
             gaps = np.isnan(np.asarray(line.get_ydata(), dtype=float))

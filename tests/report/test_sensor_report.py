@@ -233,10 +233,10 @@ class TestMeasured:
         assert measured_as(own) == brief
         text = readings_text(own)
         assert (
-            "x and y at every 5th sample (5 times) with a standard deviation of 1 cm per coordinate" in text
+            "x and y at every 5th sample (5 times) with a standard deviation of 10 mm per coordinate" in text
         )
-        assert "growing with the speed V as √(σ² + (kV)²), k = 2 cm per m/s" in text
-        assert "6 cm ahead of and 2 cm to the right of the robot's origin" in text
+        assert "growing with the speed V as √(σ² + (kV)²), k = 20 mm per m/s" in text
+        assert "60 mm ahead of and 20 mm to the right of the robot's origin" in text
         assert "2 beacons at (-1, -1) m and (9, 1) m at every sample (21 times)" in text
         assert "the yaw rate in every period (20 times) with a standard deviation of 1 deg/s" in text
 
@@ -269,14 +269,14 @@ class TestMeasured:
 
     def test_what_is_estimated_along_and_known_before(self):
         text = nuisance_text(record("sensors"))
-        assert "the initial pose (prior: ± 5 cm and ± 2 deg)" in text
-        assert "the lever arm of the poses (prior: ± 1 cm)" in text
+        assert "the initial pose (prior: ± 50 mm and ± 2 deg)" in text
+        assert "the lever arm of the poses (prior: ± 10 mm)" in text
         assert "and the bias of the yaw rate." in text
         assert prior_of(record("sensors")) == {"wheel_radius_left": "0.2 mm", "track": "10 %"}
 
     def test_a_prior_covariance_is_told_by_its_deviations(self):
         prior = {"standard_deviations": {}, "parameters": ["track"], "covariance": [[4e-8]]}
-        assert prior_of(changed("sensors", prior=prior)) == {"track": "0.200 mm"}
+        assert prior_of(changed("sensors", prior=prior)) == {"track": "0.20 mm"}
 
     @pytest.mark.parametrize(
         ("measurement", "told"),
@@ -287,11 +287,11 @@ class TestMeasured:
             ),
             (
                 {"quantities": ["x", "y"], "noise": {"x": 0.01, "position": 0.02}},
-                "standard deviations of 1 cm in x and 2 cm in y",
+                "standard deviations of 10 mm in x and 20 mm in y",
             ),
             (
                 {"quantities": ["x", "y"], "noise": {"covariance": [[1e-4, 0], [0, 4e-4]]}},
-                "given for one reading (standard deviations 1 cm in x and 2 cm in y)",
+                "given for one reading (standard deviations 10 mm in x and 20 mm in y)",
             ),
             (
                 {
@@ -304,7 +304,7 @@ class TestMeasured:
                     },
                 },
                 "growing with the speed V and the yaw rate Ω as √(σ² + (kV)² + (k'Ω)²), "
-                "k = 2 cm per m/s in position, k' = 2.865 deg per rad/s in heading",
+                "k = 20 mm per m/s in position, k' = 2.865 deg per rad/s in heading",
             ),
         ],
     )
@@ -339,8 +339,8 @@ class TestSummary:
             ("by_D", "D, the logarithm of the information's determinant"),
             ("by_A", "root mean square of those of the parameters is"),
             ("by_modified_E", "modified E, minus the condition number of the information"),
-            ("by_G", "the largest standard deviation of a predicted position is 1.49 cm"),
-            ("by_I", "of a predicted heading is 2.38 deg"),
+            ("by_G", "the largest standard deviation of a predicted position is 15 mm"),
+            ("by_I", "of a predicted heading is 2.4 deg"),
         ],
     )
     def test_every_criterion_in_words(self, kind: str, told: str):
@@ -364,7 +364,7 @@ class TestSummary:
 class TestPrecision:
     def test_deviations_are_readable_and_alike(self):
         by_parameter, _, all_drives = section(record("sensors"), "Predicted standard deviations").tables
-        assert column(by_parameter, "deviations in") == ["mm", "mm", "mm"]
+        assert column(by_parameter, "unit") == ["mm", "mm", "mm"]
         known = record("sensors").results[0].standard_deviations
         assert column(by_parameter, "standard deviation") == pytest.approx(
             [1e3 * one for one in known.values()]
@@ -373,8 +373,7 @@ class TestPrecision:
 
     def test_unlike_units_are_apart(self):
         table = section(record("absolute"), "Predicted standard deviations").tables[0]
-        assert column(table, "unit") == ["1", "1", "cm", "cm"]
-        assert column(table, "deviations in") == ["×10⁻³", "×10⁻³", "cm", "cm"]
+        assert column(table, "unit") == ["1", "1", "mm", "mm"]
 
     def test_correlations_are_those_of_the_covariance(self):
         table = section(record("sensors"), "Predicted standard deviations").tables[1]
@@ -410,8 +409,8 @@ class TestValidation:
 
     def test_means_have_as_many_digits_as_tell_a_bias(self):
         table = section(record("sensors"), "Validation by simulation").tables[-1]
-        assert column(table, "true")[0] == "4.9000"
-        assert column(table, "deviations in")[0] == "mm"
+        assert column(table, "true")[0] == "49.000"
+        assert column(table, "unit")[0] == "mm"
 
     def test_a_range_missed_by_chance_is_explained(self):
         table = section(record("sensors"), "Validation by simulation").tables[0]

@@ -72,7 +72,7 @@ class TestChart:
 
 def axes_of(places: tuple, *lines: tuple[float | None, ...]) -> Any:
     series = tuple((f"line {index}", line) for index, line in enumerate(lines))
-    return drawn(charts.lines(Chart("speed [m/s]", places, series, "objective"))).axes[0]
+    return drawn(charts.panels([Chart("speed [m/s]", places, series, "objective")])).axes[0]
 
 
 class TestScales:

@@ -138,8 +138,7 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
-    from oed.foundation.text import words
-    from oed.report.parts.rounding import error_text, own_unit, to_error
+    from oed.foundation.text import error_text, own_unit, to_error, words
 
     headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
     table = _table(headings, ("parameter", "unit"))
@@ -234,7 +233,7 @@ def _answer(asking: bool, question: str, default: str | None, choices: Sequence[
 
 def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
-    from oed.report.estimate.terminal import estimate_lines, estimate_rows
+    from oed.report.estimate.parameters import estimate_lines, estimate_rows
 
     headings = ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]")
     table = _table(headings, ("parameter", "unit"), no_wrap=True)

@@ -1,5 +1,51 @@
-"""The report of an estimate: what logs said of a robot, as a page of sections."""
+"""The page of an estimate, what logs said of a robot: sections in the order in which its owner needs them."""
 
-from oed.report.estimate.page import write_estimate
+from __future__ import annotations
 
-__all__ = ["write_estimate"]
+from collections.abc import Callable
+from pathlib import Path
+
+from oed.records.record import ESTIMATE, EstimateRecord
+from oed.report.estimate.dead_reckoning import paths, validation
+from oed.report.estimate.fit import error_bars, fit
+from oed.report.estimate.logs import logs
+from oed.report.estimate.models import models
+from oed.report.estimate.parameters import nuisances, summary
+from oed.report.page import render
+from oed.report.parts.provenance import estimate_provenance
+from oed.report.parts.section import Section
+
+SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
+    summary,
+    error_bars,
+    nuisances,
+    fit,
+    paths,
+    validation,
+    models,
+    logs,
+    estimate_provenance,
+)
+"""In the order of the page; a function returns None where the estimate has nothing for its section."""
+__all__ = ["estimate_sections", "write_estimate"]
+
+
+def write_estimate(record: EstimateRecord, folder: str | Path) -> Path:
+    """Write estimate.html, estimate.md and figures/estimate_*.svg into `folder`; returns estimate.html.
+
+    Args:
+        record: the estimate.
+        folder: that of the estimate; a design's report may be there, too.
+
+    Raises:
+        TypeError: plain data instead of an estimate.
+        UserMistake: the folder cannot be written to.
+    """
+    if not isinstance(record, EstimateRecord):
+        raise TypeError("expected an EstimateRecord, as `estimate` and `load_estimate` return; not its data")
+    return render(f"{record.title}: estimate from logs", estimate_sections(record), Path(folder), ESTIMATE)
+
+
+def estimate_sections(record: EstimateRecord) -> list[Section]:
+    """The sections that the estimate has something for, in order."""
+    return [section for make in SECTIONS if (section := make(record)) is not None]

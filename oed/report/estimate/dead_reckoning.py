@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
-from oed.foundation.text import count, significant, unit_text, words
-from oed.records.stored.estimate import EstimateRecord, Reckoned, UnseenLogs
+from oed.foundation.text import count, own_unit, significant, to_error, unit_text, words
+from oed.records.stored.estimate import Estimated, EstimateRecord, Reckoned, UnseenLogs
 from oed.report.estimate.logs import MOST_ROWS
 from oed.report.figures import calibration as figures
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import own_unit, scaled, sized, to_error
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Picture, Section, Table, sized
 
 SAY = Prose("estimate/dead_reckoning")
 MEASURES = (
@@ -72,35 +72,36 @@ def validation(record: EstimateRecord) -> Section | None:
         _errors(folds_of(record), caption),
         _parameters(record),
     )
-    found = tuple(table for table in tables if table is not None)
-    if not found:
-        return None
-    return Section("Cross-validation and test set", paragraphs=(SAY("errors"),), tables=found)
+    return Section.of("Cross-validation and test set", SAY("errors"), *tables) if any(tables) else None
 
 
 def _errors(runs: Sequence[Run], caption: str) -> Table | None:
     known = [one for one in MEASURES if means(runs, one[1]) is not None]
     if not known:
         return None
-    scales = {key: sized(title, _both(runs, key), unit) for title, key, unit in known}
-    factors = {key: factor for key, (_, factor) in scales.items()}
     shown, rest = _worst_first(runs)
-    rows = [_row(run.log, [run], factors) for run in shown]
+    items: list[tuple[str, Sequence[Run]]] = [(run.log, [run]) for run in shown]
     if rest:
         caption += SAY("worst", len(shown), len(runs))
-        rows.append(_row(f"and {len(rest)} more, on average", rest, factors))
+        items.append((f"and {len(rest)} more, on average", rest))
     if len(runs) > 1:
-        rows.append(_row(f"mean of all {len(runs)}", runs, factors))
-    columns = [Column("log"), Column("path", "m", significant(3))]
-    for column, _ in scales.values():
+        items.append((f"mean of all {len(runs)}", runs))
+    columns = [
+        Column("log", cell=lambda item: item[0]),
+        Column("path", "m", significant(3), _mean("length", 0)),
+    ]
+    for title, key, unit in known:
+        both = [value for run in runs for value in run.pair(key) or ()]
         columns += [
-            Column(f"{column.title} {when}", column.unit, column.form) for when in ("before", "after")
+            sized(f"{title} {when}", unit, both, _mean(key, at))
+            for at, when in enumerate(("before", "after"))
         ]
-    return Table(tuple(columns), tuple(rows), caption)
+    return Table.of(items, columns, caption)
 
 
-def _both(runs: Sequence[Run], key: str) -> list[float | None]:
-    return [value for run in runs for value in run.pair(key) or ()]
+def _mean(key: str, at: int) -> Callable[[Any], Cell]:
+    # Of a row's runs an error before (0) or after (1).
+    return lambda item: (means(item[1], key) or (None, None))[at]
 
 
 def _worst_first(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
@@ -110,31 +111,22 @@ def _worst_first(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
     return order[:MOST_ROWS], order[MOST_ROWS:]
 
 
-def _row(name: str, runs: Sequence[Run], factors: Mapping[str, float]) -> tuple[Cell, ...]:
-    cells: list[Cell] = []
-    for key, factor in factors.items():
-        cells += [scaled(value, factor) for value in means(runs, key) or (None, None)]
-    length = means(runs, "length")
-    return name, None if length is None else length[0], *cells
-
-
 def _parameters(record: EstimateRecord) -> Table | None:
     named = [(_name(fold), _values(fold, record)) for fold in record.cross_validation]
     if not named or not all(values for _, values in named):
         return None
     named.append(("nothing", {one.name: one.value for one in record.parameters}))
-    columns = [Column("left out")]
-    for one in record.parameters:
-        columns.append(Column(words(one.name), unit_text(own_unit(one.unit)[0]), significant(5)))
-    rows = tuple((name, *_estimates(values, record)) for name, values in named)
+
+    def column(one: Estimated) -> Column:
+        unit, factor = own_unit(one.unit)
+        estimate = partial(to_error, error=one.standard_error, factor=factor)
+        return Column(
+            words(one.name), unit_text(unit), significant(5), lambda item: estimate(item[1].get(one.name))
+        )
+
+    columns = (Column("left out", cell=lambda item: item[0]), *map(column, record.parameters))
     what = "each log" if one_by_one(record) else "each part of the logs"
-    return Table(tuple(columns), rows, f"Estimates without {what} in turn")
-
-
-def _estimates(values: Mapping[str, float | None], record: EstimateRecord) -> list[str]:
-    return [
-        to_error(values.get(one.name), one.standard_error, own_unit(one.unit)[1]) for one in record.parameters
-    ]
+    return Table.of(named, columns, f"Estimates without {what} in turn")
 
 
 def _values(fold: UnseenLogs, record: EstimateRecord) -> Mapping[str, float | None]:
@@ -159,4 +151,4 @@ def paths(record: EstimateRecord) -> Section | None:
     alt = "Driven paths beside dead reckoning with nominal and with estimated parameters"
     roles = sorted({str(one.role) for one in record.paths[: len(drawn)]})
     picture = Picture("estimate_paths", alt, SAY("paths"), figures.paths(drawn))
-    return Section("Driven paths", paragraphs=(SAY("drawn", roles),), figures=(picture,))
+    return Section.of("Driven paths", SAY("drawn", roles), picture)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import fixed, in_signs, significant, slug, words
+from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_unit, significant, slug, words
 from oed.records.stored.estimate import Column as Numbers
-from oed.records.stored.estimate import Estimated, EstimateRecord, TriedLength
+from oed.records.stored.estimate import EstimateRecord, TriedLength
 from oed.report.figures import calibration as figures
-from oed.report.figures.residuals import Residuals, residuals_of
+from oed.report.figures.calibration import Residuals, residuals_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import error_text, own_unit, probability, scaled, shown_unit, sized
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table, probability, sized
 
 SAY = Prose("estimate/fit")
 KINDS = ("information", "sandwich", "bootstrap")
@@ -32,24 +30,19 @@ TESTS = {
 
 def error_bars(record: EstimateRecord) -> Section:
     """Standard errors side by side, segments, correlations."""
-    tables = (_side_by_side(record), _lengths(record), _correlations(record))
-    cut = SAY("segments", record, segment_text(record))
-    errors = SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record))
-    return Section(
+    return Section.of(
         "What the error bars rest on",
-        paragraphs=tuple(filter(None, (cut, errors))),
-        tables=tuple(table for table in tables if table is not None),
+        SAY("segments", record),
+        SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record)),
+        _side_by_side(record),
+        _lengths(record),
+        _correlations(record),
     )
 
 
-def segment_text(record: EstimateRecord) -> str:
-    """`segments of 2 s (210 in all)`, or what else the logs were cut into."""
-    segments, parts = record.segments, "windows" if record.by_windows else "segments"
-    if segments is None or segments.seconds is None:
-        each = "whole logs"
-    else:
-        each = f"{parts} of {segments.seconds:.3g} s"
-    return f"{each} ({segments.count} in all)" if segments is not None and segments.count else each
+def error_line(record: EstimateRecord) -> str:
+    """For a terminal: how standard errors were found, and from what."""
+    return SAY("line", record)
 
 
 def _more_than_predicted(record: EstimateRecord) -> tuple[str, str]:
@@ -71,50 +64,38 @@ def _side_by_side(record: EstimateRecord) -> Table | None:
     kinds, used = _kinds(record), record.covariance_kind
     if len(kinds) < 2:
         return None
-    titles = [f"{kind} (used)" if kind == used else kind for kind in kinds]
-    columns = (Column("parameter"), Column("unit"), *(_digits(title, 2) for title in titles))
-    return Table(columns, tuple(_errors(one, kinds) for one in record.parameters), "Standard errors")
 
+    def column(kind: str) -> Column:
+        title = f"{kind} (used)" if kind == used else kind
+        return Column(
+            title, "", significant(2), lambda one: error_text(one.error(kind), own_unit(one.unit)[1])
+        )
 
-def _digits(title: str, digits: int) -> Column:
-    return Column(title, "", significant(digits))
-
-
-def _errors(one: Estimated, kinds: Sequence[str]) -> tuple[Cell, ...]:
-    factor = own_unit(one.unit)[1]
-    return words(one.name), shown_unit(one.unit), *(error_text(one.error(kind), factor) for kind in kinds)
+    columns = (
+        Column("parameter", cell=lambda one: words(one.name)),
+        Column("unit", cell=lambda one: shown_unit(one.unit)),
+        *map(column, kinds),
+    )
+    return Table.of(record.parameters, columns, "Standard errors")
 
 
 def _lengths(record: EstimateRecord) -> Table | None:
     segments = record.segments
     if segments is None or len(segments.tried) < 2:
         return None
-    abouts, first = list(segments.tried[0].sizes), segments.tried[0]
-    measures = [_measured(about, segments.tried) for about in abouts]
-    rows = tuple(
-        (
-            "whole logs" if one.seconds is None else f"{one.seconds:.3g} s",
-            *(
-                scaled(one.sizes.get(about), factor)
-                for about, (_, factor) in zip(abouts, measures, strict=True)
-            ),
-            _growth(one, first),
-            "chosen" if one.seconds == segments.seconds else "",
-        )
-        for one in segments.tried
-    )
+
+    def size(about: str) -> Column:
+        unit = "m" if about == "position" else "rad"
+        sizes = [one.sizes.get(about) for one in segments.tried]
+        return sized(words(about), unit, sizes, lambda one: one.sizes.get(about))
+
     columns = (
-        Column("segments"),
-        *(column for column, _ in measures),
-        Column("variance over the shortest's", "", fixed(2)),
-        Column("chosen"),
+        Column("segments", cell=lambda one: "whole logs" if one.seconds is None else f"{one.seconds:.3g} s"),
+        *map(size, segments.tried[0].sizes),
+        Column("variance over the shortest's", "", fixed(2), lambda one: _growth(one, segments.tried[0])),
+        Column("chosen", cell=lambda one: "chosen" if one.seconds == segments.seconds else ""),
     )
-    return Table(columns, rows, "Size of the residuals (RMS) by the length of the segments")
-
-
-def _measured(about: str, tried: Sequence[TriedLength]) -> tuple[Column, float]:
-    unit = "m" if about == "position" else "rad"
-    return sized(words(about), [one.sizes.get(about) for one in tried], unit)
+    return Table.of(segments.tried, columns, "Size of the residuals (RMS) by the length of the segments")
 
 
 def _growth(one: TriedLength, first: TriedLength) -> float | None:
@@ -152,36 +133,20 @@ def fit(record: EstimateRecord) -> Section | None:
     if not tests and not drawn:
         return None
     failed = sum(not one.passed for one in tests)
-    verdict = SAY("verdict", failed, len(tests), record.covariance_kind)
-    return Section(
-        "Does the fit hold",
-        paragraphs=(verdict,) if verdict else (),
-        tables=(_tests(record),) if tests else (),
-        figures=tuple(_picture(one) for one in drawn),
-    )
+    verdict, table = SAY("verdict", failed, len(tests), record.covariance_kind), _tests(record)
+    return Section.of("Does the fit hold", verdict, table if tests else None, *map(_picture, drawn))
 
 
 def _tests(record: EstimateRecord) -> Table:
     columns = (
-        Column("test"),
-        Column("of"),
-        Column("verdict"),
-        _digits("statistic", 3),
-        _digits("p-value", 2),
-        Column("in words"),
+        Column("test", cell=lambda one: TESTS.get(one.name, words(one.name))),
+        Column("of", cell=lambda one: words(one.about)),
+        Column("verdict", cell=lambda one: "passed" if one.passed else "not\u00a0passed"),
+        Column("statistic", "", significant(3), lambda one: one.statistic),
+        Column("p-value", "", probability, lambda one: one.p_value),
+        Column("in words", cell=lambda one: in_signs(one.message)),
     )
-    rows = tuple(
-        (
-            TESTS.get(one.name, words(one.name)),
-            words(one.about),
-            "passed" if one.passed else "not\u00a0passed",
-            one.statistic,
-            probability(one.p_value),
-            in_signs(one.message),
-        )
-        for one in record.diagnostics
-    )
-    return Table(columns, rows, "Tests of the fit")
+    return Table.of(record.diagnostics, columns, "Tests of the fit")
 
 
 def _picture(one: Residuals) -> Picture:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import PurePath
+from typing import Any
 
 from oed.foundation.text import fixed, in_signs, listing, whole, words
 from oed.records.stored.estimate import EstimateRecord, Finding, ReadLog, Unknown
-from oed.report.parts.rounding import scaled, sized
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Section, Table, sized
 
 MOST_ROWS = 15
 """Rows of a table beyond which the others share one."""
@@ -20,20 +18,12 @@ NAMED = 3
 """How many clocks a sentence names before it counts the others."""
 
 
-@dataclass(frozen=True)
-class LogFinding:
-    """A finding, and the name of its log."""
-
-    log: str
-    finding: Finding
-
-
-def findings(record: EstimateRecord) -> dict[tuple[str, bool], list[LogFinding]]:
-    """Findings by kind and doubtfulness, the doubtful ones first."""
-    groups: dict[tuple[str, bool], list[LogFinding]] = {}
+def findings(record: EstimateRecord) -> dict[tuple[str, bool], list[tuple[str, Finding]]]:
+    """Findings, each with its log's name, by kind and doubtfulness, the doubtful ones first."""
+    groups: dict[tuple[str, bool], list[tuple[str, Finding]]] = {}
     for log in record.logs:
         for one in log.findings:
-            groups.setdefault((one.name, bool(one.doubtful)), []).append(LogFinding(log.name, one))
+            groups.setdefault((one.name, bool(one.doubtful)), []).append((log.name, one))
     return dict(sorted(groups.items(), key=lambda item: not item[0][1]))
 
 
@@ -58,40 +48,32 @@ def offset_clocks(record: EstimateRecord, beyond: float = CLOCKS_APART) -> str:
 
 def logs(record: EstimateRecord) -> Section | None:
     """Tables of logs and of findings, grouped by kind."""
-    if not record.logs:
-        return None
-    tables = (_table(record), _findings(record))
-    return Section("Logs", tables=tuple(table for table in tables if table.rows))
+    tables = [table for table in (_table(record), _findings(record)) if table.rows]
+    return Section.of("Logs", *tables) if record.logs else None
 
 
 def _table(record: EstimateRecord) -> Table:
-    clock, factor = sized("clock offset", [log.clock_offset for log in record.logs], "s")
-    timed = bool(clocks(record))
-    numbered = list(enumerate(record.logs, 1))
-    if len(numbered) > MOST_ROWS:
+    items = [(str(number), log.name, [log]) for number, log in enumerate(record.logs, 1)]
+    if len(items) > MOST_ROWS:
         # Doubtful ones first; the order is otherwise kept.
-        numbered = sorted(numbered, key=lambda pair: not pair[1].doubtful)
-    shown, rest = numbered[:MOST_ROWS], [log for _, log in numbered[MOST_ROWS:]]
-    rows: list[tuple[Cell, ...]] = []
-    for number, log in shown:
-        offset = (scaled(log.clock_offset, factor),) if timed else ()
-        rows.append((float(number), log.name, *_sizes([log]), *offset, _named(log)))
-    if rest:
-        rows.append(("", f"and {len(rest)} more", *_sizes(rest), *([""] if timed else []), ""))
+        items.sort(key=lambda item: not item[2][0].doubtful)
+        rest = [log for _, _, logs in items[MOST_ROWS:] for log in logs]
+        items[MOST_ROWS:] = [("", f"and {len(rest)} more", rest)]
+
+    def alone(say: Callable[[ReadLog], Cell]) -> Callable[[Any], Cell]:
+        # What is said of a log, but not of several in one row.
+        return lambda item: say(item[2][0]) if item[0] else ""
+
+    offsets = [log.clock_offset for log in record.logs]
     columns = (
-        Column("no.", "", whole),
-        Column("log"),
-        Column("duration", "s", fixed(1)),
-        Column("poses", "", whole),
-        *((clock,) if timed else ()),
-        Column("findings"),
+        Column("no.", "", whole, lambda item: item[0]),
+        Column("log", cell=lambda item: item[1]),
+        Column("duration", "s", fixed(1), lambda item: sum(log.seconds or 0.0 for log in item[2])),
+        Column("poses", "", whole, lambda item: float(sum(log.poses or 0 for log in item[2]))),
+        sized("clock offset", "s", offsets, alone(lambda log: log.clock_offset)) if clocks(record) else None,
+        Column("findings", cell=alone(_named)),
     )
-    return Table(columns, tuple(rows), "Logs that the estimate rests on")
-
-
-def _sizes(some: Sequence[ReadLog]) -> tuple[Cell, Cell]:
-    # Duration [s] and number of poses, in all.
-    return sum(log.seconds or 0.0 for log in some), float(sum(log.poses or 0 for log in some))
+    return Table.of(items, columns, "Logs that the estimate rests on")
 
 
 def _named(log: ReadLog) -> str:
@@ -99,12 +81,20 @@ def _named(log: ReadLog) -> str:
 
 
 def _findings(record: EstimateRecord) -> Table:
-    groups = findings(record)
-    columns = (Column("finding"), Column("logs", "", whole), Column("doubtful"), Column("in words"))
-    rows = []
-    for (name, doubtful), group in groups.items():
-        count, message = len({one.log for one in group}), in_signs(group[0].finding.message)
-        alone = len(groups) == 1 and count == 1
-        text = message if alone else f"{group[0].log}: {message}"
-        rows.append((words(name), float(count), doubtful, text))
-    return Table(columns, tuple(rows), "What was found in the logs, by kind, each with its first instance")
+    groups = list(findings(record).values())
+
+    def count(group: Sequence[tuple[str, Finding]]) -> float:
+        return float(len({log for log, _ in group}))
+
+    def text(group: Sequence[tuple[str, Finding]]) -> str:
+        log, first = group[0]
+        alone = len(groups) == 1 and count(group) == 1
+        return in_signs(first.message) if alone else f"{log}: {in_signs(first.message)}"
+
+    columns = (
+        Column("finding", cell=lambda group: words(group[0][1].name)),
+        Column("logs", "", whole, count),
+        Column("doubtful", cell=lambda group: bool(group[0][1].doubtful)),
+        Column("in words", cell=text),
+    )
+    return Table.of(groups, columns, "What was found in the logs, by kind, each with its first instance")

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import fixed, significant, whole, words
+from oed.foundation.text import (
+    fixed,
+    size_text,
+    whole,
+    words,
+)
 from oed.records.stored.estimate import ComparedModel, EstimateRecord, Score
 from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import error_text, own_unit, scaled, shown_unit, size_text, sized, to_error
-from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table
+from oed.report.parts.section import Column, Section, Table, estimated, sized
 
 SAY = Prose("estimate/models")
 LIKELIHOODS, PREDICTION = ("aicc", "bic"), "held_out"
 """Measures of a model."""
+LABEL = Column("model", cell=lambda one: SAY("label", one))
 
 
 def models(record: EstimateRecord) -> Section | None:
@@ -21,13 +25,10 @@ def models(record: EstimateRecord) -> Section | None:
     if not record.models:
         return None
     tables = (_by_likelihood(record), _by_prediction(record), _parameters(record))
-    said = (verdict(record), _likelihood(record), _prediction(record))
-    return Section(
-        "Model selection",
-        notices=tuple(filter(None, (SAY("note", one) for one in record.models))),
-        paragraphs=tuple(filter(None, said)),
-        tables=tuple(table for table in tables if table is not None),
-    )
+    predicted = SAY("prediction", bool(_scored(record, PREDICTION)), len(record.logs))
+    notices = (SAY("note", one) for one in record.models)
+    said = (verdict(record), _likelihood(record), predicted)
+    return Section.of("Model selection", *said, *tables, notices=notices)
 
 
 def model_lines(record: EstimateRecord) -> list[str]:
@@ -64,81 +65,59 @@ def _likelihood(record: EstimateRecord) -> str:
     )
 
 
-def _prediction(record: EstimateRecord) -> str:
-    return SAY("prediction", bool(_scored(record, PREDICTION)), len(record.logs))
-
-
 def _scored(record: EstimateRecord, *measures: str) -> list[ComparedModel]:
     return [one for one in record.models if any(measure in one.scores for measure in measures)]
 
 
 def _by_likelihood(record: EstimateRecord) -> Table | None:
-    rows = tuple(_likelihood_row(one) for one in _scored(record, *LIKELIHOODS))
+    def difference(one: ComparedModel, measure: str) -> float | None:
+        return one.scores[measure].difference if measure in one.scores else None
+
+    def half_interval(one: ComparedModel) -> float | None:
+        # Both differ by what the numbers fitted cost, which is the same for every log.
+        scores = [one.scores[name] for name in LIKELIHOODS if name in one.scores]
+        low, high = next((score.interval for score in scores if score.interval), (None, None))
+        return None if low is None or high is None else (high - low) / 2
+
+    scored = _scored(record, *LIKELIHOODS)
     columns = (
-        Column("model"),
-        Column("parameters", "", whole),
-        Column("fitted in all", "", whole),
-        Column("log-likelihood", "", fixed(1)),
-        Column("ΔAICc", "", fixed(1)),
-        Column("ΔBIC", "", fixed(1)),
-        Column("± (95 %)", "", fixed(1)),
-        Column("verdict"),
+        LABEL,
+        Column("parameters", "", whole, lambda one: float(len(one.parameters))),
+        Column("fitted in all", "", whole, lambda one: (one.unknowns or 0.0) + (one.starts or 0.0)),
+        Column("log-likelihood", "", fixed(1), lambda one: one.log_likelihood),
+        Column("ΔAICc", "", fixed(1), lambda one: difference(one, "aicc")),
+        Column("ΔBIC", "", fixed(1), lambda one: difference(one, "bic")),
+        Column("± (95 %)", "", fixed(1), half_interval),
+        Column("verdict", cell=lambda one: _standing(one, LIKELIHOODS)),
     )
     caption = "Models by likelihood: differences to the best, the less the better"
-    return Table(columns, rows, caption) if rows else None
-
-
-def _likelihood_row(one: ComparedModel) -> tuple[Cell, ...]:
-    fitted, scores = (
-        (one.unknowns or 0.0) + (one.starts or 0.0),
-        [one.scores.get(name) for name in LIKELIHOODS],
-    )
-    # Both differ by what the numbers fitted cost, which is the same for every log.
-    ends = next((score.interval for score in scores if score and score.interval), [None, None])
-    low, high = ends
-    return (
-        SAY("label", one),
-        float(len(one.parameters)),
-        fitted,
-        one.log_likelihood,
-        *(None if score is None else score.difference for score in scores),
-        None if low is None or high is None else (high - low) / 2,
-        _standing(one, LIKELIHOODS),
-    )
+    return Table.of(scored, columns, caption) if scored else None
 
 
 def _by_prediction(record: EstimateRecord) -> Table | None:
-    scores = [(one, one.scores[PREDICTION]) for one in _scored(record, PREDICTION)]
-    if not scores:
+    def score(one: ComparedModel) -> Score:
+        return one.scores[PREDICTION]
+
+    def span(one: ComparedModel) -> str | None:
+        low, high = score(one).interval or (None, None)
+        if low is None or high is None:
+            return None
+        return f"{fixed(1)(low * percent)} to {fixed(1)(high * percent)}"
+
+    scored = _scored(record, PREDICTION)
+    if not scored:
         return None
-    column, factor = sized("typical position error", [score.value for _, score in scores], "m")
-    least = min(score.value or 0.0 for _, score in scores)
+    sizes = [score(one).value for one in scored]
+    least = min(size or 0.0 for size in sizes)
     percent = 100 / least if least else 0.0
     columns = (
-        Column("model"),
-        column,
-        Column("more than the best", "%", fixed(1)),
-        Column("95 % interval", "%", fixed(1)),
-        Column("verdict"),
+        LABEL,
+        sized("typical position error", "m", sizes, lambda one: score(one).value),
+        Column("more than the best", "%", fixed(1), lambda one: (score(one).difference or 0.0) * percent),
+        Column("95 % interval", "%", fixed(1), span),
+        Column("verdict", cell=lambda one: _standing(one, (PREDICTION,))),
     )
-    rows = tuple(
-        (
-            SAY("label", one),
-            scaled(score.value, factor),
-            (score.difference or 0.0) * percent,
-            _span(score, percent),
-            _standing(one, (PREDICTION,)),
-        )
-        for one, score in scores
-    )
-    return Table(columns, rows, "Models by cross-validated dead reckoning")
-
-
-def _span(score: Score, factor: float) -> str:
-    low, high = score.interval or (None, None)
-    if low is None or high is None:
-        return MISSING
-    return f"{fixed(1)(low * factor)} to {fixed(1)(high * factor)}"
+    return Table.of(scored, columns, "Models by cross-validated dead reckoning")
 
 
 def _standing(one: ComparedModel, measures: Sequence[str]) -> str:
@@ -149,18 +128,11 @@ def _standing(one: ComparedModel, measures: Sequence[str]) -> str:
 
 
 def _parameters(record: EstimateRecord) -> Table | None:
-    rows: list[tuple[Cell, ...]] = []
-    for one in record.models:
-        known = [entry for entry in one.parameters if entry.value is not None and one.comparable]
-        for entry in known:
-            factor, error = own_unit(entry.unit)[1], entry.standard_error
-            value, spread = to_error(entry.value, error, factor), error_text(error, factor)
-            rows.append((SAY("label", one), words(entry.name), shown_unit(entry.unit), value, spread))
+    comparable = [one for one in record.models if one.comparable]
+    items = [(one, entry) for one in comparable for entry in one.parameters if entry.value is not None]
     columns = (
-        Column("model"),
-        Column("parameter"),
-        Column("unit"),
-        Column("estimate", "", significant(5)),
-        Column("± standard error", "", significant(2)),
+        Column("model", cell=lambda item: SAY("label", item[0])),
+        Column("parameter", cell=lambda item: words(item[1].name)),
+        *estimated(lambda item: item[1]),
     )
-    return Table(columns, tuple(rows), "What each model is fitted with") if rows else None
+    return Table.of(items, columns, "What each model is fitted with") if items else None

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
-from oed.foundation.text import quantity, significant, words
-from oed.records.stored.estimate import Estimated, EstimateRecord, FoundNoise, Unknown
-from oed.report.estimate.gist import gains, notes, warnings
-from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, offset_clocks
-from oed.report.parts.prose import Prose
-from oed.report.parts.rounding import (
+from oed.foundation.text import (
+    MISSING,
     decimals_of,
-    error_text,
-    lasting,
+    in_signs,
+    nominal_text,
     own_unit,
-    shown_unit,
-    span_text,
+    quantity,
+    significant,
+    size_text,
     to_error,
     unit_for,
+    words,
 )
-from oed.report.parts.section import Section
-from oed.report.parts.tables import MISSING, Cell, Column, Table
+from oed.records.stored.estimate import Estimated, EstimateRecord, Finding, FoundNoise, Unknown
+from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
+from oed.report.estimate.fit import error_line
+from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, findings, offset_clocks
+from oed.report.estimate.models import model_lines
+from oed.report.parts.prose import Prose
+from oed.report.parts.section import Cell, Column, Section, Table, estimated, lasting, span_text
 
 SAY = Prose("estimate/parameters")
 PLACES = {
@@ -29,136 +33,176 @@ PLACES = {
     "sensor_heading": "pose sensor turned to the left",
 }
 """Coordinates of the sensor in words."""
-ESTIMATED = (
-    Column("unit"),
-    Column("estimate", "", significant(4)),
-    Column("± standard error", "", significant(2)),
+GAINS = (
+    ("drift over 1 m of path", "drift_position", "m"),
+    ("position error (RMS)", "rmse_position", "m"),
+    ("heading error (RMS)", "rmse_heading", "rad"),
 )
+"""What one sentence says of dead reckoning, and the numbers' names and units."""
+WORSE = 1.05
+"""Ratio of errors after and before from which on the estimate has made dead reckoning worse."""
+WORTH_A_LINE = 0.02
+"""Offset of two clocks that is worth a line in a terminal [s]."""
 
 
 def summary(record: EstimateRecord) -> Section:
     """The estimates with their errors; warnings first."""
-    parameters, logs, tested = record.parameters, record.logs, record.test_set
-    origin = SAY(
-        "origin",
-        [one.name for one in parameters],
-        record.robot,
-        record.method or "",
-        [log.name for log in logs],
-        lasting(sum(log.seconds or 0.0 for log in logs)),
-        sum(log.poses or 0 for log in logs),
-        [] if tested is None else tested.logs,
-    )
-    outside = [one.name for one in parameters if one.nominal_outside]
-    return Section(
-        "Summary",
-        notices=(*warnings(record), *notes(record)),
-        paragraphs=tuple(
-            filter(None, (origin, " ".join(gains(record)), SAY("nominal", outside, len(parameters))))
-        ),
-        tables=(estimates(record),),
+    origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
+    outside = [one.name for one in record.parameters if one.nominal_outside]
+    said = (origin, " ".join(gains(record)), SAY("nominal", outside, len(record.parameters)))
+    return Section.of(
+        "Summary", *said, estimates(record), notices=(*warnings(record), *map(sentence, record.notes))
     )
 
 
 def estimates(record: EstimateRecord) -> Table:
     """Every parameter with its nominal value, estimate, error, interval and change."""
+    unit, value, error = estimated()
     columns = (
-        Column("parameter"),
-        Column("unit"),
-        Column("nominal", "", significant(5)),
-        Column("estimate", "", significant(5)),
-        Column("± standard error", "", significant(2)),
-        Column("95 % interval", "", significant(5)),
-        Column("change", "% of nominal", significant(3)),
+        Column("parameter", cell=lambda one: words(one.name)),
+        unit,
+        Column("nominal", "", significant(5), _nominal),
+        value,
+        error,
+        Column("95 % interval", "", significant(5), _interval),
+        Column("change", "% of nominal", significant(3), _change),
     )
-    rows = tuple(estimate_cells(one) for one in record.parameters)
-    return Table(columns, rows, "Estimates, rounded to their errors' second digit")
+    return Table.of(record.parameters, columns, "Estimates, rounded to their errors' second digit")
 
 
-def estimate_cells(one: Estimated) -> tuple[str, ...]:
-    """A parameter's name, unit, nominal value, estimate, error, interval and change [%], as text."""
-    factor, error = own_unit(one.unit)[1], one.standard_error
-    return (
-        words(one.name),
-        shown_unit(one.unit),
-        MISSING if one.nominal is None else f"{one.nominal * factor:.6g}",
-        to_error(one.value, error, factor),
-        error_text(error, factor),
-        span_text(*one.ends, error, factor),
-        _change(one.value, error, one.nominal),
-    )
+def _nominal(one: Estimated) -> str:
+    return MISSING if one.nominal is None else nominal_text(one.nominal * own_unit(one.unit)[1])
 
 
-def _change(value: float | None, error: float | None, nominal: float | None) -> str:
-    if value is None or not nominal:
+def _interval(one: Estimated) -> str:
+    return span_text(*one.ends, one.standard_error, own_unit(one.unit)[1])
+
+
+def _change(one: Estimated) -> str:
+    if one.value is None or not one.nominal:
         return MISSING
-    percent = 100.0 / abs(nominal)
+    percent, error = 100.0 / abs(one.nominal), one.standard_error
     rounded = decimals_of(None if error is None else error * percent) is not None
-    change = value - nominal
+    change = one.value - one.nominal
     text = to_error(change, error, percent) if rounded else significant(3)(percent * change)
     return text if text.startswith("-") or not change else f"+{text}"
 
 
+def estimate_rows(record: EstimateRecord) -> list[list[str]]:
+    """The table of estimates for a terminal."""
+    return [[cell.replace(MISSING, "-") for cell in row] for row in estimates(record).cells]
+
+
+def estimate_lines(record: EstimateRecord) -> list[str]:
+    """For a terminal: what the errors rest on, clocks, dead reckoning, models compared, warnings."""
+    offset = offset_clocks(record, WORTH_A_LINE)
+    return [
+        error_line(record),
+        *([f"wheels' clock ahead of the poses': {offset}"] if offset else []),
+        *gains(record),
+        *model_lines(record),
+        *(f"warning: {text}" for text in warnings(record)),
+        *(f"note: {sentence(text)}" for text in record.notes),
+    ]
+
+
+def gains(record: EstimateRecord) -> list[str]:
+    """A sentence each on the test set and on cross-validation; [] without positions."""
+    test, folds = tested(record.test_set), folds_of(record)
+    parts = SAY("folds", len(record.cross_validation), one_by_one(record))
+    found = (_gain(SAY("test_set", len(test)), test), _gain(parts, folds))
+    return list(filter(None, found))
+
+
+def _gain(which: str, runs: Sequence[Run]) -> str:
+    pairs = [(name, means(runs, key), unit) for name, key, unit in GAINS]
+    return SAY("gain", which, [_fell(name, *pair, unit) for name, pair, unit in pairs if pair])
+
+
+def _fell(name: str, before: float, after: float, unit: str) -> tuple[str, str, str]:
+    shown, factor = unit_for([max(before, after)], unit)
+    return name, quantity(before * factor, shown), quantity(after * factor, shown)
+
+
+def warnings(record: EstimateRecord) -> list[str]:
+    """What must not be overlooked, the gravest first."""
+    found = [SAY("not_converged")] if record.converged is False else []
+    found += [sentence(text) for text in record.not_identifiable]
+    return list(filter(None, [*found, *_doubts(record), _worse(record), *_failed(record)]))
+
+
+def _worse(record: EstimateRecord) -> str:
+    runs = tested(record.test_set) or folds_of(record)
+    pairs = [(name, means(runs, key)) for name, key, _ in GAINS]
+    return SAY("worse", [name for name, pair in pairs if pair is not None and pair[1] > WORSE * pair[0]])
+
+
+def _failed(record: EstimateRecord) -> list[str]:
+    # The other ways to a covariance allow for what is left of correlations and of differences between logs.
+    trusting = record.covariance_kind == "information"
+    grave = {"outliers", "whiteness", "logs_agree"} if trusting else {"outliers"}
+    return [sentence(one.message) for one in record.diagnostics if not one.passed and one.name in grave]
+
+
+def _doubts(record: EstimateRecord) -> list[str]:
+    return [_doubt(group) for (_, doubtful), group in findings(record).items() if doubtful]
+
+
+def _doubt(group: Sequence[tuple[str, Finding]]) -> str:
+    log, first = group[0]
+    return SAY("doubt", log, in_signs(first.message), len({name for name, _ in group} - {log}))
+
+
+def sentence(text: str) -> str:
+    """A message as a sentence of a page."""
+    shown = in_signs(text)
+    return f"{shown[:1].upper()}{shown[1:].rstrip('.')}."
+
+
 def nuisances(record: EstimateRecord) -> Section | None:
     """Everything estimated beside the parameters, None where there is nothing."""
-    tables = (_places(record), _clocks(record), _noise(record), _coefficients(record))
-    found = tuple(table for table in tables if table.rows)
-    if not found:
-        return None
-    warned = tuple(filter(None, [SAY("clocks", offset_clocks(record))]))
-    return Section("Nuisance parameters", notices=warned, tables=found)
-
-
-def _estimated(title: str, one: Unknown) -> tuple[str, ...]:
-    factor, error = own_unit(one.unit)[1], one.standard_error
-    return title, shown_unit(one.unit), to_error(one.value, error, factor), error_text(error, factor)
-
-
-def _table(title: str, rows: Iterable[tuple[Cell, ...]], caption: str) -> Table:
-    return Table((Column(title), *ESTIMATED), tuple(rows), caption)
-
-
-def _places(record: EstimateRecord) -> Table:
     places = (one for one in record.nuisances if one.name != "clock_offset")
-    rows = (_estimated(PLACES.get(one.name, words(one.name)), one) for one in places)
-    return _table("place", rows, "Where the pose sensor sits")
+    tables = (
+        _table("place", places, "Where the pose sensor sits"),
+        _clocks(record),
+        _noise(record),
+        _table("coefficient", record.coefficients, "Coefficients that these give"),
+    )
+    found = [table for table in tables if table.rows]
+    warned = SAY("clocks", offset_clocks(record))
+    return Section.of("Nuisance parameters", *found, notices=[warned]) if found else None
+
+
+def _table(title: str, some: Iterable[Unknown], caption: str) -> Table:
+    name = Column(title, cell=lambda one: PLACES.get(one.name, words(one.name)))
+    return Table.of(some, (name, *estimated()), caption)
 
 
 def _clocks(record: EstimateRecord) -> Table:
     every, caption = clocks(record), "How far the wheels' clock is ahead of the poses'"
-    if len(every) > MOST_ROWS:
-        every = sorted(every, key=lambda one: -abs(one.value or 0.0))
+    more = len(every) - MOST_ROWS
+    if more > 0:
+        every = sorted(every, key=lambda one: -abs(one.value or 0.0))[:MOST_ROWS]
         caption += ", the largest first"
-    rows = [_estimated(clock_label(record, one), one) for one in every[:MOST_ROWS]]
-    if len(every) > MOST_ROWS:
-        rows.append((f"and {len(every) - MOST_ROWS} more", "", "", ""))
-    return _table("log", rows, caption)
-
-
-def _coefficients(record: EstimateRecord) -> Table:
-    rows = (_estimated(words(one.name), one) for one in record.coefficients)
-    return _table("coefficient", rows, "Coefficients that these give")
+    table = Table.of(every, (Column("log", cell=lambda one: clock_label(record, one)), *estimated()), caption)
+    return table if more <= 0 else replace(table, rows=(*table.rows, (f"and {more} more", "", "", "")))
 
 
 def _noise(record: EstimateRecord) -> Table:
-    columns = ("at rest", "growth with speed", "growth with yaw rate")
-    return Table(
-        (Column("readings"), *(Column(title, "", significant(3)) for title in columns)),
-        tuple(_noise_cells(one) for one in record.noise),
-        "Noise of the poses",
+    def at_rest(one: FoundNoise) -> Cell:
+        return None if one.at_rest is None else size_text(one.at_rest, one.unit or "")
+
+    def growth(name: str, per: str) -> Callable[[FoundNoise], str]:
+        def text(one: FoundNoise) -> str:
+            size = getattr(one, name)
+            return f"{size_text(size, one.unit or '')} per {per}" if size else "none found"
+
+        return text
+
+    columns = (
+        Column("readings", cell=lambda one: words(one.about)),
+        Column("at rest", "", significant(3), at_rest),
+        Column("growth with speed", "", significant(3), growth("per_speed", "m/s")),
+        Column("growth with yaw rate", "", significant(3), growth("per_yaw_rate", "rad/s")),
     )
-
-
-def _noise_cells(one: FoundNoise) -> tuple[str, ...]:
-    still, factor = unit_for([one.at_rest], one.unit or "")
-    return (
-        words(one.about),
-        MISSING if one.at_rest is None else quantity(one.at_rest * factor, still),
-        _growth(one.per_speed, one.unit or "", "m/s"),
-        _growth(one.per_yaw_rate, one.unit or "", "rad/s"),
-    )
-
-
-def _growth(growth: float | None, unit: str, per: str) -> str:
-    shown, factor = unit_for([growth], unit)
-    return quantity(growth * factor, f"{shown} per {per}") if growth else "none found"
+    return Table.of(record.noise, columns, "Noise of the poses")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
-from oed.records.stored.estimate import ReckonedPath
+from oed.foundation.text import unit_for, unit_text, words
+from oed.records.stored.estimate import Correlations, EstimateRecord, FoundNoise, ReckonedPath
+from oed.records.stored.estimate import Residuals as StoredResiduals
 from oed.report.figures import spec
-from oed.report.figures.residuals import Residuals, ResidualSeries
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Array, Look, mark, stroke
 
 SHADES = (FIRST, "#8fa9c2")
@@ -33,6 +36,147 @@ LETTERS = 26
 """Of a panel's title."""
 TITLES = (10.0, 9.5, 8.5)
 """Sizes of titles by the number of columns."""
+MOST_NUMBERS = 12
+"""Logs that are numbered in a figure."""
+BINS, FEWEST = 8, 12
+"""Classes of speed, and the fewest residuals whose size says something."""
+QUANTILES = 120
+POSITION = {"x", "y"}
+
+
+@dataclass(frozen=True)
+class ResidualSeries:
+    """Residuals of one quantity in one log: times [s], values in the figure's unit, speeds [m/s] and yaw
+    rates [rad/s].
+    """
+
+    times: Array
+    values: Array
+    speeds: Array
+    yaw_rates: Array
+
+    @property
+    def end(self) -> float:
+        """The last time [s]."""
+        return float(self.times.max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What a figure shows of the readings that share their noise.
+
+    Attributes:
+        about: the noise's name.
+        unit: of the values.
+        quantities: by name, log by log.
+        at_rest, per_speed, per_yaw_rate: the noise, None or 0 where it is not known.
+        correlations: with later residuals.
+        bound: of 95 % of white ones' correlations, None where it is not known.
+    """
+
+    about: str
+    unit: str
+    quantities: Mapping[str, Sequence[ResidualSeries]]
+    at_rest: float | None
+    per_speed: float
+    per_yaw_rate: float
+    correlations: Array
+    bound: float | None
+
+    @property
+    def numbered(self) -> bool:
+        """Whether the logs are few enough to be numbered."""
+        return max(len(logs) for logs in self.quantities.values()) <= MOST_NUMBERS
+
+    @property
+    def everything(self) -> ResidualSeries:
+        """All readings one after the other."""
+        parts = [part for logs in self.quantities.values() for part in logs]
+        columns = zip(
+            *((part.times, part.values, part.speeds, part.yaw_rates) for part in parts), strict=True
+        )
+        return ResidualSeries(*map(np.concatenate, columns))
+
+    def size(self, speeds: Array, yaw_rates: Array) -> Array:
+        """The noise at those speeds and yaw rates; all residuals' size where none is known."""
+        rest = self.at_rest
+        if not rest and not self.per_speed and not self.per_yaw_rate:
+            rest = float(np.sqrt(np.mean(self.everything.values**2))) or 1.0
+        still = np.hypot(rest or 0.0, self.per_speed * speeds)
+        return np.asarray(np.hypot(still, self.per_yaw_rate * yaw_rates))
+
+    def by_speed(self) -> tuple[Array, Array]:
+        """Speeds, and the size (RMS) of the residuals thereabouts."""
+        return binned(np.abs(self.everything.speeds), self.everything.values)
+
+    def noise_by_speed(self) -> tuple[Array, Array]:
+        """Speeds, and the noise there at the yaw rates (RMS) that were driven thereabouts."""
+        speeds, turning = np.abs(self.everything.speeds), self.everything.yaw_rates
+        drawn = np.linspace(0.0, float(speeds.max(initial=0.0)) or 1.0, 60)
+        middle, sizes = binned(speeds, turning)
+        usual = np.interp(drawn, middle, sizes) if len(middle) else np.zeros_like(drawn)
+        return drawn, self.size(drawn, usual)
+
+    def against_normal(self) -> tuple[Array, Array]:
+        """Normal quantiles, and those of the residuals in units of the noise."""
+        whole = self.everything
+        sizes = self.size(np.abs(whole.speeds), whole.yaw_rates)
+        ratios = whole.values / np.where(sizes > 0, sizes, 1.0)
+        # Evenly spaced on the normal's own axis, so that the tails are seen as well as the middle.
+        reach = NormalDist().inv_cdf(1 - 0.5 / max(len(ratios), 2))
+        normal = np.linspace(-reach, reach, max(min(QUANTILES, len(ratios)), 2))
+        return normal, np.quantile(ratios, [NormalDist().cdf(float(z)) for z in normal])
+
+
+def binned(rates: Array, values: Array) -> tuple[Array, Array]:
+    """Rates (mean of a class each), and the size (RMS) of the values there, of classes with enough."""
+    edges = np.linspace(0.0, float(rates.max()) or 1.0, BINS + 1)
+    owner = np.clip(np.digitize(rates, edges) - 1, 0, BINS - 1)
+    full = [owner == index for index in range(BINS) if (owner == index).sum() >= FEWEST]
+    middle = [float(rates[own].mean()) for own in full]
+    return np.array(middle), np.array([float(np.sqrt(np.mean(values[own] ** 2))) for own in full])
+
+
+def residuals_of(record: EstimateRecord) -> list[Residuals]:
+    """What there is to draw, kind by kind of reading."""
+    groups: dict[str, list[StoredResiduals]] = {}
+    for one in record.residuals:
+        groups.setdefault("position" if one.quantity in POSITION else one.quantity, []).append(one)
+    found = (_group(record, about, group) for about, group in groups.items())
+    return [one for one in found if one is not None]
+
+
+def _group(record: EstimateRecord, about: str, group: Sequence[StoredResiduals]) -> Residuals | None:
+    values = np.array([value for one in group for value in one.value if value is not None])
+    if len(values) < 2:
+        return None
+    shown, factor = unit_for([float(np.sqrt(np.mean(values**2)))], group[0].unit or "")
+    # Of motion over windows the poses' noise is but a part.
+    noises = [] if record.by_windows else record.noise
+    noise = next((one for one in noises if one.about == about), FoundNoise(about=about))
+    unknown = Correlations(about=about, values=[])
+    tested = next((one for one in record.correlations if one.about == about), unknown)
+    quantities: dict[str, list[ResidualSeries]] = {}
+    for one in group:
+        quantities.setdefault(words(one.quantity), []).append(_readings(one, factor))
+    return Residuals(
+        about=about,
+        unit=unit_text(shown),
+        quantities=quantities,
+        at_rest=None if noise.at_rest is None else noise.at_rest * factor,
+        per_speed=(noise.per_speed or 0.0) * factor,
+        per_yaw_rate=(noise.per_yaw_rate or 0.0) * factor,
+        correlations=np.array(tested.values, dtype=float),
+        bound=tested.bound,
+    )
+
+
+def _readings(one: StoredResiduals, factor: float) -> ResidualSeries:
+    columns = np.array([one.t, one.value, one.speed], dtype=float)
+    turning = np.array(one.yaw_rate or np.zeros(len(one.t)), dtype=float)
+    known = np.isfinite(columns).all(axis=0)
+    times, values, speeds = columns[:, known]
+    return ResidualSeries(times, values * factor, speeds, np.abs(np.nan_to_num(turning[known])))
 
 
 def residuals(one: Residuals) -> spec.Plot:
@@ -57,7 +201,7 @@ def _limit(values: Array) -> float:
 
 def _within(x: Array, y: Array, limit: float, colour: str, most: int = MOST_DOTS) -> list[spec.Part]:
     # Triangles at the edges stand for what lies beyond.
-    x, y = thinned(x, y, most)
+    x, y = _thinned(x, y, most)
     inside = np.abs(y) <= limit
     parts: list[spec.Part] = [spec.Dots(x[inside], y[inside], colour)]
     for sign, marker in ((1, "^"), (-1, "v")):
@@ -68,14 +212,8 @@ def _within(x: Array, y: Array, limit: float, colour: str, most: int = MOST_DOTS
     return parts
 
 
-def thinned(x: Array, y: Array, most: int = MOST_DOTS) -> tuple[Array, Array]:
-    """So many of the points, at random but always the same: regular ones would meet the logs' own rhythm.
-
-    Args:
-        x: of the points.
-        y: of the points.
-        most: points that are kept.
-    """
+def _thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
+    # So many of the points, at random but always the same: regular ones would meet the logs' own rhythm.
     if len(x) <= most:
         return x, y
     kept = np.sort(np.random.default_rng(0).choice(len(x), most, replace=False))
@@ -135,9 +273,9 @@ def _against_normal(one: Residuals) -> spec.Panel:
 def _later(one: Residuals) -> spec.Panel:
     values, bounds = np.nan_to_num(one.correlations), [] if one.bound is None else [-one.bound, one.bound]
     parts: list[spec.Part] = [
-        spec.Bars(np.arange(1, len(values) + 1), values, 0.65, {"color": SHADES[0], "zorder": 2}),
-        spec.Limit(0.0, stroke(INK, 0.8, 3)),
-        *(spec.Limit(bound, EXPECTED) for bound in bounds),
+        spec.Call("bar", (np.arange(1, len(values) + 1), values, 0.65), {"color": SHADES[0], "zorder": 2}),
+        spec.Call("axhline", (0.0,), stroke(INK, 0.8, 3)),
+        *(spec.Call("axhline", (bound,), EXPECTED) for bound in bounds),
     ]
     ends = min(1.15 * float(values.min()), -0.1), max(1.15 * float(values.max()), 0.25)
     x = spec.Axis("readings later", ends=(0.4, len(values) + 0.6), most=5, whole=True)
@@ -165,14 +303,14 @@ def _panel(one: ReckonedPath, size: float) -> spec.Panel:
     begin = measured[np.isfinite(measured).all(axis=1)][:1]
     lines = [spec.Line.through(path, look) for path, look in zip(one.paths, PATHS.values(), strict=True)]
     x, y = (spec.Axis(name, "m", most=5) for name in "xy")
-    title = shortened(one.log)
+    title = _shortened(one.log)
     return spec.Panel([*lines, spec.Line.through(begin, START)], x, y, title, "ends", size, margin=0.06)
 
 
-def shortened(name: str, letters: int = LETTERS) -> str:
-    """A name with its middle left out where it is too long."""
-    half = (letters - 1) // 2
-    return name if len(name) <= letters else f"{name[:half]}…{name[-half:]}"
+def _shortened(name: str) -> str:
+    # With its middle left out where it is too long.
+    half = (LETTERS - 1) // 2
+    return name if len(name) <= LETTERS else f"{name[:half]}…{name[-half:]}"
 
 
 def _shape(one: ReckonedPath) -> float:

@@ -93,20 +93,16 @@ def drawn(plot: spec.Plot, **options: Any) -> Figure:
 
 
 def _placed(figure: Figure, plot: spec.Plot) -> list[Axes]:
-    # One of each panel; places of the last row may stay empty.
-    count = len(plot.panels)
-    if plot.wide:
-        rows = [[place] * plot.columns for place in range(plot.wide)]
-        rows += [list(range(first, first + plot.columns)) for first in range(plot.wide, count, plot.columns)]
-        found: dict[int, Axes] = figure.subplot_mosaic(rows, height_ratios=plot.heights)
-        axes = [found[place] for place in sorted(found)]
-    else:
-        sharex, sharey = "x" in plot.share, "y" in plot.share
-        shape = figure.subplots(plot.rows, plot.columns, squeeze=False, sharex=sharex, sharey=sharey)
-        axes = list(shape.ravel())
-    for spare in axes[count:]:
-        figure.delaxes(spare)
-    return axes[:count]
+    # One of each panel; places of the last row may stay empty (-1).
+    count, columns = len(plot.panels), plot.columns
+    rows = [[place] * columns for place in range(plot.wide)]
+    for first in range(plot.wide, count, columns):
+        rows.append([place if place < count else -1 for place in range(first, first + columns)])
+    sharex, sharey = "x" in plot.share, "y" in plot.share
+    found: dict[int, Axes] = figure.subplot_mosaic(
+        rows, sharex=sharex, sharey=sharey, height_ratios=plot.heights, empty_sentinel=-1
+    )
+    return [found[place] for place in range(count)]
 
 
 class Colours:
@@ -230,39 +226,8 @@ def _put_shades(part: spec.Shades, ax: Axes, shades: Colours) -> None:
 
 
 @put.register
-def _(part: spec.Limit, ax: Axes) -> None:
-    if part.upright:
-        ax.axvline(part.value, **part.look)
-        return
-    ax.axhline(part.value, **part.look)
-    if part.text:
-        ax.annotate(
-            as_drawn(part.text),
-            (0.99, part.value),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, -3 if part.below else 3),
-            textcoords="offset points",
-            horizontalalignment="right",
-            verticalalignment="top" if part.below else "bottom",
-            fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
-            zorder=4,
-        )
-
-
-@put.register
-def _(part: spec.Band, ax: Axes) -> None:
-    ax.axhspan(part.low, part.high, **part.look)
-
-
-@put.register
-def _(part: spec.Intervals, ax: Axes) -> None:
-    ax.hlines(part.y, part.low, part.high, **part.look)
-
-
-@put.register
-def _(part: spec.Bars, ax: Axes) -> None:
-    ax.bar(part.x, part.heights, part.width, **part.look)
+def _(part: spec.Call, ax: Axes) -> None:
+    getattr(ax, part.method)(*part.arguments, **part.look)
 
 
 @put.register

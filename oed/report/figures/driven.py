@@ -15,7 +15,7 @@ from oed.records.stored.result import Result
 from oed.report.parts.reading import NOWHERE, heading, segments, with_drive
 from oed.robots.limits import Obstacle, Workspace
 from oed.robots.limits.shapes import Outline
-from oed.robots.models.arcs import finer, goes_sideways, signed_speeds
+from oed.robots.models.arcs import goes_sideways, signed_speeds
 
 Array = npt.NDArray[np.float64]
 
@@ -174,26 +174,19 @@ class Path:
         """Whether the robot leaves its place."""
         return any(run.steps.sum() >= NOWHERE for run in self.runs)
 
+    @property
+    def tows(self) -> bool:
+        """Whether it has a trailer."""
+        return any(run.trailer is not None for run in self.runs)
 
-def paths_of(record: Record, results: Sequence[Result]) -> list[Path]:
-    """The paths of results that have drives, from the poses saved with them."""
-    sideways = moves_sideways(record)
-    return [path_of(record, one, sideways) for one in results]
 
-
-def path_of(record: Record, result: Result, sideways: bool | None = None) -> Path:
-    """The path of a result that has a drive; `sideways` where that is known of its robot already.
-
-    Args:
-        record: that has the result.
-        result: with a drive.
-        sideways: whether its robot goes sideways, where that is known.
-    """
+def path_of(record: Record, result: Result) -> Path:
+    """The path of a result that has a drive, from the poses saved with it."""
     drive = result.drive
     assert drive is not None
-    across = moves_sideways(record) if sideways is None else sideways
-    runs = tuple(_run(record, poses, drive.trajectory.period, across) for poses in drive.by_run)
-    return Path(heading(result), runs, result.feasible, across)
+    sideways = moves_sideways(record)
+    runs = tuple(_run(record, poses, drive.trajectory.period, sideways) for poses in drive.by_run)
+    return Path(heading(result), runs, result.feasible, sideways)
 
 
 def moves_sideways(record: Record) -> bool:
@@ -206,64 +199,23 @@ def moves_sideways(record: Record) -> bool:
 
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    robot, integration = record.study.robot, record.study.trajectory.integration
-    speed = signed_speeds(poses, period, integration, sideways)
+    speed = signed_speeds(poses, period, record.study.trajectory.integration, sideways)
     count = segments(record, len(speed)) or 1
     edges = np.rint(np.linspace(0, len(speed), count + 1)).astype(np.int64)[1:-1]
-    trailer = robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
-    return Run(x, y, angle, speed, edges, trailer)
+    return Run(x, y, angle, speed, edges, _trailer(record, poses))
 
 
-def view_of(record: Record, results: Sequence[Result], room: Room) -> Box:
-    """A view on drives, workspace and obstacles, with a margin.
+def _trailer(record: Record, poses: Array) -> Array | None:
+    robot = record.study.robot
+    return robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
 
-    Args:
-        record: that has the results.
-        results: whose drives are seen.
-        room: with walls and obstacles.
-    """
-    paths = [run.points for one in results for run in path_of(record, one, sideways=False).runs]
+
+def view_of(record: Record, results: Sequence[Result]) -> Box:
+    """A view on drives, workspace and obstacles, with a margin."""
+    room = room_of(record)
+    runs = [poses for one in results if one.drive is not None for poses in one.drive.by_run]
+    trailers = (_trailer(record, poses) for poses in runs)
+    paths = [*(poses[:, :2] for poses in runs), *(path for path in trailers if path is not None)]
     shapes = [*room.shapes, *([] if room.area is None else [room.area])]
     box = Box.around([Box.of(*paths).padded(room.body_radius), *shapes])
     return box.padded(MARGIN * max(*box.size, 0.1))
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A run as it is seen: so close in time that straight lines between its places look like its arcs.
-
-    Attributes:
-        times: from 0 to its duration, (n,) [s].
-        poses: x, y, heading, and of a tractor its trailer's angle, at the times, (n, states) [m, m, rad].
-    """
-
-    times: Array
-    poses: Array
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        return float(self.times[-1])
-
-    def at(self, time: float) -> Array:
-        """The pose at a time [s], (states,)."""
-        return np.array([np.interp(time, self.times, column) for column in self.poses.T])
-
-    def until(self, time: float) -> Array:
-        """The path from the start to where the robot is at a time [s], (k, 2) [m]."""
-        passed = self.poses[: int(np.searchsorted(self.times, time, side="right")), :2]
-        return np.vstack([passed, self.at(time)[:2]])
-
-
-def motions_of(result: Result) -> list[Motion]:
-    """The runs of a result that has a drive."""
-    drive = result.drive
-    assert drive is not None
-    duration = drive.knots[-1] / drive.runs
-    return [motion(poses, duration) for poses in drive.by_run]
-
-
-def motion(poses: Array, duration: float) -> Motion:
-    """The motion through poses (N + 1, states) at even times, by the arcs between them."""
-    fine = finer(poses[:, : 4 if poses.shape[1] > 3 else 3])
-    return Motion(np.linspace(0.0, duration, len(fine)), fine)

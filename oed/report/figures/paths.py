@@ -53,19 +53,13 @@ HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.6, "pad": 0.4}
 NUMBER: Look = {"fontweight": "bold", "color": INK, "bbox": HALO, "zorder": 7}
 
 
-def arrow(forward: bool, angle: float = 0.0, scale: float = 1.0) -> Look:
-    """A direction arrow: filled where the robot drives forwards, hollow where backwards.
-
-    Args:
-        forward: whether the robot drives ahead.
-        angle: of the direction [rad].
-        scale: size of the arrow.
-    """
+def _arrow(forward: bool, angle: float = 0.0, scale: float = 1.0) -> Look:
+    # Of a direction: filled where the robot drives forwards, hollow where backwards.
     return mark(replace(ARROW, angle=angle), 7 * scale, INK if forward else "white", 0.9, 4)
 
 
-def pointer(angle: float = 0.0, scale: float = 1.0) -> Look:
-    """A thin open arrow towards the robot's heading."""
+def _pointer(angle: float = 0.0, scale: float = 1.0) -> Look:
+    # A thin open arrow towards the robot's heading.
     return mark(replace(POINTER, angle=angle), 32 * scale, "none", 1.1 * scale, 4.5, "#8a2d10")
 
 
@@ -224,10 +218,10 @@ def _directions(run: Run, width: float, scale: float, sideways: bool) -> Iterato
     for index in np.unique(np.searchsorted(travelled, (shares + 0.5 / count) * travelled[-1])):
         x, y = run.x[index : index + 2], run.y[index : index + 2]
         angle = float(np.arctan2(y[1] - y[0], x[1] - x[0]))
-        yield spec.Line([x.mean()], [y.mean()], arrow(bool(run.speed[index] >= 0), angle, scale))
+        yield spec.Line([x.mean()], [y.mean()], _arrow(bool(run.speed[index] >= 0), angle, scale))
     # Where it faces, between the arrows, from the start on.
     for index in np.unique(np.searchsorted(travelled, shares * travelled[-1])) if sideways else ():
-        yield spec.Line([run.x[index]], [run.y[index]], pointer(float(run.heading[index]), scale))
+        yield spec.Line([run.x[index]], [run.y[index]], _pointer(float(run.heading[index]), scale))
 
 
 def number_places(runs: Sequence[Run], apart: float) -> list[tuple[float, float]]:
@@ -249,11 +243,11 @@ def _path_keys(drives: Sequence[Path]) -> Iterator[spec.Key]:
     yield spec.Key("start", START)
     yield spec.Key("end", END)
     if any(one.goes for one in drives):
-        yield spec.Key("motion" if sideways else "forwards", arrow(True))
+        yield spec.Key("motion" if sideways else "forwards", _arrow(True))
         if sideways:
-            yield spec.Key("heading", pointer(scale=0.7))
+            yield spec.Key("heading", _pointer(scale=0.7))
     if any((run.speed < 0).any() for run in runs):
-        yield spec.Key("backwards", arrow(False))
+        yield spec.Key("backwards", _arrow(False))
     if any(0 < len(run.edges) < MOST_TICKS for run in runs):
         yield spec.Key("segments meet", SEGMENT)
 
@@ -265,5 +259,5 @@ def _room_keys(drives: Sequence[Path], room: Room) -> Iterator[spec.Key]:
         yield spec.Key("obstacle", OBSTACLE, patch=True)
     if room.body_radius:
         yield spec.Key("robot's body", BODY_KEY)
-    if any(run.trailer is not None for one in drives for run in one.runs):
+    if any(one.tows for one in drives):
         yield spec.Key("trailer's axle", TRAILER)

@@ -128,50 +128,17 @@ class Shades:
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A straight line across the panel at a value.
+class Call:
+    """What matplotlib's axes draw by a method: bars, bands and lines across the panel.
 
     Attributes:
-        value: on the y axis.
-        look: of the line.
-        text: beside it; "" for none.
-        below: whether the text stands below it.
-        upright: whether the line is upright, at a value on the x axis.
+        method: its name.
+        arguments: of the method.
+        look: of what it draws.
     """
 
-    value: float
-    look: Look
-    text: str = ""
-    below: bool = False
-    upright: bool = False
-
-
-@dataclass(frozen=True)
-class Band:
-    """A shaded range on the y axis."""
-
-    low: float
-    high: float
-    look: Look
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Bars from `low` to `high` along x at heights y."""
-
-    y: Values
-    low: Values
-    high: Values
-    look: Look
-
-
-@dataclass(frozen=True)
-class Bars:
-    """Upright bars of one width at places on the x axis."""
-
-    x: Values
-    heights: Values
-    width: float
+    method: Literal["axhline", "axhspan", "axvline", "bar", "hlines"]
+    arguments: tuple[Any, ...]
     look: Look
 
 
@@ -208,7 +175,7 @@ class Note:
     look: Look
 
 
-Part = Line | Dots | Shades | Limit | Band | Intervals | Bars | Cells | Shape | Note
+Part = Line | Dots | Shades | Call | Cells | Shape | Note
 
 
 @dataclass(frozen=True)
@@ -321,11 +288,6 @@ class Plot:
     fastest: float | None = None
     wide: int = 0
     heights: Sequence[float] | None = None
-
-    @property
-    def rows(self) -> int:
-        """Of panels."""
-        return -(-len(self.panels) // self.columns)
 
 
 LETTER = 0.072

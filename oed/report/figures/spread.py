@@ -38,7 +38,7 @@ def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> spec.Plot:
 def _starts(title: str, shortfalls: Sequence[float], failed: int) -> spec.Panel:
     found, lowest = len(shortfalls), min(*shortfalls, -1.0)
     parts: list[spec.Part] = [
-        spec.Band(-1.0, 0.0, ALIKE),
+        spec.Call("axhspan", (-1.0, 0.0), ALIKE),
         spec.Line(np.arange(1, found + 1), shortfalls, DOTS),
     ]
     if failed:
@@ -176,11 +176,12 @@ def _errors(floor: StoredFloor, drives: Sequence[str], fits: Sequence[str]) -> A
 
 def _lanes(table: Array, most: float) -> list[spec.Part]:
     lanes, count = np.arange(len(table)), table.shape[1]
-    parts: list[spec.Part] = [spec.Limit(lane - 0.5, stroke("#dddddd", 0.8, 1)) for lane in lanes[1:]]
+    between = stroke("#dddddd", 0.8, 1)
+    parts: list[spec.Part] = [spec.Call("axhline", (lane - 0.5,), between) for lane in lanes[1:]]
     for index in range(count):
         value, low, high = np.minimum(np.nan_to_num(table[:, index].T, nan=most, posinf=most), most)
         heights = lanes + LANE * ((index + 0.5) / count - 0.5)
-        parts.append(spec.Intervals(heights, low, high, stroke(INK, 1.0, 2)))
+        parts.append(spec.Call("hlines", (heights, low, high), stroke(INK, 1.0, 2)))
         parts.append(spec.Line(value, heights, _mark(index)))
     return parts
 

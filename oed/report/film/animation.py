@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
-from oed.foundation.text import listing, words
 from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
@@ -24,9 +23,11 @@ from oed.report.film.writing import (
     require_speed,
     write_frames,
 )
+from oed.report.parts.prose import Prose
 from oed.report.parts.reading import with_drive
 from oed.report.parts.section import Film, Section
 
+SAY = Prose("drives")
 NAME = "drive.gif"
 """Of the film that a report shows."""
 MOST_DRIVES = 4
@@ -173,21 +174,12 @@ def with_film(section: Section, record: Record, folder: Path) -> Section:
     file = folder / NAME
     comment = _comment(file)
     if comment is None:
-        hint = (
-            f"`oed animate` with this folder makes a film of it, `{NAME}`, which is then shown here as well."
-        )
-        return replace(section, paragraphs=(*section.paragraphs, hint))
+        return replace(section, paragraphs=(*section.paragraphs, SAY("no_film", NAME)))
     found = _marked(comment)
-    if found is None:
-        return replace(section, film=Film(file, "A film of the drive", f"The film in `{NAME}`."))
-    names = list(map(str, found["results"]))
-    if found["drives"] != _digest(record, names):
-        old = f"`{NAME}` shows other drives than this record's; `oed animate` makes it again."
-        return replace(section, notices=(*section.notices, old))
-    shown = listing([words(name) for name in names])
-    return replace(
-        section, film=Film(file, f"Film of {shown} in the room", f"The film in `{NAME}`: {shown}.")
-    )
+    names = [] if found is None else list(map(str, found["results"]))
+    if found is not None and found["drives"] != _digest(record, names):
+        return replace(section, notices=(*section.notices, SAY("old_film", NAME)))
+    return replace(section, film=Film(file, SAY("film", names), SAY("film_note", NAME, names)))
 
 
 def _comment(file: Path) -> str | None:

@@ -92,7 +92,7 @@ class Stage:
     def __init__(self, record: Record, results: Sequence[Result], speed: float) -> None:
         """Draw all that stands still."""
         self._speed, casts, room = speed, [Cast.of(one) for one in results], room_of(record)
-        view = view_of(record, results, room)
+        view = view_of(record, results)
         scene = _Scene(room, view, record.study.robot, robot_width(record))
         columns = _columns(view, len(casts))
         apart = any(_clock_apart(cast, (WIDTHS[columns] - 1.0) / columns) for cast in casts)

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +19,6 @@ import numpy.typing as npt
 from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.files import require_replaceable, unwritten
 from oed.foundation.work.progress import Progress, Silent
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 Frame = npt.NDArray[np.uint8]
 """An RGB image, (height, width, 3)."""
@@ -172,60 +168,35 @@ def require_format(file: Path, fps: float) -> Format:
     return form
 
 
-def write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
-    """Write frames, by Pillow, as a GIF that repeats for ever; returns their number. See `write_frames`.
+def _write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    # By Pillow; it repeats for ever. Frames that are alike become one that is shown for longer. Delays are
+    # rounded so that the film as a whole keeps its time.
+    from PIL import Image
 
-    Frames that are alike become one that is shown for longer. Delays are rounded so that the film as a whole
-    keeps its time.
+    pictures, count = iter(frames), 0
+    first = next(pictures)
+    every = Image.fromarray(first if colours is None else colours)
+    palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
 
-    Args:
-        frames: pictures of one size.
-        file: to write.
-        fps: frames a second.
-        colours: an image with all colours that there are.
-        comment: that the file keeps.
-    """
-    film = _Film(frames, fps, colours)
-    first = next(film)
+    def images() -> Iterator[Image.Image]:
+        nonlocal count
+        for frame in chain([first], pictures):
+            image = Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+            begin, end = (round(number / fps * TICK) for number in (count, count + 1))
+            image.info["duration"] = (end - begin) * 1000 // TICK
+            count += 1
+            yield image
+
+    film = images()
+    image = next(film)
     # Pillow leaves out what stays the same from frame to frame, and finds the frames that are alike.
     with file.open("wb") as out:
-        first.save(out, "GIF", save_all=True, append_images=film, loop=0, comment=comment, disposal=1)
-    return film.count
+        image.save(out, "GIF", save_all=True, append_images=film, loop=0, comment=comment, disposal=1)
+    return count
 
 
-class _Film(Iterator["Image"]):
-    """The frames in the film's colours, each with the time that it is shown, and how many there were."""
-
-    def __init__(self, frames: Iterable[Frame], fps: float, colours: Frame | None) -> None:
-        from PIL import Image
-
-        self._frames, self._fps, self.count = iter(frames), fps, 0
-        first = next(self._frames)
-        self._frames = chain([first], self._frames)
-        every = Image.fromarray(first if colours is None else colours)
-        self._palette = every.quantize(COLOURS, dither=Image.Dither.NONE)
-
-    def __next__(self) -> Image:
-        from PIL import Image
-
-        frame = Image.fromarray(next(self._frames))
-        image = frame.quantize(palette=self._palette, dither=Image.Dither.NONE)
-        begin, end = (round(count / self._fps * TICK) for count in (self.count, self.count + 1))
-        image.info["duration"] = (end - begin) * 1000 // TICK
-        self.count += 1
-        return image
-
-
-def write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
-    """Write frames, by ffmpeg, as an MP4 that plays everywhere; returns their number. See `write_frames`.
-
-    Args:
-        frames: pictures of one size.
-        file: to write.
-        fps: frames a second.
-        colours: an image with all colours that there are.
-        comment: that the file keeps.
-    """
+def _write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    # By ffmpeg; it plays everywhere.
     del colours
     images = iter(frames)
     first = next(images)
@@ -269,8 +240,8 @@ def require_ffmpeg() -> str:
 
 
 FORMATS = {
-    ".gif": Format(write_gif, most=2_000, fastest=50),
-    ".mp4": Format(write_mp4, most=100_000, needs=lambda: require_ffmpeg()),
+    ".gif": Format(_write_gif, most=2_000, fastest=50),
+    ".mp4": Format(_write_mp4, most=100_000, needs=lambda: require_ffmpeg()),
 }
 """By the ending of a file. A GIF is held in memory: some hundred seconds, and viewers slow down delays below
 1/50 s; an MP4 may last more than an hour.

@@ -6,14 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from oed.foundation.text import listing, quantity, words
+from oed.foundation.text import listing, words
 from oed.kernel.criteria import CRITERIA, Criterion, E
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
+from oed.report.parts.prose import Prose
 from oed.report.parts.reading import regression_of, solver_of
 
+SAY = Prose("judging")
 NOTHING = 1e-6
 """Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""
 
@@ -129,21 +131,8 @@ def meaning(record: Record) -> str:
 
 def precision(record: Record, result: Result) -> list[str]:
     """What a result's numbers say of its precision, in words: its worst direction, and its criterion's."""
-    if result.leaves_open or not result.lambda_min:
-        open_ = "some combination of the parameters is not identifiable"
-        return [open_] if result.useless else [open_, *_by_criterion(record, result)]
-    scaling = record.study.criterion.scaling
-    worst = result.lambda_min**-0.5
-    size = f"{quantity(100 * worst, '%')} of nominal" if scaling == "relative" else quantity(worst, "")
-    names = [words(one.name) for one in judged(record)]
-    what = names[0] if len(names) == 1 else "the worst-determined combination of the parameters"
-    scaled = "" if scaling == "relative" else f", {scaling_text(scaling)}"
-    return [f"{what} has a standard deviation of {size}{scaled}", *_by_criterion(record, result)]
-
-
-def _by_criterion(record: Record, result: Result) -> list[str]:
-    objective = result.worth
-    if objective is None or not math.isfinite(objective):
-        return []
-    said = record.study.criterion.deviation(objective, len(judged(record)))
-    return [said] if said else []
+    said = [SAY("worst", record.study.criterion, result, [one.name for one in judged(record)])]
+    objective = None if result.useless else result.worth
+    if objective is not None and math.isfinite(objective):
+        said.append(record.study.criterion.deviation(objective, len(judged(record))))
+    return list(filter(None, said))

@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from oed.foundation import text
+from oed.kernel.measurement.information import scaling_text
 
 
 @lru_cache(maxsize=1)
@@ -32,8 +33,10 @@ def environment() -> jinja2.Environment:
         count=text.count,
         digits=lambda value, digits: text.significant(digits)(value),
         given=text.given_text,
+        deviation=text.deviation_text,
         unit=text.unit_text,
         slug=text.slug,
+        scaling=scaling_text,
     )
     made.globals["infinity"] = math.inf
     return made

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.component import Component
-from oed.foundation.text import Unit, common_units, deviation_text, given_text, listing, words
+from oed.foundation.text import deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -62,11 +61,6 @@ def runs_of(record: Record) -> int:
     return record.study.trajectory.runs
 
 
-def whole_duration(record: Record) -> float:
-    """Duration of the designed drives, all runs together [s]."""
-    return runs_of(record) * record.study.trajectory.duration
-
-
 def duration_text(record: Record) -> str:
     """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
     duration, runs = f"{record.study.trajectory.duration:g} s", runs_of(record)
@@ -98,12 +92,6 @@ def readings_text(record: Record) -> str:
 
 def _each_run(record: Record) -> str:
     return " in each run" if runs_of(record) > 1 else ""
-
-
-def shown_units(record: Record, sizes: Mapping[str, float | None]) -> dict[str, Unit]:
-    """The unit, and its factor from SI, that suits each parameter's deviation, of these sizes [SI]."""
-    units = {one.name: one.unit for one in record.parameters}
-    return common_units({name: sizes.get(name) for name in units}, units)
 
 
 def nuisance_text(record: Record) -> str:

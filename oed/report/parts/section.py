@@ -1,14 +1,94 @@
-"""What a report is made of: sections, each the same in every output format."""
+"""What a report is made of: sections with tables and figures, each the same in every output format."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from oed.foundation.text import (
+    MISSING,
+    Form,
+    error_text,
+    fixed,
+    own_unit,
+    quantity,
+    shown_unit,
+    significant,
+    to_error,
+    unit_for,
+    unit_text,
+)
 from oed.report.figures.spec import Plot
-from oed.report.parts.tables import Table
+
+Cell = float | str | bool | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A table's column.
+
+    Attributes:
+        title: above it.
+        unit: of its numbers.
+        form: how they are written; None for words.
+        cell: of an item that a row is about.
+    """
+
+    title: str
+    unit: str = ""
+    form: Form | None = None
+    cell: Callable[[Any], Cell] = lambda item: item
+
+    @property
+    def heading(self) -> str:
+        """`title [unit]`."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the column holds numbers, to be set flush right."""
+        return self.form is not None
+
+    def text(self, cell: Cell) -> str:
+        """A cell as it is printed."""
+        if cell is None:
+            return MISSING
+        if isinstance(cell, bool):
+            return "yes" if cell else "no"
+        if isinstance(cell, str):
+            return cell
+        return (self.form or significant(4))(cell)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of raw cells under columns, with a caption."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+
+    @classmethod
+    def of(cls, items: Iterable[object], columns: Iterable[Column | None], caption: str = "") -> Table:
+        """A row for each item; a column that is None is left out.
+
+        Args:
+            items: one for each row.
+            columns: that are shown; None is left out.
+            caption: of the table.
+        """
+        shown = tuple(one for one in columns if one is not None)
+        return cls(shown, tuple(tuple(one.cell(item) for one in shown) for item in items), caption)
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """The rows as they are printed."""
+        return [
+            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)] for row in self.rows
+        ]
 
 
 @dataclass(frozen=True)
@@ -92,3 +172,90 @@ class Section:
     film: Film | None = None
     links: tuple[tuple[str, str], ...] = ()
     code: str = ""
+
+    @classmethod
+    def of(cls, title: str, *parts: str | Table | Picture | None, notices: Iterable[str] = ()) -> Section:
+        """Those of these sentences, tables and figures that say something, each kind in its order.
+
+        Args:
+            title: heading.
+            parts: sentences, tables and figures; "" and None are left out.
+            notices: sentences that must not be overlooked; "" is left out.
+        """
+        return cls(
+            title,
+            paragraphs=tuple(one for one in parts if isinstance(one, str) and one),
+            tables=tuple(one for one in parts if isinstance(one, Table)),
+            figures=tuple(one for one in parts if isinstance(one, Picture)),
+            notices=tuple(filter(None, notices)),
+        )
+
+
+def estimated(of: Callable[[Any], Any] = lambda item: item) -> tuple[Column, ...]:
+    """Columns for what items say was estimated: unit, estimate and standard error."""
+
+    def value(item: object) -> str:
+        one = of(item)
+        return to_error(one.value, one.standard_error, own_unit(one.unit)[1])
+
+    def error(item: object) -> str:
+        return error_text(of(item).standard_error, own_unit(of(item).unit)[1])
+
+    return (
+        Column("unit", cell=lambda item: shown_unit(of(item).unit)),
+        Column("estimate", "", significant(5), value),
+        Column("± standard error", "", significant(2), error),
+    )
+
+
+def span_text(low: float | None, high: float | None, error: float | None, factor: float) -> str:
+    """`41.83 to 41.88`.
+
+    Args:
+        low: [SI].
+        high: [SI].
+        error: standard error [SI].
+        factor: to the unit shown.
+    """
+    if low is None or high is None:
+        return MISSING
+    return f"{to_error(low, error, factor)} to {to_error(high, error, factor)}"
+
+
+def sized(
+    title: str, unit: str, sizes: Iterable[float | None], cell: Callable[[Any], Cell] = lambda item: item
+) -> Column:
+    """A column for sizes [SI], in one unit and with as many decimals as give most of them three digits.
+
+    Args:
+        title: of the column.
+        unit: SI unit.
+        sizes: [SI].
+        cell: the size [SI] of an item that a row is about.
+    """
+    known = [size for size in sizes if size is not None]
+    shown, factor = unit_for(known, unit)
+    middle = sorted(abs(size) for size in known)[len(known) // 2] * factor if known else 1.0
+    decimals = 2 - math.floor(math.log10(middle)) if middle > 0 else 2
+    write = fixed(min(max(decimals, 0), 3))
+    return Column(title, unit_text(shown), lambda size: write(size * factor), cell)
+
+
+def percent(share: float | None) -> float | None:
+    """A share in percent, for a cell."""
+    return None if share is None else 100 * share
+
+
+def probability(p_value: float) -> str:
+    """A p-value; below what matters, just that."""
+    return "< 0.0001" if p_value < 1e-4 else significant(2)(p_value)
+
+
+def lasting(seconds: float) -> str:
+    """A duration: `48.2 s`, `6 min 56 s`, `3 h 5 min`."""
+    if seconds < 100:
+        return quantity(seconds, "s")
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 100:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from oed.records.record import Record
+from oed.report.parts.provenance import provenance
 from oed.report.parts.section import Section
 from oed.report.sections.candidates import candidates, criteria, paper
 from oed.report.sections.drives import paths, player, wheels
@@ -11,7 +12,7 @@ from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
 from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import certificate, convergence, starts
-from oed.report.sections.summary import provenance, summary
+from oed.report.sections.summary import summary
 from oed.report.sections.validation import validation
 
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (

@@ -7,20 +7,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import fixed, readable, significant, whole
-from oed.kernel.criteria import E
+from oed.foundation.text import fixed, significant, whole
 from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of, with_drive
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table
-from oed.robots.sensors import Displacements
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("candidates")
 FOUR = significant(4)
+CENTIMETRES = 100.0
+"""In a metre: the founding paper's table has |y| in cm."""
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""
 PRACTICALLY = 1e-3
@@ -35,8 +34,9 @@ def candidates(record: Record) -> Section | None:
     baselines = any(one.origin == "baseline" for one in record.results)
     best = None if record.best is None else record.best.name
     said = SAY("worth", study_aim(record), shares, best, record.nuisances, record.study.prior, baselines)
-    table = Table.of(record.results, _columns(record, shares))
-    return Section("Candidates", paragraphs=(said,) if several else (), tables=(table,))
+    return Section.of(
+        "Candidates", said if several else "", Table.of(record.results, _columns(record, shares))
+    )
 
 
 def _columns(record: Record, shares: bool) -> Iterator[Column]:
@@ -116,11 +116,6 @@ def criteria(record: Record) -> Section | None:
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
     scaling = scaling_text(record.study.criterion.scaling)
-    said = (
-        SAY("criteria", judges, scaling, record.study.prior),
-        _verdict(record, judges),
-        _practically_equal(record),
-    )
     columns = (
         Column("result", cell=lambda one: one.name),
         Column(
@@ -129,8 +124,13 @@ def criteria(record: Record) -> Section | None:
         *(one.column for one in judges),
         Column("satisfies every limit", cell=lambda one: one.feasible),
     )
-    said_all = tuple(filter(None, said))
-    return Section("Criteria", paragraphs=said_all, tables=(Table.of(results, columns),))
+    return Section.of(
+        "Criteria",
+        SAY("criteria", judges, scaling, record.study.prior),
+        _verdict(record, judges),
+        _practically_equal(record),
+        Table.of(results, columns),
+    )
 
 
 def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
@@ -174,8 +174,9 @@ def paper(record: Record) -> Section | None:
         Column("s_min(W)", "rad", FOUR, lambda one: one.smallest_singular_value),
         *(_response(unit) if unit else ()),
     )
-    reading = _reading(record, regression, unit)
-    return Section("The paper's figures", paragraphs=reading, tables=(Table.of(record.results, columns),))
+    absolute, scaling = regression.noise_model == "absolute", scaling_text(record.study.criterion.scaling)
+    said = SAY.paragraphs("paper", absolute, record.study.criterion, record.study.prior, scaling, unit)
+    return Section.of("The paper's figures", *said, Table.of(record.results, columns))
 
 
 def _response(unit: str) -> tuple[Column, Column]:
@@ -184,7 +185,7 @@ def _response(unit: str) -> tuple[Column, Column]:
         condition = or_infinite(one, one.condition_number)
         if one.norm_y is None or condition is None:
             return None
-        return one.norm_y if unit == "rad" else readable(one.norm_y, "m")[0]
+        return one.norm_y if unit == "rad" else CENTIMETRES * one.norm_y
 
     def factor(one: Result) -> float | None:
         response, condition = size(one), or_infinite(one, one.condition_number)
@@ -196,12 +197,4 @@ def _response(unit: str) -> tuple[Column, Column]:
 def _response_unit(record: Record) -> str:
     # |y| has a unit only where all rows of W measure one kind of thing: displacements in m, turns in rad.
     block, *others = dict.fromkeys(one.block for one in record.parameters)
-    return "" if others else {"position": readable(1.0, "m")[1], "heading": "rad"}.get(block, "")
-
-
-def _reading(record: Record, regression: Displacements, unit: str) -> tuple[str, ...]:
-    criterion = record.study.criterion
-    notes = (criterion.scaling != "none", record.study.prior is not None, bool(criterion.subset))
-    scaling = scaling_text(criterion.scaling)
-    aimed = isinstance(criterion, E)
-    return SAY.paragraphs("paper", regression.noise_model == "absolute", aimed, notes, scaling, unit)
+    return "" if others else {"position": "cm", "heading": "rad"}.get(block, "")

@@ -8,17 +8,9 @@ from oed.foundation.text import count, listing, words
 from oed.records.record import Record
 from oed.records.stored.parts import plain
 from oed.records.stored.result import Result
+from oed.report.figures import chart
 from oed.report.figures import paths as path_figures
-from oed.report.figures import time
-from oed.report.figures.driven import (
-    Path,
-    Room,
-    path_of,
-    paths_of,
-    robot_width,
-    room_of,
-    view_of,
-)
+from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
 from oed.report.parts.inputs import Group, Series, groups_of, series_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import in_place, runs_of, segments, with_drive
@@ -37,7 +29,7 @@ def paths(record: Record) -> Section | None:
     results = with_drive(record)
     if not results:
         return None
-    drives, room = paths_of(record, results), room_of(record)
+    drives, room = [path_of(record, one) for one in results], room_of(record)
     figure = path_figures.paths(drives, room)
     pictures = [Picture("paths", SAY("paths", len(drives)), _caption(record, drives, room), figure)]
     if record.best is not None and len(drives) > 1:
@@ -49,14 +41,13 @@ def paths(record: Record) -> Section | None:
 
 def _caption(record: Record, drives: list[Path], room: Room) -> str:
     parts = segments(record, record.study.trajectory.samples)
-    runs = [run for one in drives for run in one.runs]
     return SAY(
         "caption",
         room,
         any(one.sideways for one in drives),
         runs_of(record),
         count(parts, "segment") if parts else "",
-        any(run.trailer is not None for run in runs),
+        any(one.tows for one in drives),
         any(map(in_place, with_drive(record))),
         _broken(record),
     )
@@ -99,7 +90,7 @@ def _picture(record: Record, group: Group, drives: list[Series]) -> Picture:
     own = [(called[name], ends) for name, ends in group.own_bounds(record).items()]
     caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, _broken(record))
     alt = f"{group.title.capitalize()} over time of {count(len(drives), 'drive')}"
-    return Picture(f"{group.limit}s", alt, caption, time.series(drives, group, labels, bounds))
+    return Picture(f"{group.limit}s", alt, caption, chart.series(drives, group, labels, bounds))
 
 
 def player(record: Record) -> Section | None:
@@ -108,7 +99,7 @@ def player(record: Record) -> Section | None:
     results = sorted(with_drive(record), key=lambda one: best is None or one.name != best.name)
     if not results:
         return None
-    view = view_of(record, results, room)
+    view = view_of(record, results)
     (left, bottom), (right, top) = view.low, view.high
     animation = Animation(
         drives=tuple(run for one in results for run in _runs(one)),

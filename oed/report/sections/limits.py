@@ -10,8 +10,7 @@ from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import with_drive
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Cell, Column, Section, Table
 from oed.robots.limits import LIMITS
 
 SAY = Prose("limits")
@@ -31,8 +30,8 @@ def limits(record: Record) -> Section | None:
     # When limits were looked at; records of before say nothing of it.
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
-    tables = [_by_limit(winner)] + ([_side_by_side(results)] if len(results) > 1 else [])
-    return Section("Limits", paragraphs=(SAY("margins", silent, points),), tables=tuple(tables))
+    every = _side_by_side(results) if len(results) > 1 else None
+    return Section.of("Limits", SAY("margins", silent, points), _by_limit(winner), every)
 
 
 @dataclass(frozen=True)
@@ -40,10 +39,6 @@ class _Room:
     """How much room a drive leaves to a limit, in words."""
 
     margin: Margin
-
-    @property
-    def name(self) -> str:
-        return words(self.margin.limit)
 
     @property
     def unit(self) -> Unit:
@@ -61,21 +56,6 @@ class _Room:
         return quantity(abs(factor * self.margin.margin), shown)
 
     @property
-    def brief(self) -> str:
-        """A cell of the table of all drives."""
-        if not self.margin.satisfied:
-            return f"exceeded by {self.text}"
-        return "met" if self.met else "active" if self.margin.active else f"{self.text} spare"
-
-    @property
-    def state(self) -> str:
-        """How the limit stands, in the table of one drive."""
-        if not self.margin.satisfied or self.met:
-            return "met" if self.margin.satisfied else "exceeded"
-        state = "active" if self.margin.active else "satisfied with room"
-        return f"{state} (checked at points only)" if self.margin.certain is False else state
-
-    @property
     def amount(self) -> str:
         """As fine as the tolerance that the limit is judged by, and one digit more."""
         factor = self.unit[1]
@@ -84,18 +64,17 @@ class _Room:
     @property
     def size(self) -> str | None:
         """Of the limit, where it has one."""
-        return (
-            None if self.margin.limit in ("start", "rest_to_rest") else f"{self.unit[1] * self.margin.size:g}"
-        )
+        sized = self.margin.limit not in ("start", "rest_to_rest")
+        return f"{self.unit[1] * self.margin.size:g}" if sized else None
 
 
 def _by_limit(result: Result) -> Table:
     columns = (
-        Column("limit", cell=lambda one: one.name),
+        Column("limit", cell=lambda one: words(one.margin.limit)),
         Column("margin", cell=lambda one: one.amount),
         Column("size of the limit", cell=lambda one: one.size),
         Column("unit", cell=lambda one: unit_text(one.unit[0])),
-        Column("state", cell=lambda one: one.state),
+        Column("state", cell=lambda one: SAY("state", one)),
     )
     return Table.of(map(_Room, result.margins), columns, f"Limits of {result.name}")
 
@@ -108,7 +87,8 @@ def _side_by_side(results: list[Result]) -> Table:
 
 def _column(name: str) -> Column:
     def brief(one: Result) -> Cell:
-        return next((_Room(margin).brief for margin in one.margins if margin.limit == name), None)
+        rooms = (_Room(margin) for margin in one.margins if margin.limit == name)
+        return next((SAY("brief", room) for room in rooms), None)
 
     return Column(words(name), cell=brief)
 
@@ -116,13 +96,11 @@ def _column(name: str) -> Column:
 def _touched() -> Iterator[Column]:
     def exceeded(one: Result) -> Cell:
         broken = (_Room(margin) for margin in one.margins if not margin.satisfied)
-        return ", ".join(f"{room.name} by {room.text}" for room in broken) or None
+        return ", ".join(f"{words(room.margin.limit)} by {room.text}" for room in broken) or None
 
     def met(one: Result) -> Cell:
-        return (
-            ", ".join(words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)
-            or None
-        )
+        touched = (words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)
+        return ", ".join(touched) or None
 
     def spare(one: Result) -> Cell:
         return str(sum(margin.satisfied and not margin.active for margin in one.margins))

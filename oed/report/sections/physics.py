@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
-from oed.records.stored.simulation import Error, Scatter, StoredFloor, StoredTrial, TriedModel
+from oed.records.stored.simulation import Around, Error, Scatter, StoredFloor, StoredTrial
 from oed.report.figures import spread
 from oed.report.figures.spread import MILLIMETRES
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table, percent
 
 SAY = Prose("physics")
 BEST = " ← best"
@@ -27,43 +26,33 @@ def physics(record: Record) -> Section | None:
         return None
     floors = [one for one in trial.floors if one.errors]
     methods = dict.fromkeys(words(one.method) for one in trial.fits)
-    tables = [_errors(trial, one) for one in floors] + ([_scatter(trial, floors)] if floors else [])
-    return Section(
+    return Section.of(
         "Drives of a simulated robot with slip",
-        paragraphs=(SAY("intro", trial, methods, record.study.trajectory), SAY("drives", trial.planned)),
-        notices=tuple(_notices(trial, floors)),
-        figures=_figures(trial, floors) if floors else (),
-        tables=tuple(tables),
+        SAY("intro", trial, methods, record.study.trajectory),
+        SAY("drives", trial.planned),
+        *(_errors(trial, one) for one in floors),
+        _scatter(trial, floors) if floors else None,
+        *(_figures(trial, floors) if floors else ()),
+        notices=_notices(trial, floors),
     )
 
 
 def _notices(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Iterator[str]:
     if trial.interrupted:
         yield SAY("interrupted", trial, bool(floors))
-    unused = [one.name for one in trial.planned if not one.feasible]
-    if unused:
-        yield SAY("unused", unused)
-    refused = sum(one.refused for floor in floors for one in floor.errors)
-    if refused:
-        yield SAY("refused", refused)
-
-
-def _by_fit(floor: StoredFloor) -> tuple[list[str], Mapping[tuple[str, str], Error]]:
-    # The drives, and the errors by drive and fit.
-    return list(dict.fromkeys(one.drive for one in floor.errors)), {
-        (one.drive, one.fit): one for one in floor.errors
-    }
+    yield SAY("unused", [one.name for one in trial.planned if not one.feasible])
+    yield SAY("refused", sum(one.refused for floor in floors for one in floor.errors))
 
 
 def _errors(trial: StoredTrial, floor: StoredFloor) -> Table:
-    drives, table = _by_fit(floor)
-    best = min(table.values(), key=lambda one: math.inf if one.value is None else one.value)
-    columns = [Column("calibrated from"), *(_errors_by(one.name, table, best) for one in trial.fits)]
-    return Table.of(drives, columns, SAY("errors", floor))
+    table = {(one.drive, one.fit): one for one in floor.errors}
+    best = min(floor.errors, key=lambda one: math.inf if one.value is None else one.value)
 
+    def column(fit: str) -> Column:
+        return Column(fit, "mm", cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
 
-def _errors_by(fit: str, table: Mapping[tuple[str, str], Error], best: Error) -> Column:
-    return Column(fit, "mm", cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
+    columns = (Column("calibrated from"), *(column(one.name) for one in trial.fits))
+    return Table.of(dict.fromkeys(one.drive for one in floor.errors), columns, SAY("errors", floor))
 
 
 def _error_text(error: Error, best: bool) -> str:
@@ -79,34 +68,30 @@ def _error_text(error: Error, best: bool) -> str:
 def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:
     own = trial.models[0]
     predicted = {one.name: one.predicted or {} for one in trial.planned}
+    items = [(floor, one) for floor in floors for one in floor.scatter if one.fit == own.name]
+
+    def relative(at: int) -> Callable[[tuple[StoredFloor, Scatter]], float]:
+        return lambda item: 100 * item[1].relative[at]
+
+    def noise(item: tuple[StoredFloor, Scatter]) -> float | None:
+        known = predicted[item[1].drive]
+        sizes = [(known.get(one.name), one.scale) for one in own.parameters]
+        shares = [100 * size / scale for size, scale in sizes if size is not None]
+        return float(np.sqrt(np.mean(np.square(shares)))) if len(shares) == len(sizes) else None
+
     columns = (
-        Column("friction"),
-        Column("calibrated from"),
-        *(Column(words(one.name), "%", fixed(3)) for one in own.parameters),
-        Column("all", "%", fixed(3)),
-        Column("interval", "%"),
-        Column("predicted from noise alone", "%", fixed(3)),
+        Column("friction", cell=lambda item: f"{item[0].friction:g}"),
+        Column("calibrated from", cell=lambda item: item[1].drive),
+        *(Column(words(one.name), "%", fixed(3), relative(at)) for at, one in enumerate(own.parameters)),
+        Column("all", "%", fixed(3), lambda item: percent(item[1].total.value)),
+        Column("interval", "%", cell=lambda item: _interval(item[1].total)),
+        Column("predicted from noise alone", "%", fixed(3), noise),
     )
-    rows = tuple(
-        (f"{floor.friction:g}", one.drive, *_scatter_cells(one, own, predicted[one.drive]))
-        for floor in floors
-        for one in floor.scatter
-        if one.fit == own.name
-    )
-    return Table(columns, rows, SAY("scatter", own.name))
+    return Table.of(items, columns, SAY("scatter", own.name))
 
 
-def _scatter_cells(one: Scatter, own: TriedModel, predicted: Mapping[str, float | None]) -> tuple[Cell, ...]:
-    sizes = [(predicted.get(parameter.name), parameter.scale) for parameter in own.parameters]
-    shares = [100 * size / scale for size, scale in sizes if size is not None]
-    noise = float(np.sqrt(np.mean(np.square(shares)))) if len(shares) == len(sizes) else None
-    total = one.total
-    return (
-        *(100 * value for value in one.relative),
-        None if total.value is None else 100 * total.value,
-        f"{100 * (total.low or 0):.3f} to {100 * (total.high or 0):.3f}",
-        noise,
-    )
+def _interval(total: Around) -> str:
+    return f"{100 * (total.low or 0):.3f} to {100 * (total.high or 0):.3f}"
 
 
 def _figures(trial: StoredTrial, floors: Sequence[StoredFloor]) -> tuple[Picture, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from oed.foundation.text import DEGREES, fixed, readable, significant, unit_text, words
+from oed.foundation.text import error_text, fixed, given_text, nominal_text, own_unit, shown_unit, words
 from oed.records.record import Record
 from oed.records.stored.result import Covariance, Result
 from oed.records.stored.study_record import StoredParameter
@@ -16,14 +16,11 @@ from oed.report.parts.reading import (
     prior_text,
     readings_text,
     regression_of,
-    shown_units,
     with_drive,
 )
-from oed.report.parts.section import Section
-from oed.report.parts.tables import Cell, Column, Table
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("precision")
-THREE, FOUR = significant(3), significant(4)
 NORMAL_95 = 1.959964
 """Standard deviations on either side of the mean that hold 95 % of a normal distribution."""
 
@@ -34,14 +31,12 @@ def precision(record: Record) -> Section | None:
     noisy = [one for one in record.parameters if one.noise is not None]
     results = [one for one in with_drive(record) if one.standard_deviations]
     if not noisy:
-        return Section(title, paragraphs=(SAY("no_noise"),))
+        return Section.of(title, SAY("no_noise"))
     if not results:
         return None
     winner = record.best or results[0]
     correlations = [_matrix(winner, one) for one in winner.covariances if len(one.parameters) > 1]
-    tables = [_by_parameter(record, noisy, winner), *correlations]
-    tables += [_side_by_side(record, noisy, winner, results)] if len(results) > 1 else []
-    paragraphs = SAY.paragraphs(
+    said = SAY.paragraphs(
         "reading",
         regression_of(record),
         list({one.block: _noise(one) for one in noisy}.items()),
@@ -50,35 +45,33 @@ def precision(record: Record) -> Section | None:
         (nuisance_text(record), prior_text(record)),
         bool(correlations),
     )
-    return Section(title, paragraphs=paragraphs, tables=tuple(tables))
+    every = _side_by_side(noisy, results) if len(results) > 1 else None
+    return Section.of(title, *said, _by_parameter(record, noisy, winner), *correlations, every)
 
 
-def _noise(parameter: StoredParameter) -> tuple[float, str]:
-    # Of the displacements: positions in cm, turns in deg.
-    noise = parameter.noise or 0.0
-    shown = {"position": (100 * noise, "cm"), "heading": (DEGREES * noise, "deg")}
-    return shown.get(parameter.block, (noise, ""))
+def _noise(parameter: StoredParameter) -> str:
+    # Of the displacements: positions, or turns.
+    unit = {"position": "m", "heading": "rad"}.get(parameter.block, "")
+    return given_text(parameter.noise or 0.0, unit)
 
 
 def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Result) -> Table:
-    known, units = prior_of(record), shown_units(record, result.standard_deviations)
-    finer = any(units[one.name][0] != readable(1.0, one.unit)[1] for one in noisy)
+    known = prior_of(record)
 
     def size(one: StoredParameter) -> float:
-        return _deviation(one, result) * units[one.name][1]
+        return _deviation(one, result) * own_unit(one.unit)[1]
 
     def share(one: StoredParameter) -> float | None:
         return 100.0 * _deviation(one, result) / abs(one.nominal) if one.nominal else None
 
     columns = (
         Column("parameter", cell=lambda one: words(one.name)),
-        Column("unit", cell=lambda one: unit_text(readable(1.0, one.unit)[1]) or "1"),
-        Column("nominal", "", FOUR, lambda one: readable(one.nominal, one.unit)[0]),
+        Column("unit", cell=lambda one: shown_unit(one.unit)),
+        Column("nominal", "", nominal_text, lambda one: one.nominal * own_unit(one.unit)[1]),
         Column("prior: ±", cell=lambda one: known.get(one.name)) if known else None,
-        Column("deviations in", cell=lambda one: units[one.name][0] or "1") if finer else None,
-        Column("standard deviation", "", THREE, size),
-        Column("share of nominal", "%", THREE, share),
-        Column("95 % interval: ±", "", THREE, lambda one: NORMAL_95 * size(one)),
+        Column("standard deviation", "", error_text, size),
+        Column("share of nominal", "%", error_text, share),
+        Column("95 % interval: ±", "", error_text, lambda one: NORMAL_95 * size(one)),
     )
     return Table.of(noisy, columns, f"Drive of {result.name}")
 
@@ -90,27 +83,25 @@ def _deviation(parameter: StoredParameter, result: Result) -> float:
 
 
 def _matrix(result: Result, one: Covariance) -> Table:
-    names = [words(name) for name in one.parameters]
-    columns = (Column("parameter"), *(Column(name, "", fixed(3)) for name in names))
-    rows = tuple((name, *_correlations(one.covariance, index)) for index, name in enumerate(names))
-    return Table(columns, rows, f"Correlations, drive of {result.name}")
+    def column(at: int, name: str) -> Column:
+        # – where a parameter is not identifiable.
+        def correlation(other: int) -> float | None:
+            shared, own, its = (
+                one.covariance[row][of] for row, of in ((other, at), (other, other), (at, at))
+            )
+            return shared / math.sqrt(own * its) if shared is not None and own and its else None
+
+        return Column(words(name), "", fixed(3), correlation)
+
+    first = Column("parameter", cell=lambda at: words(one.parameters[at]))
+    columns = (first, *(column(at, name) for at, name in enumerate(one.parameters)))
+    return Table.of(range(len(one.parameters)), columns, f"Correlations, drive of {result.name}")
 
 
-def _correlations(covariance: Sequence[Sequence[float | None]], index: int) -> list[Cell]:
-    # – where a parameter is not identifiable.
-    cells: list[Cell] = []
-    for other, shared in enumerate(covariance[index]):
-        own, its = covariance[index][index], covariance[other][other]
-        cells.append(shared / math.sqrt(own * its) if shared is not None and own and its else None)
-    return cells
+def _side_by_side(noisy: Sequence[StoredParameter], results: Sequence[Result]) -> Table:
+    def column(one: StoredParameter) -> Column:
+        unit, factor = own_unit(one.unit)
+        return Column(words(one.name), unit, error_text, lambda result: _deviation(one, result) * factor)
 
-
-def _side_by_side(
-    record: Record, noisy: Sequence[StoredParameter], winner: Result, results: Sequence[Result]
-) -> Table:
-    units = shown_units(record, winner.standard_deviations)
-    columns = (Column("result"), *(Column(words(one.name), units[one.name][0], THREE) for one in noisy))
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (result.name, *(_deviation(one, result) * units[one.name][1] for one in noisy)) for result in results
-    )
-    return Table(columns, rows, "All drives")
+    columns = (Column("result", cell=lambda result: result.name), *map(column, noisy))
+    return Table.of(results, columns, "All drives")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from oed.foundation.text import fixed, given_text, listing, quantity, significant, whole, words
+from oed.foundation.text import fixed, listing, quantity, significant, whole
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
@@ -14,8 +14,7 @@ from oed.report.figures import paths
 from oed.report.figures.driven import room_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table, percent
 from oed.robots.limits import EndHeading, EndPosition
 
 SAY = Prose("robustness")
@@ -26,12 +25,8 @@ def robustness(record: Record) -> Section | None:
     found = record.robustness
     if found is None or not found.results:
         return None
-    return Section(
-        "Robots other than the nominal one",
-        paragraphs=tuple(filter(None, _sentences(record, found))),
-        figures=_bundles(record, found),
-        tables=(_table(record, found),),
-    )
+    parts = (*_sentences(record, found), _bundles(record, found), _table(record, found))
+    return Section.of("Robots other than the nominal one", *parts)
 
 
 def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
@@ -51,13 +46,7 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
 
 def _range(one: Uncertain) -> str:
     below, above = one.nominal - one.low, one.high - one.nominal
-    low, high, size = (
-        given_text(value, one.unit) if one.unit else f"{value:.3g}" for value in (one.low, one.high, above)
-    )
-    if abs(above - below) > 1e-9 * (above + below):
-        return f"{words(one.name)} {low} to {high}"
-    share = f" ({100 * above / abs(one.nominal):.3g} % of nominal)" if one.nominal else ""
-    return f"{words(one.name)} ± {size}{share}{'' if one.uniform else ' (standard deviation)'}"
+    return SAY("range", one, above, abs(above - below) <= 1e-9 * (above + below))
 
 
 def _table(record: Record, found: StoredRobustness) -> Table:
@@ -69,24 +58,20 @@ def _table(record: Record, found: StoredRobustness) -> Table:
         Column(
             "95 % interval", "%", cell=lambda one: " to ".join(f"{100 * end:.2f}" for end in one.interval)
         ),
-        Column("farthest beyond", "% of the limit", fixed(1), _farthest),
+        Column("farthest beyond", "% of the limit", fixed(1), lambda one: percent(one.farthest)),
         Column("draws", "", whole, lambda one: one.draws),
     )
     return Table.of(found.results, columns, "How likely robots are to violate the limits")
 
 
-def _farthest(one: Tried) -> float | None:
-    return None if one.farthest is None else 100 * one.farthest
-
-
-def _bundles(record: Record, found: StoredRobustness) -> tuple[Picture, ...]:
+def _bundles(record: Record, found: StoredRobustness) -> Picture | None:
     if not found.bundles:
-        return ()
+        return None
     tried = {one.name: one for one in found.results}
     cases = [_bundle(record, tried[one.name], one) for one in found.bundles]
     alt = f"Bundles of the paths that may happen, {listing([one.title for one in cases])}"
     caption = SAY("bundles", len(found.bundles[0].violating))
-    return (Picture("bundles", alt, caption, paths.bundles(cases, room_of(record))),)
+    return Picture("bundles", alt, caption, paths.bundles(cases, room_of(record)))
 
 
 def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:

@@ -10,12 +10,11 @@ from oed.foundation.text import fixed, listing, significant, whole
 from oed.records.record import Record
 from oed.records.stored.result import Progress, Result
 from oed.records.stored.study_record import StoredCertificate
-from oed.report.figures import spread, time
+from oed.report.figures import chart, spread
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import solver_of
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("searches")
 SIX = significant(6)
@@ -34,10 +33,9 @@ def certificate(record: Record) -> Section | None:
     found = record.certificate
     if found is None:
         return None
-    notices = (SAY("loose"),) if found.loose else ()
-    tables = (_bounds(found),) if len(found.bounds) > 1 else ()
-    said = SAY.paragraphs("certificate", found)
-    return Section("How far from the best possible", notices=notices, paragraphs=said, tables=tables)
+    said, loose = SAY.paragraphs("certificate", found), SAY("loose") if found.loose else ""
+    bounds = _bounds(found) if len(found.bounds) > 1 else None
+    return Section.of("How far from the best possible", *said, bounds, notices=[loose])
 
 
 def _bounds(found: StoredCertificate) -> Table:
@@ -68,6 +66,11 @@ class _Search:
         return len(self.result.starts) - len(self.found)
 
     @property
+    def iterations(self) -> list[int]:
+        """Of every start."""
+        return [one.iterations for one in self.result.starts]
+
+    @property
     def shortfalls(self) -> list[float]:
         """In percent of the best start: 0 for the best, negative below it."""
         found = self.found
@@ -89,11 +92,6 @@ class _Search:
             yield name, objective, 0.0 if change is not None and abs(change) < NO_CHANGE else change
             before = objective
 
-    @property
-    def iterations(self) -> list[int]:
-        """Of every start."""
-        return [one.iterations for one in self.result.starts]
-
 
 def starts(record: Record) -> Section | None:
     """Spread of the starts, per search, as dots and as a table; the stages in words."""
@@ -102,29 +100,26 @@ def starts(record: Record) -> Section | None:
         return None
     own = study_aim(record).label
     apart = any(one.aim.label != own for one in searches)
-    sentences = [SAY("agreement", one, apart) for one in searches]
-    sentences += [
-        SAY("stages", one, solver_of(record, one.result), apart) for one in searches if one.result.stages
-    ]
-    return Section(
+    return Section.of(
         "Spread over the starts",
-        paragraphs=tuple(sentences),
-        figures=_spread(searches, apart),
-        tables=(_starts(searches, apart),),
+        *(SAY("agreement", one, apart) for one in searches),
+        *(SAY("stages", one, solver_of(record, one.result), apart) for one in searches if one.result.stages),
+        _spread(searches, apart),
+        _starts(searches, apart),
     )
 
 
-def _spread(searches: Sequence[_Search], apart: bool) -> tuple[Picture, ...]:
+def _spread(searches: Sequence[_Search], apart: bool) -> Picture | None:
     shown = [one for one in searches if len(one.found) > 1]
     if not shown:
-        return ()
+        return None
     spreads = [
         (f"{one.result.name}\nby {one.aim.label}" if apart else one.result.name, one.shortfalls, one.failed)
         for one in shown
     ]
     shares = any(one.aim.share and not one.aim.criterion.proportional for one in searches)
     alt = SAY("spread", [one.result.name for one in shown])
-    return (Picture("starts", alt, SAY("spread_caption", shares), spread.starts(spreads)),)
+    return Picture("starts", alt, SAY("spread_caption", shares), spread.starts(spreads))
 
 
 def _starts(searches: Sequence[_Search], apart: bool) -> Table:
@@ -155,9 +150,9 @@ def convergence(record: Record) -> Section | None:
     apart = len(groups) > 1
     lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
     alt = f"Convergence of {listing([one.name for one in searches])} over time"
-    picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), time.convergence(lines, apart))
-    races = tuple(sentence for _, results in groups for sentence in _races(results))
-    return Section("Convergence", paragraphs=races, figures=(picture,), tables=(_times(groups),))
+    picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), chart.convergence(lines, apart))
+    races = (sentence for _, results in groups for sentence in _races(results))
+    return Section.of("Convergence", *races, picture, _times(groups))
 
 
 def _points(result: Result) -> list[tuple[Progress, float]]:
@@ -175,7 +170,7 @@ def time_to(result: Result, objective: float) -> tuple[float, int] | None:
     return next(hits, None)
 
 
-def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[time.Search]:
+def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[chart.Search]:
     # (seconds, shortfall in percent), one point each time the objective rose, and at the end.
     best = max(map(_reached, searches))
     for one in searches:

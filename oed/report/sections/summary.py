@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from oed.foundation.text import deviation_text, words
+from oed.foundation.text import words
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.judging import aim_of, judged, meaning, precision, repetitions_of, study_aim
@@ -19,10 +19,8 @@ from oed.report.parts.reading import (
     prior_text,
     regression_of,
     runs_of,
-    shown_units,
 )
 from oed.report.parts.section import Section
-from oed.report.parts.tables import Column, Table
 
 SAY = Prose("summary")
 
@@ -41,10 +39,10 @@ def summary(record: Record) -> Section:
         (nuisance_text(record), prior_text(record)),
     )
     if winner is None:
-        answer = (SAY("nothing", bool(record.results)),)
-        failures = tuple(f"{one.name}: {one.message}" for one in record.results)
-        return Section("Summary", paragraphs=(question, *answer), notices=(*record.notes, *failures))
-    return Section("Summary", paragraphs=(question, *_answer(record, winner)), notices=tuple(record.notes))
+        failures = (f"{one.name}: {one.message}" for one in record.results)
+        nothing = SAY("nothing", bool(record.results))
+        return Section.of("Summary", question, nothing, notices=(*record.notes, *failures))
+    return Section.of("Summary", question, *_answer(record, winner), notices=record.notes)
 
 
 def _answer(record: Record, winner: Result) -> tuple[str, ...]:
@@ -56,7 +54,7 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
         len(record.results),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),
-        _deviations(record, winner),
+        [one for one in record.parameters if one.name in winner.standard_deviations],
         _compared(record, winner),
         _simulated(record, winner),
     )
@@ -65,18 +63,6 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
 def _turns(result: Result) -> float:
     assert result.drive is not None
     return sum(float(np.abs(np.diff(run[:, 2])).sum()) for run in result.drive.by_run) / math.tau
-
-
-def _deviations(record: Record, winner: Result) -> list[tuple[str, str | None, float]]:
-    # Name, deviation as it is shown, and its share of the nominal value [%], 0 for none.
-    known, units = winner.standard_deviations, shown_units(record, winner.standard_deviations)
-    found: list[tuple[str, str | None, float]] = []
-    for one in record.parameters:
-        if one.name in known:
-            size = known[one.name]
-            text = None if size is None else deviation_text(size, one.unit, units[one.name])
-            found.append((one.name, text, _share(size, one.nominal) or 0.0))
-    return found
 
 
 def _share(deviation: float | None, nominal: float) -> float | None:
@@ -113,18 +99,3 @@ def _simulated(record: Record, winner: Result) -> str:
     if len(own) == 1:
         return own[0].verdict
     return " ".join(f"By {words(one.estimator)}: {one.verdict}" for one in own)
-
-
-def provenance(record: Record) -> Section:
-    """Versions, seed and time, and the study's own text."""
-    made = record.provenance
-    rows = [
-        ("oed", record.version),
-        *made.packages.items(),
-        ("Python", made.python),
-        ("platform", made.platform),
-        ("seed", str(record.seed)),
-        ("finished", made.finished),
-    ]
-    table = Table((Column("what"), Column("value")), tuple(rows))
-    return Section("Provenance", paragraphs=(SAY("made"),), tables=(table,), code=record.study_text)

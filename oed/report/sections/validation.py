@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
-from oed.foundation.text import Unit, fixed, readable, significant, unit_text, words
+from oed.foundation.text import fixed, own_unit, shown_unit, significant, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import nuisance_names, regression_of, shown_units
-from oed.report.parts.section import Picture, Section
-from oed.report.parts.tables import Column, Table
+from oed.report.parts.reading import nuisance_names, regression_of
+from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
 FOUR, THREE = significant(4), significant(3)
 ROUNDING = 1e-9
 """Standard error of a ratio of variances below which it is that of rounding."""
+NEAR = 0.05
+"""Deviation, as a share of the true value, below which a figure shows errors instead of estimates."""
 MOST_CLOUDS = 4
 """Results whose estimates are drawn."""
 MOST_PAIRS = 3
@@ -40,14 +39,13 @@ def validation(record: Record) -> Section | None:
     estimators = list(dict.fromkeys(one.estimator for one in every))
     several = len(estimators) > 1
     names, prior = nuisance_names(record), record.study.prior
-    intro = SAY("intro", outcome, regression_of(record), estimators, names, prior)
-    verdicts = [f"{_titled(one, several)}: {one.verdict}" for one in chosen]
-    tables = [_checks(one, outcome.alpha, several) for one in chosen]
-    return Section(
+    return Section.of(
         "Validation by simulation",
-        paragraphs=(intro, *verdicts),
-        figures=clouds(record, every, chosen, several),
-        tables=(*tables, _side_by_side(record, every, chosen[0], several)),
+        SAY("intro", outcome, regression_of(record), estimators, names, prior),
+        *(f"{_titled(one, several)}: {one.verdict}" for one in chosen),
+        *_clouds(record, every, chosen, several),
+        *(_checks(one, outcome.alpha, several) for one in chosen),
+        _side_by_side(record, every, several),
     )
 
 
@@ -70,63 +68,52 @@ def _checks(simulated: Simulated, alpha: float, several: bool) -> Table:
     return Table.of(simulated.checks, columns, SAY("checks", _titled(simulated, several), alpha, lucky))
 
 
-def _units(record: Record, simulated: Simulated) -> dict[str, Unit]:
-    # In which deviations are shown: as suits one simulated drive.
-    sizes = np.sqrt(np.diag(simulated.predicted_covariance)).tolist()
-    return shown_units(record, dict(zip(simulated.parameters, sizes, strict=True)))
-
-
-def _finer(record: Record, shown: dict[str, Unit], name: str) -> bool:
-    # Whether a parameter's deviations are shown in another unit than itself.
-    units = {one.name: one.unit for one in record.parameters}
-    return shown[name][0] != readable(1.0, units[name])[1]
-
-
 @dataclass(frozen=True)
 class _Estimated:
-    """A parameter in simulated experiments with a drive: its SI unit, and that of its deviations as shown."""
+    """A parameter in simulated experiments with a drive, and its SI unit."""
 
     drive: Simulated
     at: int
     unit: str
-    shown: Unit
+
+    def deviation(self, covariance: Sequence[Sequence[float]]) -> float:
+        """The standard deviation of a covariance, as shown."""
+        return own_unit(self.unit)[1] * math.sqrt(covariance[self.at][self.at])
 
     @property
     def predicted(self) -> float:
-        """Standard deviation [SI]."""
-        return math.sqrt(self.drive.predicted_covariance[self.at][self.at])
-
-    @property
-    def sampled(self) -> float:
-        """Standard deviation [SI]."""
-        return math.sqrt(self.drive.sampled_covariance[self.at][self.at])
+        """The predicted standard deviation, as shown."""
+        return self.deviation(self.drive.predicted_covariance)
 
     def value(self, values: Sequence[float]) -> str:
         """One of all parameters' values, to as many digits as show a hundredth of a deviation."""
-        scale, _ = readable(1.0, self.unit)
-        hundredth = scale * self.predicted / 100.0
+        hundredth = self.predicted / 100.0
         write = fixed(max(0, math.ceil(-math.log10(hundredth))) if hundredth > 0 else 4)
-        return write(scale * values[self.at])
+        return write(own_unit(self.unit)[1] * values[self.at])
+
+    @property
+    def near(self) -> bool:
+        """Whether estimates differ from the true value in their last digits only."""
+        true = own_unit(self.unit)[1] * self.drive.true[self.at]
+        return self.predicted < NEAR * abs(true)
 
 
-def _side_by_side(record: Record, every: Sequence[Simulated], chosen: Simulated, several: bool) -> Table:
-    shown, units = _units(record, chosen), {one.name: one.unit for one in record.parameters}
-    finer = any(_finer(record, shown, name) for name in chosen.parameters)
-    items = [
-        _Estimated(one, at, units[name], shown[name])
-        for one in every
-        for at, name in enumerate(one.parameters)
-    ]
+def _estimated(record: Record, one: Simulated, name: str) -> _Estimated:
+    unit = next(parameter.unit for parameter in record.parameters if parameter.name == name)
+    return _Estimated(one, one.parameters.index(name), unit)
+
+
+def _side_by_side(record: Record, every: Sequence[Simulated], several: bool) -> Table:
+    items = [_estimated(record, one, name) for one in every for name in one.parameters]
     columns = (
         Column("result", cell=lambda one: one.drive.name),
         Column("estimator", cell=lambda one: words(one.drive.estimator)) if several else None,
         Column("parameter", cell=lambda one: words(one.drive.parameters[one.at])),
-        Column("unit", cell=lambda one: unit_text(readable(1.0, one.unit)[1]) or "1"),
+        Column("unit", cell=lambda one: shown_unit(one.unit)),
         Column("true", "", FOUR, lambda one: one.value(one.drive.true)),
         Column("mean estimate", "", FOUR, lambda one: one.value(one.drive.mean)),
-        Column("deviations in", cell=lambda one: one.shown[0] or "1") if finer else None,
-        Column("predicted deviation", "", THREE, lambda one: one.shown[1] * one.predicted),
-        Column("simulated deviation", "", THREE, lambda one: one.shown[1] * one.sampled),
+        Column("predicted deviation", "", THREE, lambda one: one.predicted),
+        Column("simulated deviation", "", THREE, lambda one: one.deviation(one.drive.sampled_covariance)),
         Column(
             "variance, simulated/predicted", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
         ),
@@ -141,19 +128,10 @@ def _error(size: float) -> str:
     return significant(1)(size if size > ROUNDING else 0.0)
 
 
-def clouds(
+def _clouds(
     record: Record, every: Sequence[Simulated], chosen: Sequence[Simulated], several: bool
-) -> tuple[Picture, ...]:
-    """A figure for each pair of parameters: the design by every estimator first, then other drives.
-
-    All panels of a figure are on one scale.
-
-    Args:
-        record: that has the simulations.
-        every: all simulations.
-        chosen: those that are drawn.
-        several: whether there are several estimators.
-    """
+) -> Iterator[Picture]:
+    # A figure for each pair of parameters: the design by every estimator first, then other drives.
     others = [
         one
         for one in every
@@ -163,18 +141,16 @@ def clouds(
     ]
     drawn, names = [*chosen, *others][:MOST_CLOUDS], chosen[0].parameters
     known = [pair for pair in COEFFICIENTS if set(pair) <= set(names)]
-    pairs = known or list(pairwise(names))[:MOST_PAIRS]
-    return tuple(_picture(record, drawn, pair, several) for pair in pairs)
+    for pair in known or list(pairwise(names))[:MOST_PAIRS]:
+        yield _picture(record, drawn, pair, several)
 
 
 def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], several: bool) -> Picture:
-    shown = _units(record, drawn[0])
     axes = []
     for name in pair:
-        # Errors are drawn instead of estimates where these differ in their last digits only.
-        errors = _finer(record, shown, name)
-        title = f"error of {words(name)}" if errors else words(name)
-        axes.append(spread.Estimated(name, title, *shown[name], errors))
+        one = _estimated(record, drawn[0], name)
+        title = f"error of {words(name)}" if one.near else words(name)
+        axes.append(spread.Estimated(name, title, *own_unit(one.unit), errors=one.near))
     titles = [f"{words(one.name)}\n{words(one.estimator)}" if several else words(one.name) for one in drawn]
     caption = SAY("caption", pair, any(one.errors for one in axes))
     figure = spread.clouds(drawn, titles, axes)

@@ -62,7 +62,7 @@ class Pair(Compass):
         return ("rad", "m")
 
     def whitening(self, moment: Moment) -> Expression:
-        """Of the standard deviations 2 deg and 3 cm."""
+        """Of the standard deviations 2 deg and 30 mm."""
         covariance = ca.diag(ca.DM([math.radians(2) ** 2, 0.03**2]))
         if self.correlated:
             covariance[0, 1] = covariance[1, 0] = 0.5 * math.radians(2) * 0.03
@@ -124,12 +124,12 @@ def test_every_kind_is_among_the_examples():
             Ranges(beacons=[(1, 2)], noise=0.05, every=11, lever_arm={"x": -0.1}),
             "the distances to 1 beacon at 2 times",
             "the distances to 1 beacon at (1, 2) m at every 11th sample (2 times) with a standard deviation "
-            "of 5 cm, taken 10 cm behind the robot's origin",
+            "of 50 mm, taken 100 mm behind the robot's origin",
         ),
         (
             Poses(noise={"position": 0.01, "heading": 0.01}, every=3),
             "7 poses (x, y and heading)",
-            "x, y and heading at every 3rd sample (7 times) with standard deviations of 1 cm per coordinate "
+            "x, y and heading at every 3rd sample (7 times) with standard deviations of 10 mm per coordinate "
             "and 0.573 deg in heading",
         ),
         (
@@ -141,18 +141,18 @@ def test_every_kind_is_among_the_examples():
             Doppler(lever_arm={"x": 0.1, "y": 0.2}),
             "20 readings of the doppler",
             "the speed over ground in every period (20 times) with a standard deviation that depends on the "
-            "drive, taken 10 cm ahead of and 20 cm to the left of the robot's origin",
+            "drive, taken 100 mm ahead of and 200 mm to the left of the robot's origin",
         ),
         (
             Pair(correlated=False),
             "21 readings of the compass",
-            "the compass at every sample (21 times) with standard deviations of 2 deg and 3 cm",
+            "the compass at every sample (21 times) with standard deviations of 2 deg and 30 mm",
         ),
         (
             Pair(),
             "21 readings of the compass",
             "the compass at every sample (21 times) with correlated noise (standard deviations of 2 deg "
-            "and 3 cm)",
+            "and 30 mm)",
         ),
         (
             Drifting(),
