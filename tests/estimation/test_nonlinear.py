@@ -632,8 +632,9 @@ class TestRobust:
         assert np.std(differences, axis=0).max() / math.sqrt(len(differences)) < 0.02
 
     @pytest.mark.slow
-    def test_it_passes_the_checks(self):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="huber", seed=2)
+    @losses
+    def test_it_passes_the_checks(self, loss: Loss):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
         assert result.passed
 
     @losses
