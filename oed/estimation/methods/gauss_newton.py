@@ -257,7 +257,9 @@ class _Point:
     def step(self, free: Booleans, damping: float = 0.0) -> _Step:
         # Of the free unknowns, the others held.
         residuals, slopes, own = self.weighted.damped(damping)
-        slopes, known = slopes[..., free], self.search.root[:, free]
+        known = self.search.root
+        if not free.all():
+            slopes, known = slopes[..., free], known[:, free]
         left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
         before = self.search.root @ (self.search.known.centre - self.values)
         right = left.T @ np.concatenate([residuals.ravel(), before])

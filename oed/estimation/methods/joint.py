@@ -86,7 +86,7 @@ class JointSearch:
         renewed = None if exact or self.specified is not None else _Weighted.renewed
         return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
 
-    @cached_property
+    @property
     def at_first(self) -> _Weighted:
         """Readings in units of the noise that is specified, or that the search begins with."""
         # Only their ratio matters at first: 1 cm to 0.01 rad.

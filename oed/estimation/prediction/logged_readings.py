@@ -57,7 +57,8 @@ class LoggedReadings:
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             columns.append(self.layout.clock_slopes(partial(self._at, starts, parameters, place), offsets))
-        return found, np.concatenate(columns, axis=-1), slopes[..., size : size + starts.shape[1]]
+        # A copy: a view would keep all columns.
+        return found, np.concatenate(columns, axis=-1), slopes[..., size : size + starts.shape[1]].copy()
 
     def first_starts(self, values: Array) -> Array:
         """Starts (S, states) near enough for a search to begin from, at unknowns (q,)."""

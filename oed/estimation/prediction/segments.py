@@ -116,9 +116,10 @@ class SegmentReadings:
         return _segments(self.model, self.sensor, self.count, self.periods, what)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> ca.Function:
-    # Parameters and nuisances are common to all segments.
+    # Parameters and nuisances are common to all segments. Few are remembered: each holds the indices of all
+    # its numbers, and of a long log these take as much room as the numbers themselves.
     function = _segment(model, sensor, periods, what)
     return function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
 
