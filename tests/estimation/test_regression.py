@@ -658,6 +658,24 @@ class TestFit:
         ]
         np.testing.assert_allclose(found.residuals, np.concatenate(white), rtol=1e-6, atol=1e-9)
 
+    @pytest.mark.parametrize("name", ["ols", "gls"])
+    @noise_models
+    def test_it_is_a_fit_like_every_other(self, name: EstimatorName, noise_model: str):
+        regression = Regression(make(noise_model), DRIVE, name)
+        turns, moves, _ = Experiment(make(noise_model), DRIVE).readings(np.random.default_rng(8), 1)
+        readings = {"heading": turns, "position": two_columns(moves[0])[None]}
+        fit = regression._fit(readings, regression._estimates(readings)[0], None)
+        assert (fit.layout.count, fit.white.shape, fit.unknowns.names) == (
+            10,
+            (10, 3, 1),
+            regression.parameters,
+        )
+        steps = fit.inverse @ fit.scores.sum(axis=0) / np.sqrt(np.diag(fit.inverse))
+        np.testing.assert_allclose(steps, 0, atol=1e-9)
+        assert fit.redundancy.sum() == pytest.approx(30 - 4)
+        if (name, noise_model) != ("ols", "absolute"):
+            np.testing.assert_allclose(fit.inverse, regression.covariance, rtol=1e-9, atol=1e-20)
+
     @pytest.mark.parametrize("heading", ["predicted", "measured"])
     def test_a_perfect_fit_has_no_residuals(self, heading: Heading):
         other = C * [[1.03, 0.98], [0.97, 1.02]]

@@ -6,6 +6,7 @@ known, predicted by the first stage [Choi, eq. 16], or measured at every sample.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any, Literal
 
@@ -17,9 +18,12 @@ from oed.estimation.methods.bands import band_of, factor, weighted, whitened
 from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
 from oed.estimation.methods.estimate import Estimate
 from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.measured_headings import MeasuredHeadings
 from oed.estimation.methods.replicated import least_squares
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.regressors import Regressors
+from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
@@ -27,12 +31,14 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
+from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
 Heading = Literal["known", "predicted", "measured"]
 
 WIDTH = 2
 """How many rows on of a displacement's coordinate are correlated with it at most."""
+LINEAR = "Solved by linear least squares."
 METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_variables")
 
 
@@ -160,45 +166,76 @@ class Regression(Estimator):
         if self.heading == "measured" and "position" in readings:
             measured = _readings("headings", headings, expected=self.regressors.samples)
             errors = (measured - self.regressors.directions)[None]
-        values = self._estimates(readings, errors)[0]
-        return Estimate(
-            parameters=self.parameters,
-            values=values,
-            covariance=self.covariance,
-            residuals=self._residuals(readings, errors, values),
-        )
+        fit = self._fit(readings, self._estimates(readings, errors)[0], errors)
+        each = np.split(fit.white[..., 0], [1] if "heading" in self.measurement.regressions else [], axis=1)
+        return Estimate.of(fit, self.covariance, np.concatenate([part.ravel() for part in each]), LINEAR)
 
-    def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:
-        # In units of the noise, against the design with the headings that were used.
-        parts, first = [], 0
+    def _fit(self, readings: dict[str, Array], values: Array, errors: Array | None) -> Fit:
+        # Over the measurement's segments, whose readings are the turn, the displacement or both. Information
+        # and scores are those of the regressions as they are weighted, with the headings that were used.
+        edges, parts, first = self.regressors.edges, [], 0
+        turned = self._position_designs(readings, errors)
         for name in self.measurement.regressions:
             design = self.regressors.nominal_designs[name]
-            if name == "position" and self.heading == "predicted":
-                turned = readings["heading"] @ self._map("heading").T
-                design = self.regressors.predicted_positions(turned)[0]
-            elif name == "position" and errors is not None:
-                design = self._measured_headings.designs(errors)[:, :, 0]
-            own = values[first : first + design.shape[1]]
+            if name == "position" and turned is not None:
+                design = turned[..., 0]
+            rows = np.zeros((len(design), len(values)))
+            rows[:, first : first + design.shape[1]] = design
             first += design.shape[1]
-            left = (readings[name][0] - design @ own) / self._noise(name)
-            parts.append(whitened(self._roots[name], left[:, None])[:, 0])
-        return np.concatenate(parts)
+            own = np.column_stack([readings[name][0] - rows @ values, rows])
+            white = whitened(self._roots[name], own / self._noise(name))
+            weighted = white if self._weights else own / self._noise(name)
+            both = np.column_stack([readings[name][0], own[:, 0], white[:, 0], weighted])
+            parts.append(both.reshape(len(edges) - 1, -1, both.shape[1]))
+        found = np.concatenate(parts, axis=1)
+        measured, left, white, pull = np.moveaxis(found[..., :4], -1, 0)
+        rows = found[..., 4:]
+        information = np.einsum("sia,sib->sab", rows, rows)
+        inverse = np.linalg.inv(information.sum(axis=0))
+        times = np.asarray(self.regressors.trajectory.period * np.stack([edges[:-1], edges[1:]], axis=1))
+        valid, still = np.ones(measured.shape, dtype=bool), np.zeros(measured.shape)
+        return Fit(
+            unknowns=Unknowns(self.regressors.robot, self.parameters, (), 0),
+            values=values,
+            offsets=np.zeros(0),
+            starts=np.zeros((len(measured), 0)),
+            layout=SegmentLayout((), np.arange(len(measured)), times, measured[..., None], valid, math.inf),
+            residuals=left[..., None],
+            white=white[..., None],
+            weights=np.ones((*measured.shape, 1)),
+            redundancy=1 - np.einsum("sia,ab,sib->si", rows, inverse, rows)[..., None],
+            noises={name: Noise(self._noise(name)) for name in self.measurement.regressions},
+            speeds=still,
+            yaw_rates=still,
+            information=information,
+            scores=np.einsum("sia,si->sa", rows, pull),
+            knowledge=np.zeros(inverse.shape),
+            converged=True,
+        )
 
     def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
         # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.
         found = {name: rows @ self._map(name).T for name, rows in readings.items()}
-        if "position" in found and self.heading == "predicted":
-            designs = self.regressors.predicted_positions(found["heading"]).transpose(1, 2, 0)
-            found["position"] = self._least_squares(designs, readings["position"].T)
-        if errors is not None:
-            found["position"] = self._with_measured_headings(errors, readings["position"].T)
+        designs = self._position_designs(readings, errors)
+        if designs is not None:
+            found["position"] = self._solved(designs, readings["position"].T)
         return np.hstack([found[name] for name in self.measurement.regressions])
 
-    def _with_measured_headings(self, errors: Array, measured: Array) -> Array:
-        designs = self._measured_headings.designs(errors)
+    def _position_designs(self, readings: dict[str, Array], errors: Array | None) -> Array | None:
+        # W of replicates, (2 P, q, R), where it is not that of the true headings.
+        if self.heading == "predicted" and "position" in readings:
+            first_stage = readings["heading"] @ self._map("heading").T
+            return self.regressors.predicted_positions(first_stage).transpose(1, 2, 0)
+        return None if errors is None else self._measured_headings.designs(errors)
+
+    def _solved(self, designs: Array, measured: Array) -> Array:
+        # Estimates (R, q) of replicates, (2 P, q, R) and (2 P, R).
         if self.name == "errors_in_variables":
             return corrected(designs, measured, self.regressors.per_sample, self._noise("heading"))
-        return self._least_squares(designs, measured)
+        if self._weights:
+            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
+            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
+        return least_squares(designs, measured)
 
     def _corrected_covariance(self) -> Array:
         edges = self.regressors.edges
@@ -262,13 +299,6 @@ class Regression(Estimator):
             inverse = np.asarray(np.linalg.pinv(self._weighted(name)).T, dtype=float)
             self._maps[name] = (weighted(self._roots[name], inverse) if self._weights else inverse).T
         return self._maps[name]
-
-    def _least_squares(self, designs: Array, measured: Array) -> Array:
-        # Of replicates, (2 P, q, R) and (2 P, R).
-        if self._weights:
-            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
-            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
-        return least_squares(designs, measured)
 
     @cached_property
     def _turned(self) -> Array:

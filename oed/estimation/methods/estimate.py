@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -34,15 +34,22 @@ class Estimate:
     values: Array
     covariance: Array
     residuals: Array
-    nuisances: tuple[str, ...] = ()
-    nuisance_values: Array = field(default_factory=lambda: np.zeros(0))
-    converged: bool = True
-    message: str = "Solved by linear least squares."
+    nuisances: tuple[str, ...]
+    nuisance_values: Array
+    converged: bool
+    message: str
 
     @classmethod
-    def of(cls, fit: Fit, covariance: Array, residuals: Array) -> Estimate:
-        """What a fit says, with the covariance of its parameters and its residuals in the readings' order."""
-        count, arrived = len(fit.unknowns.parameters), fit.converged
+    def of(cls, fit: Fit, covariance: Array, residuals: Array, message: str | None = None) -> Estimate:
+        """What a fit says.
+
+        Args:
+            fit: the solution.
+            covariance: of its parameters.
+            residuals: in units of the noise, in the readings' order.
+            message: how it was found; by default how its search ended.
+        """
+        count = len(fit.unknowns.parameters)
         return cls(
             parameters=fit.unknowns.parameters,
             values=fit.values[:count],
@@ -50,8 +57,8 @@ class Estimate:
             residuals=residuals,
             nuisances=fit.unknowns.names[count:],
             nuisance_values=fit.values[count:],
-            converged=arrived,
-            message=ARRIVED if arrived else ASTRAY,
+            converged=fit.converged,
+            message=message or (ARRIVED if fit.converged else ASTRAY),
         )
 
     @property
