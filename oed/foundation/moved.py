@@ -31,6 +31,8 @@ ROOMS = {
 """Modules and folders of the top level by the room that each has moved to."""
 RENAMED = {
     "calibration": "estimation",
+    "estimation.prediction.further_starts": "estimation.prediction.logged_readings",
+    "estimation.prediction.logged_states": "estimation.prediction.segments",
     "estimators": "estimation.methods",
     "measurements": "robots.sensors",
     "readings": "estimation.prediction.drive_readings",
@@ -38,7 +40,7 @@ RENAMED = {
     "solvers": "optimize",
     "validation": "simulation",
 }
-"""Folders of the top level by where they are now, under another name."""
+"""Folders of the top level, and modules that are part of another now, by where they are."""
 
 
 NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}

@@ -22,8 +22,8 @@ from simulated import (
 from studies import saved_study
 
 from oed.estimation import calibrate
-from oed.estimation.prediction.further_starts import further_starts
 from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.logged_readings import further_starts
 from oed.estimation.preprocessing.moves import Moves, unexplained
 from oed.foundation.errors import ProblemError
 from oed.robots.models import DifferentialDrive, SkidSteerSlip

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.further_starts import further_starts
 from oed.estimation.prediction.layout import SegmentLayout, cut
-from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.logged_readings import further_starts
+from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
@@ -67,7 +67,7 @@ class Moves:
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
         further = further_starts(self.robot, layout, offsets, nominal, inputs)
         starts = np.pad(further, ((0, 0), (3, 0)))
-        ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
+        ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
     def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:

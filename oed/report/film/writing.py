@@ -45,8 +45,7 @@ class Format:
     """A kind of film.
 
     Attributes:
-        write: takes frames, file, frames a second, an image with all colours and a comment; returns the
-            number of frames.
+        write: takes what `write_frames` does, in its order; returns the number of frames.
         most: frames of a film.
         fastest: frames a second.
         needs: looks for what it needs; refuses a film where that is not there.
@@ -172,19 +171,9 @@ def require_format(file: Path, fps: float) -> Format:
     return form
 
 
-def write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
-    """Write frames, by Pillow, as a GIF that repeats for ever; returns their number. See `write_frames`.
-
-    Frames that are alike become one that is shown for longer. Delays are rounded so that the film as a whole
-    keeps its time.
-
-    Args:
-        frames: pictures of one size.
-        file: to write.
-        fps: frames a second.
-        colours: an image with all colours that there are.
-        comment: that the file keeps.
-    """
+def _write_gif(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    # By Pillow, a GIF that repeats for ever. Frames that are alike become one that is shown for longer.
+    # Delays are rounded so that the film as a whole keeps its time.
     film = _Film(frames, fps, colours)
     first = next(film)
     # Pillow leaves out what stays the same from frame to frame, and finds the frames that are alike.
@@ -216,16 +205,8 @@ class _Film(Iterator["Image"]):
         return image
 
 
-def write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
-    """Write frames, by ffmpeg, as an MP4 that plays everywhere; returns their number. See `write_frames`.
-
-    Args:
-        frames: pictures of one size.
-        file: to write.
-        fps: frames a second.
-        colours: an image with all colours that there are.
-        comment: that the file keeps.
-    """
+def _write_mp4(frames: Iterable[Frame], file: Path, fps: float, colours: Frame | None, comment: str) -> int:
+    # By ffmpeg, an MP4 that plays everywhere.
     del colours
     images = iter(frames)
     first = next(images)
@@ -269,8 +250,8 @@ def require_ffmpeg() -> str:
 
 
 FORMATS = {
-    ".gif": Format(write_gif, most=2_000, fastest=50),
-    ".mp4": Format(write_mp4, most=100_000, needs=lambda: require_ffmpeg()),
+    ".gif": Format(_write_gif, most=2_000, fastest=50),
+    ".mp4": Format(_write_mp4, most=100_000, needs=lambda: require_ffmpeg()),
 }
 """By the ending of a file. A GIF is held in memory: some hundred seconds, and viewers slow down delays below
 1/50 s; an MP4 may last more than an hour.
