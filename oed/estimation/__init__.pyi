@@ -1,6 +1,6 @@
 from .assessment.covariance import Covariance as Covariance
-from .assessment.cross_validation import HeldOut as HeldOut
 from .assessment.dead_reckoning import DeadReckoning as DeadReckoning
+from .assessment.dead_reckoning import HeldOut as HeldOut
 from .assessment.dead_reckoning import dead_reckoned as dead_reckoned
 from .assessment.diagnostics import Diagnostic as Diagnostic
 from .assessment.diagnostics import correlations as correlations
@@ -9,6 +9,6 @@ from .assessment.model_scores import Comparison as Comparison
 from .assessment.model_scores import Score as Score
 from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
-from .setup.alternatives import Alternative as Alternative
-from .setup.alternatives import alternative_flaws as alternative_flaws
+from .setup.options import Alternative as Alternative
 from .setup.options import CalibrationOptions as CalibrationOptions
+from .setup.options import alternative_flaws as alternative_flaws

@@ -17,19 +17,16 @@ from oed.estimation.assessment.covariance import (
     judgeable,
     sandwich,
 )
-from oed.estimation.assessment.cross_validation import HeldOut, cross_validated, held_out
-from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
+from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.model_scores import Comparison
 from oed.estimation.assessment.model_selection import ModelSelection
-from oed.estimation.assessment.weak_directions import weak_directions
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import Fitting
-from oed.estimation.methods.segment_length import Segmenting
+from oed.estimation.methods.fitting import Fitting, Segmenting
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess
 from oed.estimation.preprocessing.thinning import thinned, thinning_notes
-from oed.estimation.setup.alternatives import alternative_flaws
 from oed.estimation.setup.noise import specified_noise
-from oed.estimation.setup.options import CalibrationOptions
+from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem

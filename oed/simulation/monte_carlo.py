@@ -19,8 +19,7 @@ from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.simulation.checks import Check, check_tally
-from oed.simulation.tally import Moments, Tally
+from oed.simulation.checks import Check, Moments, Tally, check_tally
 
 Array = npt.NDArray[np.float64]
 

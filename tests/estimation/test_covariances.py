@@ -35,12 +35,11 @@ from oed.estimation.assessment.covariance import (
     information,
     sandwich,
 )
-from oed.estimation.assessment.cross_validation import cross_validated, values_without
-from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
-from oed.estimation.assessment.weak_directions import weak_directions
+from oed.estimation.assessment.dead_reckoning import cross_validated, values_without
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fitting import longest_without_drift, spread
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
-from oed.estimation.methods.segment_length import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.robots.models import SkidSteer, SkidSteerSlip
 from oed.robots.sensors.logged import Noise

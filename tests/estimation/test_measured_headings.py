@@ -111,7 +111,7 @@ def test_cosine_and_sine():
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_replicates(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.simulation.tally.KEPT", 1000)
+    monkeypatch.setattr("oed.simulation.checks.KEPT", 1000)
     problem, drive = make(10, samples=200)
 
     def peak(replicates: int) -> int:

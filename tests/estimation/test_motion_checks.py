@@ -22,8 +22,7 @@ from simulated import (
 )
 
 from oed.estimation import calibrate
-from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.moves import Moves, unexplained
+from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
 from oed.estimation.preprocessing.wiring_checks import poorly_explained, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.log import Log

@@ -17,7 +17,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
 from oed.estimation.methods import Estimate, Nonlinear
-from oed.estimation.methods.losses import loss_moments, robust_loss
+from oed.estimation.methods.gauss_newton import loss_moments, robust_loss
 from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E

@@ -24,7 +24,7 @@ from oed.estimation.methods import (
     make_estimator,
     usual_estimator,
 )
-from oed.estimation.methods.errors_in_variables import corrected_covariance
+from oed.estimation.methods.measured_headings import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate

@@ -20,7 +20,7 @@ from windowed import (
 )
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
-from oed.estimation.assessment.cross_validation import values_without
+from oed.estimation.assessment.dead_reckoning import values_without
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge

@@ -11,6 +11,7 @@ from scipy import stats
 
 from oed.simulation.checks import (
     Check,
+    Tally,
     bias,
     check_all,
     coverage,
@@ -20,7 +21,6 @@ from oed.simulation.checks import (
     mean_nees,
     nees_distribution,
 )
-from oed.simulation.tally import Tally
 
 ALPHA = 0.05
 SEEDS = 200

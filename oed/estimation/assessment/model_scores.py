@@ -20,7 +20,7 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.assessment.covariance import LEVEL, Covariance
-from oed.estimation.assessment.cross_validation import HeldOut
+from oed.estimation.assessment.dead_reckoning import HeldOut
 from oed.estimation.assessment.likelihood import Likelihood, Way
 from oed.estimation.methods.fit import Fit
 from oed.robots.models.model import Model

@@ -14,15 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import Covariance
-from oed.estimation.assessment.cross_validation import cross_validated
+from oed.estimation.assessment.dead_reckoning import cross_validated
+from oed.estimation.assessment.diagnostics import not_identified
 from oed.estimation.assessment.likelihood import FittedReadings, inflation
 from oed.estimation.assessment.model_scores import Compared, Comparison, scored
-from oed.estimation.assessment.weak_directions import not_identified
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import LOOSE, Fitting
 from oed.estimation.preprocessing.preprocess import PreparedLogs
-from oed.estimation.setup.alternatives import Alternative
-from oed.estimation.setup.options import CalibrationOptions
+from oed.estimation.setup.options import Alternative, CalibrationOptions
 from oed.foundation.errors import FileError, ProblemError
 from oed.robots.models.model import Model
 

@@ -15,12 +15,14 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.bands import band_of, factor, weighted, whitened
-from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
-from oed.estimation.methods.estimate import Estimate
-from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.measured_headings import MeasuredHeadings
-from oed.estimation.methods.replicated import least_squares
+from oed.estimation.methods.measured_headings import (
+    MeasuredHeadings,
+    corrected,
+    corrected_covariance,
+    least_squares,
+)
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.regressors import Regressors
 from oed.estimation.setup.unknowns import Unknowns

@@ -15,9 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import FLAT, Found, LeastSquares, Rows, projected
+from oed.estimation.methods.gauss_newton import (
+    FLAT,
+    Found,
+    LeastSquares,
+    Rows,
+    loss_moments,
+    projected,
+    robust_loss,
+)
 from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
-from oed.estimation.methods.losses import loss_moments, robust_loss
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings

@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.estimate import Estimate
-from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
+from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.losses import loss_moments
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss

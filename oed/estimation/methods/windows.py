@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.segment_length import FEWEST
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
@@ -29,17 +28,10 @@ Booleans = npt.NDArray[np.bool_]
 
 READ = ("x", "y", "heading")
 """What a motion is made of: ahead and to the left [m], turn [rad]."""
-USUAL = 2.0
-"""Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
 SPAN = 3
 """Steps over which the velocity at a window's end is taken: one alone shows the encoders' ticks."""
 TINY = 1e-9
 """Standard deviation that noise is taken to have at least [m, rad]."""
-
-
-def usual_seconds(layout: SegmentLayout) -> float:
-    """The length of windows where none is given [s], for logs of such steps."""
-    return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))
 
 
 def require_windows(layout: SegmentLayout, unknowns: Unknowns, method: Method) -> None:

@@ -1,4 +1,7 @@
-"""Short moves of a log, measured and predicted: what clocks, swapped wheels and wrong signs show in."""
+"""Short moves of a log, measured and predicted: what clocks, swapped wheels and wrong signs show in.
+
+How far the clocks of wheels and poses are apart follows from them, as a first guess.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,12 @@ FEWEST = 10
 """Moves from which on their comparison is believed; anything suits a few."""
 GAINS = (1 / 3, 3.0)
 """How far a true motion may be from that of the nominal parameters, as a factor."""
+REACH = 1.0
+"""Largest offset looked for [s]."""
+COARSE, FINE = 0.05, 0.01
+"""Steps of the search [s]; the fit refines what it finds."""
+CLEAR = 0.9
+"""An offset is taken for real where it leaves at most this share of what no offset leaves unexplained."""
 
 
 @dataclass(frozen=True)
@@ -184,3 +193,29 @@ def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
 def _any(moves: Moved) -> bool:
     # Whether there is any motion, of which less than counts at all is none: its squares are no numbers.
     return float(np.abs(moves).max(initial=0.0)) > SMALLEST
+
+
+def clock_offsets(moves: Moves) -> Array:
+    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it.
+
+    Args:
+        moves: of all logs.
+    """
+    layout = moves.layout
+    return np.array([_offset(moves.within(layout.clock == clock)) for clock in range(len(layout.clocks))])
+
+
+def _offset(moves: Moves) -> float:
+    if moves.layout.count < FEWEST:
+        return 0.0
+    measured, clocks = moves.measured(), len(moves.layout.clocks)
+
+    def left(offset: float) -> float:
+        shares = unexplained(measured, moves.predicted(np.full(clocks, offset)))
+        return float(np.prod([max(share, 1e-9) for share in shares.values()])) if shares else 1.0
+
+    coarse = np.arange(-REACH, REACH + COARSE / 2, COARSE)
+    best = min(coarse, key=left)
+    fine = best + np.arange(-COARSE, COARSE + FINE / 2, FINE)
+    best = min(fine, key=left)
+    return float(best) if left(best) < CLEAR * left(0.0) else 0.0

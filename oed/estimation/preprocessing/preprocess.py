@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import stretches
-from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.moves import Moves
+from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
     frozen,

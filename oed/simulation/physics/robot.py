@@ -1,4 +1,7 @@
-"""What a physics simulator has to know of a robot: sizes, masses, springs, motors and friction."""
+"""What a physics simulator has to know of a robot: sizes, masses, springs, motors and friction.
+
+Of four wheels, or of two and a caster; and how much robots differ from run to run.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +22,8 @@ from oed.robots.models.wheels import PositiveLength, TwoSidedGeometry
 Array = npt.NDArray[np.float64]
 Mass = Annotated[float, Unit("kg", "3 kg"), Field(gt=0)]
 PositiveRatio = Annotated[Ratio, Field(gt=0)]
+Spread = Annotated[Ratio, Field(ge=0)]
+Robot = TypeVar("Robot", bound="PhysicsRobot")
 
 GRAVITY = 9.81
 """[m/s^2]."""
@@ -202,3 +207,88 @@ class PhysicsRobot(TwoSidedGeometry, ABC):
         scrub = self.wheel_width / sqrt(12)
         radius = self.radii[0] if left < 0 else self.radii[1]
         return Support(name, ahead, left, radius, grip * self.friction, scrub)
+
+
+class FourWheels(PhysicsRobot):
+    """Four driven wheels, the two of a side at the same commanded speed; a motor for each.
+
+    Attributes:
+        wheelbase: distance of front and rear axles [m].
+    """
+
+    kind: Literal["four_wheels"] = "four_wheels"
+    wheelbase: PositiveLength = 0.16
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Front right, rear right, front left, rear left."""
+        ahead, left = self.wheelbase / 2, self.track / 2
+        return (
+            self.wheel("front_right", ahead, -left, 0),
+            self.wheel("rear_right", -ahead, -left, 1),
+            self.wheel("front_left", ahead, left, 2),
+            self.wheel("rear_left", -ahead, left, 3),
+        )
+
+
+class TwoWheelsAndCaster(PhysicsRobot):
+    """Two driven wheels on one axle and a ball that slides on the floor with little friction.
+
+    Attributes:
+        caster: how far ahead of the axle the ball sits; negative behind it [m].
+        caster_friction: its coefficient of sliding friction.
+    """
+
+    kind: Literal["two_wheels_and_caster"] = "two_wheels_and_caster"
+    centre_of_mass: tuple[Length, Length] = (-0.02, 0.0)
+    caster: Length = -0.09
+    caster_friction: Annotated[Ratio, Field(ge=0)] = 0.01
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Right, left, caster."""
+        left, ball = self.track / 2, min(self.radii) / 2
+        return (
+            self.wheel("right", 0.0, -left, 0),
+            self.wheel("left", 0.0, left, 1),
+            Support("caster", self.caster, 0.0, ball, self.caster_friction, driven=False),
+        )
+
+
+class Variation(Component):
+    """How much repeats of one robot differ: standard deviations, of logarithms where they are ratios.
+
+    Attributes:
+        friction: of the floor, alike for all wheels.
+        grip: of each wheel's friction by itself.
+        gain: of the motors.
+        centre_of_mass: of its place ahead and to the left [m].
+    """
+
+    friction: Spread = 0.1
+    grip: Spread = 0.05
+    gain: Spread = 0.0
+    centre_of_mass: Annotated[Length, Field(ge=0)] = 0.0
+
+    def draw(self, robot: Robot, rng: np.random.Generator) -> Robot:
+        """A robot around a nominal one; the same numbers are drawn whatever varies.
+
+        Raises:
+            ValueError: it would not stand, its centre of mass being beyond its wheels.
+        """
+        floor, motor, *wheels = rng.normal(size=2 + len(robot.wheels))
+        ahead, left = rng.normal(size=2) * self.centre_of_mass
+        nominal = robot.grips or (1.0,) * len(robot.wheels)
+        return robot.changed(
+            friction=robot.friction * np.exp(self.friction * floor),
+            grips=tuple(
+                grip * float(np.exp(self.grip * one)) for grip, one in zip(nominal, wheels, strict=True)
+            ),
+            motor=robot.motor.model_copy(
+                update={
+                    name: float(getattr(robot.motor, name) * np.exp(self.gain * motor))
+                    for name in ("gain", "sum_gain")
+                }
+            ),
+            centre_of_mass=(robot.centre_of_mass[0] + ahead, robot.centre_of_mass[1] + left),
+        )

@@ -8,9 +8,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.robots.models.model import Model
 from oed.robots.models.wheels import TwoSidedGeometry
-from oed.simulation.physics.four_wheels import FourWheels
-from oed.simulation.physics.robot import Motor, PhysicsRobot, Suspension
-from oed.simulation.physics.two_wheels import TwoWheelsAndCaster
+from oed.simulation.physics.robot import FourWheels, Motor, PhysicsRobot, Suspension, TwoWheelsAndCaster
 
 WHEELBASE_TO_TRACK = 16 / 18
 """Of the paper's robot; a Husky's is 0.92, a Jackal's 0.70."""

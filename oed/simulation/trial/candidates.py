@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from oed.estimation.setup.alternatives import Alternative
-from oed.estimation.setup.options import CalibrationOptions, Method
+from oed.estimation.setup.options import Alternative, CalibrationOptions, Method
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
