@@ -313,7 +313,8 @@ def search_of(
     """A search over segments of logs, without anything known beforehand and without clocks unless told."""
     own = unknowns or unknowns_of()
     layout: SegmentLayout = cut(logs, seconds, [0.0] * len(logs))
-    usual = {"offsets": np.zeros(len(layout.clocks)), "grows": False}
+    nothing = Knowledge.nothing(own.size)
+    usual = {"offsets": np.zeros(len(layout.clocks)), "known": nothing, "grows": False}
     return JointSearch(layout, own, **{**usual, **keys})
 
 

@@ -186,7 +186,7 @@ def test_a_coordinate_may_stand_still_on_a_straight_line(heading: float, ratio: 
     log = log_of(course(ROBOT, own, inputs=speeds, start=(0.0, 0.0, heading)), quantities=quantities)
     assert min(np.ptp(log.poses[:, :2], axis=0)) < 1e-9
     moves = Moves.of(ROBOT, [log])
-    assert frozen(moves, np.zeros(1)) is None
+    assert frozen(moves) is None
 
 
 def test_poses_too_small_for_their_squares_stand_still():

@@ -38,7 +38,7 @@ def make(segments: int | str, noise_model: str = "increments", samples: int = 40
 def drawn(regression: Regression, count: int, runs: int, *, absolute: bool) -> tuple[np.ndarray, np.ndarray]:
     """Errors of displacements (R, 2 P) and of headings (R, N), from the numbers that a simulation draws."""
     rng = np.random.default_rng(5)
-    segments, samples = len(regression.regressors.edges) - 1, regression.regressors.samples
+    segments, samples = len(regression.regressors.edges) - 1, regression.regressors.trajectory.samples
     if absolute:
         poses = rng.standard_normal((count, runs, segments // runs + 1, 2))
         moves = np.diff(poses, axis=2).reshape(count, -1)

@@ -39,11 +39,11 @@ def moves_of(*logs: Log, model=ROBOT) -> Moves:
 
 
 def suspected(log: Log, model=ROBOT) -> str | None:
-    return wiring_fault(moves_of(log, model=model), np.zeros(1))
+    return wiring_fault(moves_of(log, model=model))
 
 
 def doubted(log: Log, model=ROBOT) -> float | None:
-    return poorly_explained(moves_of(log, model=model), np.zeros(1))
+    return poorly_explained(moves_of(log, model=model))
 
 
 class TestClocks:

@@ -154,7 +154,7 @@ class TestStarts:
 
     def test_moves_are_explained_from_there(self):
         moves = Moves.of(ROBOT.with_values(TRUTH), logs_of(1))
-        left = unexplained(moves.measured(), moves.predicted(np.zeros(1)))
+        left = unexplained(moves.measured(), moves.predicted())
         assert max(left.values()) < 0.02
 
 

@@ -21,7 +21,7 @@ from oed.estimation.assessment.model_scores import Compared, Comparison, scored
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import LOOSE, Fitting
 from oed.estimation.preprocessing.preprocess import PreparedLogs
-from oed.estimation.setup.options import Alternative, CalibrationOptions
+from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileError, ProblemError
 from oed.robots.models.model import Model
 
@@ -59,7 +59,7 @@ class ModelSelection:
             self.announce(f"model {one.label}")
             robot = one.fitted_robot.system(alike.robot.integration)
             fitting = replace(alike, robot=robot, parameters=one.parameters)
-            models.append(self._fitted(_entry(one), fitting, one.robot))
+            models.append(self._fitted(Compared(one.label, one.robot, one.parameters), fitting, one.robot))
         return self._scored(models, fit, alike)
 
     def _fitted(self, entry: Compared, fitting: Fitting, robot: Model) -> Compared:
@@ -68,9 +68,7 @@ class ModelSelection:
             return replace(entry, reason=f"the logs hold {', '.join(strangers)}, which it has not")
         try:
             fit = fitting.fitted(self._logs(robot)).fit
-        except ProblemError as error:
-            return replace(entry, reason="; ".join(flaw.message for flaw in error.flaws))
-        except FileError as error:
+        except (ProblemError, FileError) as error:
             return replace(entry, reason="; ".join(flaw.message for flaw in error.flaws))
         except np.linalg.LinAlgError:
             return replace(entry, reason="the search failed; are its nominal values near enough?")
@@ -109,10 +107,6 @@ class ModelSelection:
         if {"x", "y"} <= set(fit.layout.quantities):
             found = replace(found, cross_validation=cross_validated(fit))
         return found
-
-
-def _entry(one: Alternative) -> Compared:
-    return Compared(one.label, one.robot, one.parameters)
 
 
 def _with_segments(options: CalibrationOptions, fit: Fit) -> CalibrationOptions:

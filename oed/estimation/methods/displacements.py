@@ -136,7 +136,7 @@ class Regression(Estimator):
             return self._estimates(readings), np.hstack([linear[name] for name in chosen])
         effect, estimates = self._map("position") @ self._turned, []
         for own in self._measured_headings.blocks(count):
-            errors = rng.standard_normal((own.stop - own.start, self.regressors.samples))
+            errors = rng.standard_normal((own.stop - own.start, self.regressors.trajectory.samples))
             errors *= self._noise("heading")
             linear["position"][own] -= errors @ effect.T
             estimates.append(self._estimates({name: rows[own] for name, rows in readings.items()}, errors))
@@ -166,7 +166,7 @@ class Regression(Estimator):
         }
         errors = None
         if self.heading == "measured" and "position" in readings:
-            measured = _readings("headings", headings, expected=self.regressors.samples)
+            measured = _readings("headings", headings, expected=self.regressors.trajectory.samples)
             errors = (measured - self.regressors.directions)[None]
         fit = self._fit(readings, self._estimates(readings, errors)[0], errors)
         each = np.split(fit.white[..., 0], [1] if "heading" in self.measurement.regressions else [], axis=1)

@@ -222,9 +222,9 @@ class Fitting:
             layout,
             unknowns,
             offsets,
+            self._known(unknowns),
             self.options.loss,
             grows=self.options.noise == "estimated",
-            known=self._known(unknowns),
             specified=self._specified(layout.logs[0]),
         )
 

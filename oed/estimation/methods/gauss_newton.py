@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -68,8 +68,9 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, residuals: Array, slopes: Array) -> Rows:
-        """Those (m,) and (m, q) of a single segment without unknowns of its own."""
-        return cls(residuals[None], slopes[None], np.zeros((1, len(residuals), 0)))
+        """Those (...,) and (..., q) of a single segment without unknowns of its own."""
+        wide = slopes.reshape(1, -1, slopes.shape[-1])
+        return cls(residuals.reshape(1, -1), wide, np.zeros((1, residuals.size, 0)))
 
     def damped(self, damping: float) -> Rows:
         """With rows that keep the segments' own unknowns where they are, as long as the columns by them times
@@ -83,11 +84,8 @@ class Rows(NamedTuple):
         return Rows(*(np.concatenate(pair, axis=1) for pair in zip(self, (*zeros, more), strict=True)))
 
 
-class HasRows(Protocol):
-    """Gives rows at common unknowns (q,) and the segments' own (S, c)."""
-
-    def __call__(self, values: Array, starts: Array, /) -> Rows:
-        """The rows."""
+HasRows = Callable[[Array, Array], Rows]
+"""Gives rows at common unknowns (q,) and the segments' own (S, c)."""
 
 
 class Found(NamedTuple):

@@ -61,9 +61,9 @@ class JointSearch:
         layout: the segments.
         unknowns: what to estimate.
         offsets: of the clocks, as far as known, (clocks,) [s].
+        known: of the unknowns from before.
         loss: of a residual in units of the noise.
         grows: whether noise may grow with speed and yaw rate.
-        known: of the unknowns from before.
         specified: noise that is not to be estimated.
         drive: what sensors read of a designed drive, whose noise is specified; None of logs.
     """
@@ -71,9 +71,9 @@ class JointSearch:
     layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
+    known: Knowledge
     loss: Loss = "linear"
     grows: bool = True
-    known: Knowledge | None = None
     specified: Mapping[str, Noise] | None = None
     drive: DriveReadings | None = None
 
@@ -88,7 +88,7 @@ class JointSearch:
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
         unknowns, exact = self.unknowns, self.drive is not None
         close, flat = (EXACT, FLAT) if exact else (CLOSE, 1.0)
-        search = LeastSquares(unknowns.scale, self.known_before, self.loss, unknowns.clocks, close, flat)
+        search = LeastSquares(unknowns.scale, self.known, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
         renewed = None if exact or self.specified is not None else _Weighted.renewed
         return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
@@ -99,11 +99,6 @@ class JointSearch:
         # Only their ratio matters at first: 1 cm to 0.01 rad.
         rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
         return _Weighted(self, dict(rough if self.specified is None else self.specified))
-
-    @cached_property
-    def known_before(self) -> Knowledge:
-        """Of the unknowns; nothing by default."""
-        return self.known or Knowledge.nothing(self.unknowns.size)
 
     @cached_property
     def _predicted(self) -> LoggedReadings | DriveReadings:
@@ -169,7 +164,7 @@ class _Weighted:
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""
         search, found = self.search, self.search.linearised(values, starts)
-        present, known = search.layout.valid[..., None], search.known_before.information
+        present, known = search.layout.valid[..., None], search.known.information
         white, weights, bend, swing = self._weights(self._white(found.residuals, found.rates))
         root = np.ones_like(weights) if search.drive else np.sqrt(weights)
         slopes, own = (self._white(columns, found.rates) * root[..., None] for columns in found[1:3])

@@ -107,14 +107,13 @@ def normal_equations(designs: Array, measured: Array) -> tuple[Array, Array]:
     return normal, right
 
 
-def solved(normal: Array, right: Array) -> Array:
-    """Estimates (R, q) from normal equations (R, q, q) and (R, q)."""
-    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
-
-
 def least_squares(designs: Array, measured: Array) -> Array:
     """Ordinary least squares of each replicate, (rows, q, R) and (rows, R) to (R, q) [Choi, eq. 16]."""
-    return solved(*normal_equations(designs, measured))
+    return _solved(*normal_equations(designs, measured))
+
+
+def _solved(normal: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
 
 
 def _dot(first: Array, second: Array) -> Array:
@@ -138,7 +137,7 @@ def corrected(designs: Array, measured: Array, per_sample: Array, heading_noise:
     shrink = shrinkage(heading_noise)
     own = per_sample.reshape(-1, per_sample.shape[-1])
     normal, right = normal_equations(designs, measured)
-    return solved(normal / shrink**2 - (shrink**-2 - 1) * (own.T @ own), right / shrink)
+    return _solved(normal / shrink**2 - (shrink**-2 - 1) * (own.T @ own), right / shrink)
 
 
 def corrected_covariance(

@@ -61,9 +61,8 @@ class Nonlinear(Estimator):
         self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
         self._known = self._before([*starts, *own], estimation.prior)
         layout = SegmentLayout.of_drive(trajectory, self._readings.by_run(self.predicted()))
-        self._search = JointSearch(
-            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
-        )
+        known, drive = self._known, self._readings
+        self._search = JointSearch(layout, self._unknowns, np.zeros(0), known, loss, drive=drive)
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
             raise ProblemError.about(("validation",), text)

@@ -58,7 +58,7 @@ class TwoStage:
     """
 
     windows: Windows
-    known: Knowledge | None = None
+    known: Knowledge
     specified: Mapping[str, Noise] | None = None
 
     def fit(self) -> Fit:
@@ -89,18 +89,14 @@ class TwoStage:
         return _Stage(slice(2, 3), np.array(turns)), _Stage(slice(0, 2), np.array(moves))
 
     @cached_property
-    def _known(self) -> Knowledge:
-        return self.known or Knowledge.nothing(self.windows.unknowns.size)
-
-    @cached_property
     def _framed_known(self) -> Knowledge:
         # Of clocks and place alone: without it the clocks go astray where turns are steady.
         own, framed = self.windows.unknowns.names, self._framed.unknowns
         information, centre = np.zeros((framed.size,) * 2), np.zeros(framed.size)
         for index in range(len(framed.parameters), framed.size):
             place = own.index(framed.names[index])
-            information[index, index] = self._known.information[place, place]
-            centre[index] = self._known.centre[place]
+            information[index, index] = self.known.information[place, place]
+            centre[index] = self.known.centre[place]
         return Knowledge(information, centre)
 
     def _coefficients(self) -> tuple[Array, list[_Solved]]:
@@ -123,7 +119,7 @@ class TwoStage:
         def rows(part: Array, _: Array) -> Rows:
             motions = self._framed.motions(whole(part))
             slopes = self._slopes(stage, whole(part))
-            return Rows.of(motions.residuals[:, stage.rows].ravel() / size, _flat(slopes) / size)
+            return Rows.of(motions.residuals[:, stage.rows] / size, slopes / size)
 
         known = self._framed_known.on(stage.columns)
         search = LeastSquares(self._framed.unknowns.scale[stage.columns], known)
@@ -139,7 +135,7 @@ class TwoStage:
         # The standard deviation of a row: of what is left, or as specified for the poses at both ends.
         motions = self._framed.motions(values)
         if self.specified is not None:
-            variances = pose_variances(self.specified, *self._framed.rates(motions.path)).sum(axis=1)
+            variances = pose_variances(self.specified, self._framed.rates(motions.path)).sum(axis=1)
             return float(np.sqrt(variances[:, stage.rows].mean()))
         residuals = motions.residuals[:, stage.rows]
         degrees = max(residuals.size - len(stage.columns), 1)
@@ -164,7 +160,7 @@ class TwoStage:
 
     @property
     def _known_of_parameters(self) -> Knowledge:
-        count, known = len(self.windows.unknowns.parameters), self._known
+        count, known = len(self.windows.unknowns.parameters), self.known
         kept = [*range(count), *(self.windows.unknowns.names.index(name) for name in self._unseen)]
         information = np.zeros_like(known.information)
         information[np.ix_(kept, kept)] = known.information[np.ix_(kept, kept)]
@@ -198,7 +194,7 @@ class TwoStage:
             noises=self._noises(turns, moves),
             information=slopes.T @ information @ slopes,
             scores=scores @ slopes,
-            known=self._known,
+            knowledge=self.known.information,
             converged=converged,
         )
 
@@ -226,7 +222,3 @@ class TwoStage:
         if self.specified is not None:
             return self.specified
         return {"position": Noise(moves / math.sqrt(2)), "heading": Noise(turns / math.sqrt(2))}
-
-
-def _flat(rows: Array) -> Array:
-    return rows.reshape(-1, rows.shape[-1])

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
@@ -154,13 +154,7 @@ class Windows:
         *,
         white: Array,
         leverage: Array,
-        noises: Mapping[str, Noise],
-        information: Array,
-        scores: Array,
-        known: Knowledge,
-        converged: bool,
-        notes: tuple[str, ...] = (),
-        volumes: Array | None = None,
+        **further: Any,
     ) -> Fit:
         """A solution over windows.
 
@@ -168,13 +162,7 @@ class Windows:
             values: of the unknowns, (q,).
             white: residuals of the motions in units of their noise, (S, 3).
             leverage: share of each motion's variance that the fit takes, (S, 3).
-            noises: of the poses.
-            information: of every window, (S, q, q).
-            scores: alike, (S, q).
-            known: of the unknowns from before.
-            converged: whether the search has arrived.
-            notes: what else was found, in words.
-            volumes: logarithm of the determinant of the windows' noise, (S,), where that is correlated.
+            further: other attributes of the `Fit`.
         """
         motions = self.motions(values)
         speeds, yaw_rates = self.rates(motions.path)
@@ -188,16 +176,10 @@ class Windows:
             white=self.at_ends(white),
             weights=self.at_ends(np.ones_like(white)),
             redundancy=self.at_ends(1 - leverage),
-            noises=noises,
             speeds=speeds,
             yaw_rates=yaw_rates,
-            information=information,
-            scores=scores,
-            knowledge=known.information,
-            converged=converged,
             motions=True,
-            notes=notes,
-            volumes=volumes,
+            **further,
         )
 
     @property
@@ -260,13 +242,7 @@ def _start_slopes(place: Array) -> Array:
     return np.stack([columns.real, columns.imag, [0.0, 0.0, -1.0]])
 
 
-def pose_variances(noises: Mapping[str, Noise], speeds: Array, yaw_rates: Array) -> Array:
-    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is specified.
-
-    Args:
-        noises: by quantity.
-        speeds: [m/s], (...).
-        yaw_rates: [rad/s], (...).
-    """
-    position, heading = (noises[name].deviation(speeds, yaw_rates) ** 2 for name in ("position", "heading"))
+def pose_variances(noises: Mapping[str, Noise], rates: tuple[Array, Array]) -> Array:
+    """Variances (..., 3) of poses at speeds [m/s] and yaw rates [rad/s] (...), of noise that is specified."""
+    position, heading = (noises[name].deviation(*rates) ** 2 for name in ("position", "heading"))
     return np.stack([position, position, heading], axis=-1)

@@ -56,15 +56,10 @@ class Regressors:
         return stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
 
     @property
-    def samples(self) -> int:
-        """N."""
-        return self.trajectory.samples
-
-    @property
     def edges(self) -> npt.NDArray[np.int64]:
         """Sample indices (P + 1,) at which segments begin and end."""
         runs = self.trajectory.runs
-        return self._measurement.segment_edges(self.samples // runs, runs)
+        return self._measurement.segment_edges(self.trajectory.samples // runs, runs)
 
     @cached_property
     def directions(self) -> Array:

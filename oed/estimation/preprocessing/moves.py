@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -43,38 +44,39 @@ class Moves:
     Attributes:
         robot: at its nominal parameters.
         layout: every move a segment.
+        offsets: of the clocks, (clocks,) [s].
     """
 
     robot: Model
     layout: SegmentLayout
+    offsets: Array
 
     @classmethod
     def of(cls, robot: Model, logs: Sequence[Log]) -> Moves:
-        """The moves of logs; positions and headings alone matter."""
+        """The moves of logs, whose clocks agree; positions and headings alone matter."""
         step = max(float(np.median(np.diff(log.pose_times))) for log in logs)
-        return cls(robot, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
+        layout = cut(logs, max(MOVE, 2 * step), [0.0] * len(logs))
+        return cls(robot, layout, np.zeros(len(layout.clocks)))
 
-    def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move by the wheels, as far as it can be compared with the measured one.
+    @cached_property
+    def inputs(self) -> Array:
+        """As they were logged, (S, n, inputs)."""
+        return self.layout.inputs(self.offsets)
 
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-            inputs: instead of the logged ones, (S, n, inputs).
-        """
-        return self._comparable(self.rolled(offsets, inputs))
+    def predicted(self, inputs: Array | None = None) -> dict[str, Array]:
+        """What can be compared of `rolled` with the measured moves."""
+        rolled, quantities = self.rolled(inputs), self.layout.quantities
+        if "heading" in quantities:
+            return rolled if "x" in quantities else {"turn": rolled["turn"]}
+        return {"distance": np.hypot(rolled["forward"], rolled["left"])}
 
-    def rolled(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move by the wheels: forward and to the left [m], turn [rad].
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-            inputs: instead of the logged ones, (S, n, inputs).
-        """
+    def rolled(self, inputs: Array | None = None) -> dict[str, Array]:
+        """Each move by the wheels, with logged inputs or others: forward, to the left [m], turn [rad]."""
         layout = self.layout
-        chosen = layout.inputs(offsets) if inputs is None else inputs
+        chosen = self.inputs if inputs is None else inputs
         readings = SegmentReadings.logged(self.robot, ("x", "y", "heading"), layout.count, layout.periods)
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
-        further = further_starts(self.robot, layout, offsets, nominal, inputs)
+        further = further_starts(self.robot, layout, self.offsets, nominal, inputs)
         starts = np.pad(further, ((0, 0), (3, 0)))
         ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
@@ -107,34 +109,23 @@ class Moves:
         own = layout.readings[:, :, layout.quantities.index(name)]
         return np.asarray(own[np.arange(layout.count), layout.valid.sum(axis=1) - 1] - own[:, 0])
 
-    def mounting(self, offsets: Array) -> float:
-        """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not show it.
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-        """
+    def mounting(self) -> float:
+        """How far the pose sensor is turned to the left on the robot [rad]; 0 where no move shows it."""
         measured = self.measured()
         if "forward" not in measured:
             return 0.0
-        predicted = self.predicted(offsets)
+        predicted = self.predicted()
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
         return -float(np.angle(np.vdot(own, rest))) if _any(own) else 0.0
 
-    def lengthening(self, offsets: Array) -> float:
+    def lengthening(self) -> float:
         """Measured distances over those by the wheels; not a number where these are 0."""
         distances = []
-        for moves in (self.measured(), self.predicted(offsets)):
+        for moves in (self.measured(), self.predicted()):
             own = moves.get("distance", np.hypot(moves.get("forward", 0.0), moves.get("left", 0.0)))
             distances.append(float(np.sum(own)))
         return distances[0] / distances[1] if distances[1] > 0 else np.nan
-
-    def _comparable(self, moves: dict[str, Array]) -> dict[str, Array]:
-        # What the poses can be compared with.
-        quantities = self.layout.quantities
-        if "heading" in quantities:
-            return moves if "x" in quantities else {"turn": moves["turn"]}
-        return {"distance": np.hypot(moves["forward"], moves["left"])}
 
     def within(self, rows: npt.NDArray[np.bool_]) -> Moves:
         """Only some of the moves, (S,)."""
@@ -196,11 +187,7 @@ def _any(moves: Moved) -> bool:
 
 
 def clock_offsets(moves: Moves) -> Array:
-    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it.
-
-    Args:
-        moves: of all logs.
-    """
+    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it."""
     layout = moves.layout
     return np.array([_offset(moves.within(layout.clock == clock)) for clock in range(len(layout.clocks))])
 
@@ -211,7 +198,7 @@ def _offset(moves: Moves) -> float:
     measured, clocks = moves.measured(), len(moves.layout.clocks)
 
     def left(offset: float) -> float:
-        shares = unexplained(measured, moves.predicted(np.full(clocks, offset)))
+        shares = unexplained(measured, replace(moves, offsets=np.full(clocks, offset)).predicted())
         return float(np.prod([max(share, 1e-9) for share in shares.values()])) if shares else 1.0
 
     coarse = np.arange(-REACH, REACH + COARSE / 2, COARSE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -77,13 +77,13 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     _require_alike(logs)
     _require_motion(logs)
     moves = Moves.of(robot, logs)
-    files = moves.layout.clocks
-    offsets = clock_offsets(moves) if compare_clocks else np.zeros(len(files))
+    if compare_clocks:
+        moves = replace(moves, offsets=clock_offsets(moves))
     flaws, doubts = [], dict[str, str]()
-    for index, file in enumerate(files):
+    for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
-        left = poorly_explained(own, offsets)
-        key, wrong = _what_is_wrong(own, offsets, left)
+        left = poorly_explained(own)
+        key, wrong = _what_is_wrong(own, left)
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
@@ -94,33 +94,33 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
         for log in logs
     )
-    return PreparedLogs(found, offsets, moves.mounting(offsets))
+    return PreparedLogs(found, moves.offsets, moves.mounting())
 
 
-def _what_is_wrong(moves: Moves, offsets: Array, left: float | None) -> tuple[str, str]:
+def _what_is_wrong(moves: Moves, left: float | None) -> tuple[str, str]:
     # The quantity and what is plainly wrong with it, "" where that is all or nothing; `left` is the share of
     # the motion that the wheels leave unexplained, where that is too large.
-    if stands_still(moves, offsets):
+    if stands_still(moves):
         return "", STILL
-    still = frozen(moves, offsets)
+    still = frozen(moves)
     if still is not None:
         return still, FROZEN
-    wrong = wiring_fault(moves, offsets)
-    if wrong is None and left is not None and _hopeless(moves, offsets, left):
+    wrong = wiring_fault(moves)
+    if wrong is None and left is not None and _hopeless(moves, left):
         wrong = (
             f"the wheels explain next to nothing of the measured motion (measured distances are "
-            f"{moves.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
+            f"{moves.lengthening():.2g} times theirs): is this the robot's log, are columns, ticks "
             "per turn and units right?"
         )
     return "", wrong or ""
 
 
-def _hopeless(moves: Moves, offsets: Array, left: float) -> bool:
+def _hopeless(moves: Moves, left: float) -> bool:
     # A sensor far off the robot can be made to explain any distances: their sum cannot.
-    longer = moves.lengthening(offsets)
+    longer = moves.lengthening()
     if longer > TENFOLD or longer < 1 / TENFOLD:
         return True
-    return left > HOPELESS and not explained_by_other_sizes(moves, offsets)
+    return left > HOPELESS and not explained_by_other_sizes(moves)
 
 
 def _require_alike(logs: Sequence[Log]) -> None:

@@ -170,7 +170,6 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
         fit = fitting.fitted(usable).fit
     except (UserMistake, np.linalg.LinAlgError):
         return None
-    there = fit.layout.valid if fit.white.ndim == 3 and not fit.motions else np.ones(len(fit.white), bool)
-    misfit = float(np.mean(fit.white[there] ** 2))
+    misfit = float(np.mean((fit.white if fit.motions else fit.white[fit.layout.valid]) ** 2))
     estimates = fit.values[: len(fit.unknowns.parameters)]
     return np.array(estimates), fit.unknowns.parts(fit.values)[0], misfit
