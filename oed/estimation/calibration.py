@@ -186,7 +186,7 @@ class _Work:
         notes += _odd_wheels(fit)
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
-        fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
+        alone = len(logs) == 1 and _has_positions(logs)
         return Calibration(
             robot=robot_of(self.problem.system),
             fit=fit,
@@ -196,8 +196,8 @@ class _Work:
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
-            held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
-            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _has_positions(logs) else None,
+            held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),
+            own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
             comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
         )
@@ -253,10 +253,6 @@ class _Work:
             raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
-    def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
-        parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(robot_of(self.problem.system), logs, parameters, place, clocks)
-
 
 def _odd_wheels(fit: Fit) -> list[str]:
     # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
@@ -276,8 +272,7 @@ def _has_positions(logs: Sequence[Log]) -> bool:
 
 def _with_clocks(logs: tuple[Log, ...], fit: Fit) -> tuple[Log, ...]:
     found = []
-    for log in logs:
-        offset = float(fit.clock_offsets[fit.layout.clocks.index(log.file)])
+    for log, offset in zip(logs, fit.clocks_of(logs), strict=True):
         if abs(offset) > CLOCKS_APART:
             text = f"the wheels' clock is {offset:+.3f} s off the poses'; estimated and taken into account"
             log = log.found("clock_offset", text)

@@ -168,17 +168,6 @@ class Check:
     passed: bool = True
 
 
-def check_all(errors: Array, covariance: Array, alpha: float) -> tuple[Check, ...]:
-    """All tests of errors (R, p) against their predicted covariance (p, p), at joint level `alpha`.
-
-    Args:
-        errors: of the estimates (R, p).
-        covariance: that is predicted (p, p).
-        alpha: joint level of all tests.
-    """
-    return check_tally(Tally.of(errors, covariance), alpha)
-
-
 def check_tally(tally: Tally, alpha: float) -> tuple[Check, ...]:
     """All tests of tallied errors, at joint level `alpha`."""
     tests = (bias, likelihood_ratio, mean_nees, extreme_eigenvalues, coverage, nees_distribution)

@@ -11,7 +11,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
 from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
@@ -29,7 +29,6 @@ from oed.robots.models import SkidSteer
 from oed.robots.sensors import Poses, Ranges, Several, YawRate
 from oed.robots.space import StartPose
 from oed.simulation import validate
-from oed.simulation.checks import check_all
 
 START = (0.2, -0.1, 0.4)
 BEACONS = ((4.0, 3.0), (-3.5, 2.5), (0.5, -4.0))

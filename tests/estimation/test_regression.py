@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
 from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.estimation.methods import (
@@ -33,7 +33,6 @@ from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
 from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
-from oed.simulation.checks import check_all
 
 REPLICATES = 4000
 NOISE_MODELS = ("increments", "absolute")

@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import check_all
 from scipy import stats
 
 from oed.simulation.checks import (
     Check,
     Tally,
     bias,
-    check_all,
     coverage,
     extreme_eigenvalues,
     holm,

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from builders import check_all
 from scipy import stats
 
-from oed.simulation.checks import Levels, Moments, Tally, check_all, check_tally
+from oed.simulation.checks import Levels, Moments, Tally, check_tally
 
 PARTS = (1, 700, 1299)
 

@@ -188,12 +188,9 @@ def cross_validated(fit: Fit) -> tuple[HeldOut, ...]:
 
 
 def _fold(fit: Fit, fold: npt.NDArray[np.int64]) -> HeldOut:
-    values = values_without(fit, fold)
-    parameters, place, _ = fit.unknowns.parts(values)
-    logs = [fit.layout.logs[index] for index in fold]
     # The clocks are the logs' own business: theirs are as the whole fit has them.
-    clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
-    return held_out(fit.unknowns.robot, logs, parameters, place, clocks)
+    logs = [fit.layout.logs[index] for index in fold]
+    return held_out(fit, values_without(fit, fold), logs, fit.clocks_of(logs))
 
 
 def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
@@ -205,27 +202,19 @@ def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
     return np.asarray(fit.values + inverse @ pull)
 
 
-def held_out(
-    robot: Model,
-    logs: Sequence[Log],
-    parameters: Array,
-    place: Array,
-    clocks: Sequence[float],
-) -> HeldOut:
-    """Dead reckoning of logs with a robot's nominal parameters, and with others (p,).
+def held_out(fit: Fit, values: Array, logs: Sequence[Log], clocks: Sequence[float]) -> HeldOut:
+    """Dead reckoning of logs with the nominal parameters of a fit's robot, and with others.
 
     Args:
-        robot: that drove.
+        fit: says what the unknowns are.
+        values: of the unknowns, (q,).
         logs: with positions.
-        parameters: (p,), SI.
-        place: of the pose sensor, (3,).
         clocks: offset of each log's clocks [s].
     """
+    robot, (parameters, place, _) = fit.unknowns.robot, fit.unknowns.parts(values)
     nominal = np.array(robot.nominal, dtype=float)
     before, after = (
-        tuple(
-            dead_reckoned(robot, log, values, place, clock) for log, clock in zip(logs, clocks, strict=True)
-        )
-        for values in (nominal, parameters)
+        tuple(dead_reckoned(robot, log, own, place, clock) for log, clock in zip(logs, clocks, strict=True))
+        for own in (nominal, parameters)
     )
     return HeldOut(tuple(log.name for log in logs), parameters, before, after)
