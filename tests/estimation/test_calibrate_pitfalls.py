@@ -117,7 +117,7 @@ def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
 
 
 def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
-    from oed.estimation.methods.knowledge import inverse_of_sum
+    from oed.estimation.setup.unknowns import inverse_of_sum
 
     told, known = np.diag([1e18, 0.0]), np.diag([1.0, 4.0])
     np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)

@@ -23,7 +23,7 @@ from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.dead_reckoning import values_without
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge
+from oed.estimation.setup.unknowns import Knowledge
 from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)

@@ -11,11 +11,10 @@ from simulated import ORIGIN, Course, arcs, loosely, truth_of, twists_of, unknow
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import cut
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.logs.log import Log
 from oed.robots.models import SkidSteerIcr, Tricycle
 

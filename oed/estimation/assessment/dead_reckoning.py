@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns, inverse_of_sum
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 

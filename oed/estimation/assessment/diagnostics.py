@@ -166,12 +166,7 @@ def _agreement(fit: Fit) -> Diagnostic:
 
 
 def weak_directions(fit: Fit, covariance: Array) -> tuple[str, ...]:
-    """Sentences on what is not identifiable from the logs; () where everything is.
-
-    Args:
-        fit: of all logs.
-        covariance: of all unknowns, (q, q), SI.
-    """
+    """Sentences on what is not identifiable from the logs; () where everything is. See `not_identified`."""
     found = tuple(f"{what}: {remedy}" for what, remedy in not_identified(fit, covariance))
     return found or _tied(fit.unknowns.parameters, _relative(fit, covariance))
 

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.estimation.prediction.layout import SegmentLayout
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
 

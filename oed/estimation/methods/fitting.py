@@ -16,14 +16,13 @@ import numpy.typing as npt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
+from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot

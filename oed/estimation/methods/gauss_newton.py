@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.setup.options import Loss
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
 from oed.kernel.measurement.square_root import SquareRoot
 
 Array = npt.NDArray[np.float64]

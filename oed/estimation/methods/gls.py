@@ -15,9 +15,9 @@ from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_sum
 from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]

@@ -24,13 +24,12 @@ from oed.estimation.methods.gauss_newton import (
     projected,
     robust_loss,
 )
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
+from oed.estimation.setup.noise import estimated, group_of, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
 from oed.robots.sensors.logged import Noise
 
 Array = npt.NDArray[np.float64]
@@ -140,7 +139,8 @@ class _Weighted:
         if drive is not None:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
-        size = deviations(self.noises, layout.quantities, *rates)
+        each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
+        size = np.stack(each, axis=-1)
         present = layout.valid.reshape(*layout.valid.shape, 1, *further)
         return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
 
@@ -148,16 +148,16 @@ class _Weighted:
         """In units of the noise that residuals show."""
         state, layout = self.fit(values, starts), self.search.layout
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
+        rates = np.stack([state.speeds, state.yaw_rates])
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),
                 state.redundancy[valid][:, own].ravel(),
-                np.repeat(state.speeds[valid], len(own)),
-                np.repeat(state.yaw_rates[valid], len(own)),
+                np.repeat(rates[:, valid], len(own), axis=1),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows,
-                jumps=jumps(state.residuals[..., own], state.speeds, state.yaw_rates, valid),
+                jumps=jumps(state.residuals[..., own], rates, valid),
             )
         return replace(self, noises=found)
 

@@ -12,11 +12,10 @@ import numpy.typing as npt
 from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
 from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance

@@ -18,9 +18,9 @@ import numpy.typing as npt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
 from oed.foundation.errors import ProblemError
 from oed.robots.sensors.logged import Noise
 

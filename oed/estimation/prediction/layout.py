@@ -106,25 +106,18 @@ class SegmentLayout:
         """
         if self.held is not None:
             return self.held
-        steps = self.steps
-        first = self.logs[0].integrals.shape[1]
-        found = np.zeros((*steps.shape, first))
+        lengths, columns = self.steps[..., None], self.logs[0].integrals.shape[1]
+        moves = np.zeros((self.count, self.periods, columns))
         for number, log in enumerate(self.logs):
             own = np.flatnonzero(self.owner == number)
-            offset = offsets[self.clocks.index(log.file)]
-            turned = log.integrals_at(self.times[own].ravel(), offset).reshape(
-                len(own), self.periods + 1, first
-            )
-            found[own] = _means(turned, steps[own])
-        return found
+            turned = log.integrals_at(self.times[own].ravel(), offsets[self.clocks.index(log.file)])
+            moves[own] = np.diff(turned.reshape(*self.times[own].shape, columns), axis=1)
+        return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
 
     def before(self, offsets: Array) -> tuple[Array, Array]:
         """Mean inputs (S, periods, inputs) in the time before each segment, and the periods' lengths [s].
 
-        Periods before a log's inputs begin are of no time.
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
+        Periods before a log's inputs begin are of no time; `offsets` as for `inputs`.
         """
         first = [log.input_times[0] - offsets[self.clocks.index(log.file)] for log in self.logs]
         ends = self.times[:, :1]
@@ -152,12 +145,6 @@ class SegmentLayout:
         slope = (read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)) / (2 * CLOCK_STEP)
         own = self.clock[:, None] == np.arange(len(offsets))
         return np.asarray(slope[..., None] * own.reshape(len(own), *[1] * (slope.ndim - 1), -1))
-
-
-def _means(turned: Array, steps: Array) -> Array:
-    lengths = steps[..., None]
-    moves = np.diff(turned, axis=1)
-    return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
 
 
 def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> SegmentLayout:

@@ -12,8 +12,7 @@ from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors import LeverArm, Poses
-from oed.simulation.trial.options import Trial
-from oed.simulation.trial.paths import drive_flaw
+from oed.simulation.trial.options import Trial, drive_flaw
 
 if TYPE_CHECKING:
     from oed.estimation.methods.fitting import Fitting
