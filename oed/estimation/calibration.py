@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import (
     Covariance,
@@ -27,13 +26,12 @@ from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess
 from oed.estimation.preprocessing.thinning import thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
+from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Model, coefficient_values, robot_of
-
-Array = npt.NDArray[np.float64]
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array, Places
 
 COVERAGE = 0.95
 KEPT = 2**20
@@ -71,7 +70,7 @@ class Levels:
 
     count: int
     kept: list[Array]
-    bins: npt.NDArray[np.int64] | None = None
+    bins: Places | None = None
 
     @classmethod
     def of(cls, values: Array) -> Levels:

@@ -9,10 +9,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
+from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.work.parallel import Workers, run_tasks
@@ -20,8 +20,6 @@ from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.simulation.checks import Check, Moments, Tally, check_tally
-
-Array = npt.NDArray[np.float64]
 
 BATCH = 1000
 """Replicates drawn from one stream: the same numbers whatever the number of workers."""

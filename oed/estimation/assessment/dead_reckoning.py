@@ -15,10 +15,9 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array, Places
 from oed.logs.log import Log
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 PIECE = 1.0
 """Length of the pieces that drift is measured over [m]."""
@@ -186,13 +185,13 @@ def cross_validated(fit: Fit) -> tuple[HeldOut, ...]:
     return tuple(_fold(fit, fold) for fold in folds)
 
 
-def _fold(fit: Fit, fold: npt.NDArray[np.int64]) -> HeldOut:
+def _fold(fit: Fit, fold: Places) -> HeldOut:
     # The clocks are the logs' own business: theirs are as the whole fit has them.
     logs = [fit.layout.logs[index] for index in fold]
     return held_out(fit, values_without(fit, fold), logs, fit.clocks_of(logs))
 
 
-def values_without(fit: Fit, fold: npt.NDArray[np.int64]) -> Array:
+def values_without(fit: Fit, fold: Places) -> Array:
     """The unknowns (q,) without the logs in `fold`, by one Gauss-Newton step from the whole solution."""
     kept = ~np.isin(fit.layout.owner, fold)
     inverse = inverse_of_sum(fit.curvature[kept].sum(axis=0), fit.knowledge)

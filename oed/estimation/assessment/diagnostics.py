@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, places_of
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 ALPHA = 0.01
 """Level of the tests."""
@@ -97,7 +95,7 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
     return np.array(found), pairs
 
 
-def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, Bools]:
     # Residuals that follow each other, and which there are: those of a segment, or of all windows of a log.
     z, valid, owner = fit.white[..., places], fit.layout.valid, fit.layout.owner
     if not fit.motions:

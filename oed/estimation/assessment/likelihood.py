@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import blocks_of, information, judgeable, sandwich
 from oed.estimation.assessment.diagnostics import correlations
@@ -15,9 +14,8 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.window_noise import OF_POSES, PARTS
 from oed.estimation.setup.noise import LEAST, greatest, groups, places_of
 from oed.estimation.setup.options import CalibrationOptions
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 Way = Literal["blocks", "correlations"]
 

@@ -16,16 +16,15 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.assessment.covariance import LEVEL, Covariance
 from oed.estimation.assessment.dead_reckoning import HeldOut
 from oed.estimation.assessment.likelihood import Likelihood, Way
 from oed.estimation.methods.fit import Fit
+from oed.foundation.arrays import Array
 from oed.robots.models.model import Model
 
-Array = npt.NDArray[np.float64]
 Measure = Literal["aicc", "bic", "held_out"]
 
 MEASURES: tuple[Measure, ...] = ("aicc", "bic", "held_out")

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.dead_reckoning import cross_validated
@@ -24,8 +23,6 @@ from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import FileError, ProblemError
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 UNKNOWN = math.sqrt(0.5) * LOOSE
 """Relative standard error from which on logs are less informative about parameters than their loose prior."""

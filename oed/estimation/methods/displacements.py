@@ -26,6 +26,7 @@ from oed.estimation.methods.measured_headings import (
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.regressors import Regressors
 from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
@@ -35,7 +36,6 @@ from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 from oed.robots.sensors.logged import Noise
 
-Array = npt.NDArray[np.float64]
 Heading = Literal["known", "predicted", "measured"]
 
 WIDTH = 2

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
+from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
-
-Array = npt.NDArray[np.float64]
 
 EstimatorName = Literal["ols", "sandwich", "gls", "errors_in_variables", "nonlinear"]
 ARRIVED = "The steps have become as small as rounding."

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

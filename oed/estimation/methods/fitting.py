@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
@@ -23,14 +22,13 @@ from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
+from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import Mount, Noise
-
-Array = npt.NDArray[np.float64]
 
 LOOSE = 1.0
 """Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the

@@ -12,15 +12,12 @@ from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
-Booleans = npt.NDArray[np.bool_]
 
 STEPS = 100
 """Gauss-Newton steps at most."""
@@ -174,7 +171,7 @@ class LeastSquares:
                 return point.found(arrived=True)
         return point.found(arrived=False)
 
-    def _following(self, point: _Point, step: _Step, free: Booleans, damped: int) -> tuple[_Point, int]:
+    def _following(self, point: _Point, step: _Step, free: Bools, damped: int) -> tuple[_Point, int]:
         # Where a step leads to, and by which of the dampings.
         if step.length < FAR:
             return downhill(point, lambda share: point.moved(step, share), SHARES)[0], 0
@@ -256,7 +253,7 @@ class _Point:
         wide = bend[..., None]
         return Rows(self.rows.residuals * slope / bend, self.rows.slopes * wide, self.rows.own * wide)
 
-    def step(self, free: Booleans, damping: float = 0.0) -> _Step:
+    def step(self, free: Bools, damping: float = 0.0) -> _Step:
         # Of the free unknowns, the others held.
         residuals, slopes, own = self.weighted.damped(damping)
         known = self.search.root

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
@@ -18,9 +17,8 @@ from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_sum
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 15
 """How often parameters and variances are found in turn at most."""

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import (
@@ -30,9 +29,8 @@ from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import estimated, group_of, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""

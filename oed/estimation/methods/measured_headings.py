@@ -17,7 +17,8 @@ from itertools import groupby, pairwise
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array, Places
+
 Complex = npt.NDArray[np.complex128]
 
 BLOCK = 2**16
@@ -32,7 +33,7 @@ class MeasuredHeadings:
         edges: sample indices (P + 1,) at which segments begin and end.
     """
 
-    def __init__(self, per_sample: Array, edges: npt.NDArray[np.int64]) -> None:
+    def __init__(self, per_sample: Array, edges: Places) -> None:
         """Arrange the rows by stretches of segments of equal length."""
         self._samples, _, self._columns = per_sample.shape
         self._segments = len(edges) - 1
@@ -76,7 +77,7 @@ def cosine_and_sine(angles: Array) -> tuple[Array, Array]:
     return cosine, sine
 
 
-def _stretches(edges: npt.NDArray[np.int64]) -> Iterator[tuple[slice, slice]]:
+def _stretches(edges: Places) -> Iterator[tuple[slice, slice]]:
     # Neighbouring segments of the same number of samples, with their samples.
     bounds = list(pairwise(edges.tolist()))
     first = 0
@@ -142,7 +143,7 @@ def corrected(designs: Array, measured: Array, per_sample: Array, heading_noise:
 
 def corrected_covariance(
     rows: Complex,
-    edges: npt.NDArray[np.int64],
+    edges: Places,
     coefficients: Array,
     *,
     heading_noise: float,

@@ -16,6 +16,7 @@ from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns
+from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
@@ -23,9 +24,6 @@ from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 class Nonlinear(Estimator):
@@ -161,7 +159,7 @@ class Nonlinear(Estimator):
         return Knowledge(found, self._initial)
 
     @cached_property
-    def _known_places(self) -> Indices:
+    def _known_places(self) -> Places:
         return np.flatnonzero(np.diag(self._known.information))
 
     @cached_property

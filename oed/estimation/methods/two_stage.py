@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
@@ -21,18 +20,16 @@ from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
+from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class _Stage:
     # One ordinary least squares: `rows` of each motion by some columns of the coefficients' unknowns.
     rows: slice
-    columns: Indices
+    columns: Places
 
 
 @dataclass(frozen=True)

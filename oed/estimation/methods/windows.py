@@ -12,19 +12,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
-Booleans = npt.NDArray[np.bool_]
 
 READ = ("x", "y", "heading")
 """What a motion is made of: ahead and to the left [m], turn [rad]."""
@@ -98,7 +95,7 @@ class Windows:
         return relative_to_first(self._poses)[np.arange(self.layout.count), self._last]
 
     @cached_property
-    def linked(self) -> Booleans:
+    def linked(self) -> Bools:
         """Whether a window begins with the pose that the one before it ends with, (S - 1,)."""
         owner, times = self.layout.owner, self.layout.times
         return np.asarray((owner[1:] == owner[:-1]) & (times[1:, 0] == times[:-1, -1]))
@@ -194,7 +191,7 @@ class Windows:
         return np.asarray(self.layout.readings[..., order])
 
     @property
-    def _last(self) -> npt.NDArray[np.int64]:
+    def _last(self) -> Places:
         return np.asarray(self.layout.valid.sum(axis=1) - 1)
 
     @cached_property

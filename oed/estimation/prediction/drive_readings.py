@@ -9,17 +9,14 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -101,9 +98,9 @@ class DriveReadings:
             yield one, Driven(self.trajectory.starts, *self._driven, nominal, nuisances)
 
     @cached_property
-    def order(self) -> Indices:
+    def order(self) -> Places:
         """Where each reading run by run stands among those sensor by sensor, (M of all runs,)."""
-        places, first = list[Indices](), 0
+        places, first = list[Places](), 0
         for found in self.nominal:
             places.append(first + np.arange(found.size).reshape(len(found), -1))
             first += found.size

@@ -14,14 +14,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
@@ -46,10 +43,10 @@ class SegmentLayout:
     """
 
     logs: tuple[Log, ...]
-    owner: Indices
+    owner: Places
     times: Array
     readings: Array
-    valid: npt.NDArray[np.bool_]
+    valid: Bools
     seconds: float
     held: Array | None = None
 
@@ -93,7 +90,7 @@ class SegmentLayout:
         return tuple(dict.fromkeys(log.file for log in self.logs))
 
     @cached_property
-    def clock(self) -> Indices:
+    def clock(self) -> Places:
         """The clock of each segment, (S,)."""
         own = [self.clocks.index(log.file) for log in self.logs]
         return np.array(own)[self.owner]
@@ -181,7 +178,7 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
     return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
 
 
-def stretches(log: Log, offset: float) -> list[Indices]:
+def stretches(log: Log, offset: float) -> list[Places]:
     """Indices of poses with wheel motion and without gaps between them, each at least two."""
     moments = log.pose_times + offset
     inside = np.flatnonzero((moments >= log.input_times[0]) & (moments <= log.input_times[-1]))
@@ -191,7 +188,7 @@ def stretches(log: Log, offset: float) -> list[Indices]:
     return [part for part in np.split(inside, breaks) if len(part) > 1]
 
 
-def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
+def _has_gap(log: Log, inside: Places, offset: float) -> Bools:
     # Between which poses one of the two clocks jumps.
     steps, own = np.diff(log.pose_times[inside]), np.diff(log.input_times)
     usual = float(np.median(steps))
@@ -205,7 +202,7 @@ def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
     return found
 
 
-def _parts(times: Array, stretch: Indices, seconds: float) -> list[Indices]:
+def _parts(times: Array, stretch: Places, seconds: float) -> list[Places]:
     # Nearly equal parts whose ends are shared.
     length = times[-1] - times[0]
     count = max(1, round(length / seconds)) if np.isfinite(seconds) else 1

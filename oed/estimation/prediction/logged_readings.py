@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 SETTLED = 100.0
 """Time after which a robot follows inputs that are held [s]."""
@@ -160,7 +158,7 @@ def further_starts(
     return driven(Driven(starts, held, times, parameters, np.zeros(len(PLACE))))[:, -1]
 
 
-def _turns(predicted: Array, measured: Array, valid: npt.NDArray[np.bool_]) -> Array:
+def _turns(predicted: Array, measured: Array, valid: Bools) -> Array:
     # The rotation of least squares about the mean [Horn, Closed-form solution of absolute orientation, 1987].
     weight = valid[..., None] / valid.sum(axis=1)[:, None, None]
     paths = []

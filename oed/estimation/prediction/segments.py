@@ -12,9 +12,8 @@ from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import casadi as ca
-import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
@@ -23,7 +22,6 @@ from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
 from oed.robots.models.model import Model
 from oed.robots.sensors.placed import LeverArm, PlacedSensor
 
-Array = npt.NDArray[np.float64]
 What = Literal["readings", "slopes", "whitening"]
 
 OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,)}

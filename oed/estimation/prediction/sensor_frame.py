@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.foundation.arrays import Array
 from oed.robots.models.model import Model, coefficient_values
-
-Array = npt.NDArray[np.float64]
 
 
 def robot_at_sensor(unknowns: Unknowns) -> Unknowns:

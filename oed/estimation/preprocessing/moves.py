@@ -16,11 +16,11 @@ from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.prediction.logged_readings import further_starts
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
-Array = npt.NDArray[np.float64]
 Moved = Array | npt.NDArray[np.complex128]
 
 MOVE = 0.5
@@ -127,7 +127,7 @@ class Moves:
             distances.append(float(np.sum(own)))
         return distances[0] / distances[1] if distances[1] > 0 else np.nan
 
-    def within(self, rows: npt.NDArray[np.bool_]) -> Moves:
+    def within(self, rows: Bools) -> Moves:
         """Only some of the moves, (S,)."""
         layout = self.layout
         part = replace(

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
-
 from oed.estimation.prediction.layout import stretches
 from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
@@ -17,11 +14,10 @@ from oed.estimation.preprocessing.wiring_checks import (
     stands_still,
     wiring_fault,
 )
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs.log import Log
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 HOPELESS = 0.9
 """Share of the motion left unexplained from which on an estimate would be nonsense."""

@@ -7,12 +7,10 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations, product
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
+from oed.foundation.arrays import Array
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 BAD = 0.3
 """Share of the motion that may be left unexplained before a wiring fault is looked for."""

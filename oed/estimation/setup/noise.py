@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.measurement import Measurement
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
-
-Array = npt.NDArray[np.float64]
 
 GROUPS = {"x": "position", "y": "position"}
 """Quantities that share their noise; any other has its own."""
@@ -56,7 +54,7 @@ def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, No
     return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
 
 
-def jumps(residuals: Array, rates: Array, valid: npt.NDArray[np.bool_]) -> Array:
+def jumps(residuals: Array, rates: Array, valid: Bools) -> Array:
     """Differences of successive residuals over sqrt(2), and the speeds and yaw rates (RMS) there, (3, m).
 
     Args:

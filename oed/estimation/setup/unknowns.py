@@ -9,15 +9,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import LoggedSensor, Mount
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
@@ -146,7 +143,7 @@ class Knowledge:
         """Of as many unknowns."""
         return cls(np.zeros((size, size)), np.zeros(size))
 
-    def on(self, columns: Indices) -> Knowledge:
+    def on(self, columns: Places) -> Knowledge:
         """That of some of the unknowns, the others held where they are known to be."""
         return Knowledge(self.information[np.ix_(columns, columns)], self.centre[columns])
 

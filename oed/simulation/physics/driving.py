@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import Failure, UserMistake
 from oed.simulation.physics.description import CAMERA
 from oed.simulation.physics.engine import Engine
 from oed.simulation.physics.robot import PhysicsRobot
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 RATE = 50.0
@@ -104,7 +104,7 @@ def _checked(
     return speeds, place
 
 
-def _logged_steps(total: int, step: float, rate: float) -> npt.NDArray[np.int64]:
+def _logged_steps(total: int, step: float, rate: float) -> Places:
     ticks = np.arange(math.floor(total * step * rate + 1e-9) + 1) / rate
     return np.union1d(np.minimum(np.rint(ticks / step), total), [total]).astype(np.int64)
 
@@ -142,6 +142,6 @@ def frames(
         renderer.close()
 
 
-def _rows(times: npt.NDArray[np.float64], rate: float) -> npt.NDArray[np.intp]:
+def _rows(times: Array, rate: float) -> npt.NDArray[np.intp]:
     wanted = np.arange(0, times[-1] + 1e-9, 1 / rate)
     return np.asarray(np.searchsorted(times, wanted - 1e-9).clip(max=len(times) - 1))

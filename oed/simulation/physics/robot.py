@@ -12,14 +12,13 @@ from math import sqrt
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.quantities import Duration, Length, Ratio, Unit
 from oed.robots.models.wheels import PositiveLength, TwoSidedGeometry
 
-Array = npt.NDArray[np.float64]
 Mass = Annotated[float, Unit("kg", "3 kg"), Field(gt=0)]
 PositiveRatio = Annotated[Ratio, Field(gt=0)]
 Spread = Annotated[Ratio, Field(ge=0)]

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.dead_reckoning import dead_reckoned
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.preprocessing.preprocess import preprocess
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 from oed.simulation.physics import Motion, PhysicsRobot, Sensing, Variation, drive
-
-Array = npt.NDArray[np.float64]
 
 STREAM = 29
 """Of the random numbers that robots and noise are drawn from."""

@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fitting import Fitting
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
 from oed.simulation.trial.candidates import Candidate
 from oed.simulation.trial.experiment import Found
 from oed.simulation.trial.options import Trial
-
-Array = npt.NDArray[np.float64]
 
 COVERED = (2.5, 97.5)
 """Percentiles that an interval lies between."""
@@ -49,7 +47,7 @@ class Repeats:
     seed: int
 
     @cached_property
-    def picks(self) -> npt.NDArray[np.int64]:
+    def picks(self) -> Places:
         """Repeats of every resample, drawn with replacement, (resamples, repeats)."""
         count = len(self.errors)
         return np.random.default_rng([self.seed, STREAM]).integers(count, size=(self.resamples, count))

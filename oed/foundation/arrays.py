@@ -1,0 +1,17 @@
+"""The types of NumPy arrays in signatures, and places of blocks in them."""
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Bools: TypeAlias = npt.NDArray[np.bool_]
+Places: TypeAlias = npt.NDArray[np.int64]
+"""Where something stands: rows, columns, samples."""
+
+
+def block_columns(places: Places, width: int) -> list[int]:
+    """The columns of blocks of `width` columns each that stand at these places."""
+    columns: list[int] = (places[:, None] * width + np.arange(width)).ravel().tolist()
+    return columns
