@@ -4,9 +4,9 @@ from .assessment.dead_reckoning import HeldOut as HeldOut
 from .assessment.dead_reckoning import dead_reckoned as dead_reckoned
 from .assessment.diagnostics import Diagnostic as Diagnostic
 from .assessment.diagnostics import correlations as correlations
-from .assessment.model_scores import Compared as Compared
-from .assessment.model_scores import Comparison as Comparison
-from .assessment.model_scores import Score as Score
+from .assessment.model_selection import Compared as Compared
+from .assessment.model_selection import Comparison as Comparison
+from .assessment.model_selection import Score as Score
 from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .setup.options import Alternative as Alternative

@@ -18,12 +18,10 @@ from oed.estimation.assessment.covariance import (
 )
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
-from oed.estimation.assessment.model_scores import Comparison
-from oed.estimation.assessment.model_selection import ModelSelection
+from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
-from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess
-from oed.estimation.preprocessing.thinning import thinned, thinning_notes
+from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.foundation.arrays import Array
@@ -31,7 +29,7 @@ from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
-from oed.robots.models.model import Model, coefficient_values, robot_of
+from oed.robots.models.model import Model, robot_of
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
@@ -120,11 +118,11 @@ class Calibration(Renamed):
     @cached_property
     def _given_coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
         # Names, values, derivatives by the estimates.
-        names, values, slopes = coefficient_values(self.robot, self.fit.unknowns.parts(self.fit.values)[0])
-        if not names or set(names) & set(self.parameters):
+        unknowns = self.fit.unknowns
+        names, values, slopes = unknowns.coefficients(unknowns.parts(self.fit.values)[0])
+        if set(names) & set(self.parameters):
             return (), np.zeros(0), np.zeros((0, len(self.parameters)))
-        known = [parameter.name for parameter in self.robot.parameters]
-        return names, values, slopes[:, [known.index(name) for name in self.parameters]]
+        return names, values, slopes
 
 
 def calibrate(

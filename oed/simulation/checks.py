@@ -178,13 +178,8 @@ def bias(tally: Tally, alpha: float) -> Check:
     mean, size = tally.whitened.mean, tally.size
     statistic = float(tally.count * mean @ mean)
     expected = (0.0, float(scipy.stats.chi2.ppf(1 - alpha, size)))
-    return Check(
-        "bias",
-        "is the mean estimate the truth?",
-        statistic,
-        expected,
-        float(scipy.stats.chi2.sf(statistic, size)),
-    )
+    p_value = float(scipy.stats.chi2.sf(statistic, size))
+    return Check("bias", "is the mean estimate the truth?", statistic, expected, p_value)
 
 
 def likelihood_ratio(tally: Tally, alpha: float) -> Check:

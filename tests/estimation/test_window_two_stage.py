@@ -22,7 +22,7 @@ from windowed import (
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
 from oed.estimation.assessment.dead_reckoning import values_without
 from oed.estimation.methods.fit import Fit
-from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
+from oed.estimation.methods.two_stage import SensorFrame, robot_at_sensor
 from oed.estimation.setup.unknowns import Knowledge
 from oed.foundation.errors import ProblemError
 from oed.robots.models.model import CoefficientRobot, coefficient_values

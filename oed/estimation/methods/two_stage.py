@@ -3,6 +3,10 @@
 Both are ordinary least squares on the motions between windows' ends, unweighted [Choi, eqs 10-17]. The error
 bars that go with them take rows for independent and the first stage's result for true: a sandwich or a
 bootstrap of their scores does not.
+
+The coefficients are those of the robot in its sensor frame, of the motion of the point where the sensor sits.
+A sensor off to the side reads the motion of another robot, whose c21, c22 are shifted along c11, c12: no
+motion separates the two. Of a robot that also moves sideways the whole place is hidden like this.
 """
 
 from __future__ import annotations
@@ -13,16 +17,89 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
-from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
-from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
+from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, inverse_of_identifiable
 from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
+from oed.robots.models.model import Model
 from oed.robots.sensors.logged import Noise
+
+
+def robot_at_sensor(unknowns: Unknowns) -> Unknowns:
+    """The coefficients in the sensor frame, those of its place that they do not hide, and the clocks."""
+    robot = unknowns.robot
+    names = tuple(name for row in robot.coefficient_names for name in row)
+    hidden = hidden_places(robot)
+    sits = tuple(0.0 if name in hidden else at for name, at in zip(PLACE, unknowns.sits, strict=True))
+    place = tuple(name for name in unknowns.place if name not in hidden)
+    return Unknowns(robot.by_coefficients, names, place, unknowns.clocks, (sits[0], sits[1], sits[2]))
+
+
+@dataclass(frozen=True)
+class SensorFrame:
+    """The unknowns of `robot_at_sensor` as they follow from those of a robot.
+
+    A point p ahead and to the left, as a complex number, of a robot with yaw rate w moves with v + j w p; a
+    sensor turned by a reads that times e^(-j a). The same holds for every column of coefficients.
+    """
+
+    unknowns: Unknowns
+
+    def __call__(self, values: Array) -> tuple[Array, Array]:
+        """The unknowns in the sensor frame (b,), and its derivatives (b, q), at unknowns (q,)."""
+        parameters, place, _ = self.unknowns.parts(values)
+        hidden = np.where(self._hides, place, 0.0)
+        point, turn = 1j * (hidden[0] + 1j * hidden[1]), np.exp(-1j * hidden[2])
+        rows, (_, *found) = len(self.unknowns.robot.coefficient_names), self.unknowns.coefficients(parameters)
+        own, slopes = (one.reshape(rows, -1, *one.shape[1:]) for one in found)
+        yaw, speed = own[0], turn * (_speed(own) + point * own[0])
+        places = dict(zip(PLACE, (1j * turn * yaw, -turn * yaw, -1j * speed), strict=True))
+        by_all = np.zeros((len(yaw), self.unknowns.size), dtype=complex)
+        by_all[:, : slopes.shape[-1]] = turn * (_speed(slopes) + point * slopes[0])
+        for name in self._taken_in:
+            by_all[:, self.unknowns.names.index(name)] = places[name]
+        yaw_by_all = np.zeros(by_all.shape)
+        yaw_by_all[:, : slopes.shape[-1]] = slopes[0]
+        rest = self._rest
+        return (
+            np.concatenate([*_rows(yaw, speed, len(own)), values[rest]]),
+            np.vstack([*_rows(yaw_by_all, by_all, len(own)), np.eye(self.unknowns.size)[rest]]),
+        )
+
+    @property
+    def _hides(self) -> list[bool]:
+        return [name in hidden_places(self.unknowns.robot) for name in PLACE]
+
+    @property
+    def _taken_in(self) -> list[str]:
+        return [name for name in self.unknowns.place if name in hidden_places(self.unknowns.robot)]
+
+    @property
+    def _rest(self) -> list[int]:
+        # Unknowns that are the same in the sensor frame.
+        first = len(self.unknowns.parameters)
+        names = self.unknowns.names
+        return [index for index in range(first, len(names)) if names[index] not in self._taken_in]
+
+
+def hidden_places(robot: Model) -> tuple[str, ...]:
+    """The coordinates of a sensor's place that move the sensor frame as other coefficients would."""
+    return PLACE if len(robot.coefficient_names) == 3 else PLACE[1:2]
+
+
+def _speed(coefficients: Array) -> npt.NDArray[np.complex128]:
+    # Rows of forward and, where there is one, lateral speed.
+    lateral = coefficients[2] if len(coefficients) == 3 else 0.0
+    return np.asarray(coefficients[1] + 1j * lateral)
+
+
+def _rows(yaw: Array, speed: npt.NDArray[np.complex128], count: int) -> list[Array]:
+    return [yaw, speed.real, speed.imag][:count]
 
 
 @dataclass(frozen=True)
@@ -142,7 +219,7 @@ class TwoStage:
         # The unknowns whose coefficients fit best, weighted by how sure the stages are of each.
         framed = SensorFrame(self.windows.unknowns)
         # What was known of place and clocks is in the stages' estimates already.
-        information = self._information(stages) + self._framed_known.information
+        information = self._information(stages).sum(axis=0) + self._framed_known.information
         size = np.sqrt(np.where(np.diag(information) > 0, np.diag(information), 1.0))
         eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
         root = np.sqrt(np.clip(eigenvalues, 0.0, None))[:, None] * vectors.T * size
@@ -169,16 +246,16 @@ class TwoStage:
         return [name for name in self.windows.unknowns.place if name not in self._framed.unknowns.names]
 
     def _information(self, stages: list[_Solved]) -> Array:
-        found = np.zeros((self._framed.unknowns.size,) * 2)
+        # Of every window, (S, b, b), on the coefficients' unknowns.
+        found = np.zeros((self.windows.layout.count, *(self._framed.unknowns.size,) * 2))
         for stage, one in zip(self._stages, stages, strict=True):
-            own = np.einsum("sia,sib->ab", one.slopes, one.slopes) / one.size**2
-            found[np.ix_(stage.columns, stage.columns)] = own
+            own = np.einsum("sia,sib->sab", one.slopes, one.slopes) / one.size**2
+            found[:, stage.columns[:, None], stage.columns] = own
         return found
 
     def _fit(self, values: Array, stages: list[_Solved], converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)
         framed, slopes = SensorFrame(windows.unknowns)(values)
-        information, scores = self._normal(framed, motions.residuals, stages)
         turns, moves = (one.size for one in stages)
         white = motions.residuals / np.array([moves, moves, turns])
         leverage = [
@@ -189,22 +266,17 @@ class TwoStage:
             white=white,
             leverage=np.concatenate(leverage, axis=1),
             noises=self._noises(turns, moves),
-            information=slopes.T @ information @ slopes,
-            scores=scores @ slopes,
+            information=slopes.T @ self._information(stages) @ slopes,
+            scores=self._scores(framed, motions.residuals, stages) @ slopes,
             knowledge=self.known.information,
             converged=converged,
         )
 
-    def _normal(self, framed: Array, residuals: Array, stages: list[_Solved]) -> tuple[Array, Array]:
-        """Information (S, b, b) and scores (S, b) of the windows, on the coefficients' unknowns.
-
-        The second stage's scores carry the first one's errors along, which its information knows nothing of.
-        """
-        size = len(framed)
-        information, scores = np.zeros((len(residuals), size, size)), np.zeros((len(residuals), size))
+    def _scores(self, framed: Array, residuals: Array, stages: list[_Solved]) -> Array:
+        # Of every window, (S, b). The second stage's carry the first one's errors along, which the
+        # information knows nothing of.
+        scores = np.zeros((len(residuals), len(framed)))
         for stage, one in zip(self._stages, stages, strict=True):
-            own = np.einsum("sia,sib->sab", one.slopes, one.slopes) / one.size**2
-            information[:, stage.columns[:, None], stage.columns] = own
             pull = np.einsum("sia,si->sa", one.slopes, residuals[:, stage.rows])
             scores[:, stage.columns] = pull / one.size**2
         (turns, moves), (first, second) = self._stages, stages
@@ -212,7 +284,7 @@ class TwoStage:
         cross = np.einsum("sia,sib->ab", second.slopes, carried) / second.size**2
         errors = scores[:, turns.columns] * first.size**2 @ first.inverse
         scores[:, moves.columns] -= errors @ cross.T
-        return information, scores
+        return scores
 
     def _noises(self, turns: float, moves: float) -> Mapping[str, Noise]:
         # As if all that is left were noise of the poses at both ends.

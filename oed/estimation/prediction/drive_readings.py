@@ -45,13 +45,7 @@ class DriveReadings:
         return np.zeros((self.trajectory.runs, 0))
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
-        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone.
-
-        Args:
-            values: of the unknowns.
-            starts: start states of the runs.
-            readings: of the runs, (runs, M).
-        """
+        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone."""
         still = np.zeros(readings.shape[:2])
         return still, still
 

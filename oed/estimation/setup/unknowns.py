@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.models.model import Model
+from oed.robots.models.model import Model, coefficient_values
 from oed.robots.sensors.logged import LoggedSensor, Mount
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
@@ -88,32 +89,37 @@ class Unknowns:
         return np.array([*own, *(places[name] for name in self.place), *[0.0] * self.clocks])
 
     def slopes(self, slopes: Array) -> Array:
-        """Derivatives (S, ..., q) by the unknowns but the clocks, S segments.
-
-        Args:
-            slopes: by all parameters, the segment's own start and all constants, (S, ..., columns).
+        """Derivatives (S, ..., q) of S segments by the unknowns but the clocks, from those by all parameters,
+        the segment's own start and all constants, (S, ..., columns).
         """
-        names, states = [parameter.name for parameter in self.robot.parameters], len(self.robot.states)
-        own = slopes[..., list(map(names.index, self.parameters))]
-        first, constants = len(names) + states, list(self.constants)
+        count, states = len(self.robot.parameters), len(self.robot.states)
+        first, constants = count + states, list(self.constants)
+        own = slopes[..., self._own]
         place = slopes[..., [first + constants.index(name) for name in self.place]]
         if not self.starts:
             return np.concatenate([own, place], axis=-1)
         # Of every run's start, for the run's own readings.
         starts = np.zeros((*slopes.shape[:-1], len(self.starts)))
         for run in range(len(slopes)):
-            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., len(names) : first]
+            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., count:first]
         return np.concatenate([own, starts, place], axis=-1)
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
         """All the robot's parameters (p,), the sensor's place or other constants, the clock offsets given."""
         parameters, place = np.array(self.robot.nominal, dtype=float), np.array(self.sits)
-        names, constants = [parameter.name for parameter in self.robot.parameters], list(self.constants)
+        constants = list(self.constants)
         last = self.size - self.clocks
         first = last - len(self.place)
-        parameters[[names.index(name) for name in self.parameters]] = values[: len(self.parameters)]
+        parameters[self._own] = values[: len(self.parameters)]
         place[[constants.index(name) for name in self.place]] = values[first:last]
         return parameters, place, values[last:]
+
+    def coefficients(self, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
+        """Names of the robot's coefficients, values and derivatives by the parameters that are estimated, at
+        all its parameters (p,).
+        """
+        names, values, slopes = coefficient_values(self.robot, parameters)
+        return names, values, slopes[:, self._own]
 
     def begins(self, values: Array) -> Array:
         """The starts of a drive's runs, (runs, states); (0, states) where they are no unknowns here."""
@@ -123,6 +129,12 @@ class Unknowns:
     @property
     def _each(self) -> range:
         return range(self.clocks)
+
+    @cached_property
+    def _own(self) -> list[int]:
+        # Which of the robot's parameters are estimated.
+        names = [parameter.name for parameter in self.robot.parameters]
+        return [names.index(name) for name in self.parameters]
 
 
 def specified_mount(measurement: Measurement) -> Mount:

@@ -16,9 +16,9 @@ from oed.simulation.physics.robot import (
     Suspension,
     TwoWheelsAndCaster,
     Variation,
+    physics_robot,
 )
 from oed.simulation.physics.sensing import Sensing
-from oed.simulation.physics.sizing import physics_robot
 
 PHYSICS_ROBOTS: tuple[type[PhysicsRobot], ...] = (FourWheels, TwoWheelsAndCaster)
 """What `kind` may name: for `Annotated[PhysicsRobot, OneOf(PHYSICS_ROBOTS)]`."""
