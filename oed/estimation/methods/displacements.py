@@ -105,42 +105,42 @@ class Regression(Estimator):
         )
 
     def _linear_block(self, row: str, column: str) -> Array:
-        own = {name: self._map(name) @ self._covariance(name) @ self._map(name).T for name in {row, column}}
-        if self.heading == "predicted" and "position" in (row, column):
+        rows, columns = self._effects(row), self._effects(column)
+        found = np.zeros((len(rows[row]), len(columns[column])))
+        for source in (one for one in rows if one in columns):
+            found += rows[source] @ self._covariance(source) @ columns[source].T
+        return found
+
+    def _effects(self, name: str) -> dict[str, Array]:
+        # What errors of turns ("heading"), displacements ("position") and measured headings ("headings") do
+        # to the estimates of a regression to first order, (q, errors) each.
+        found = {name: self._map(name)}
+        if name == "position" and self.heading == "predicted":
             # Headings predicted from the first stage's estimates carry their errors along.
-            carried = -self._map("position") @ self.regressors.heading_effect
-            first = self._map("heading") @ self._covariance("heading") @ self._map("heading").T
-            crossed = {("position", "heading"): carried @ first, ("heading", "position"): first @ carried.T}
-            if row == column:
-                return np.asarray(own["position"] + carried @ first @ carried.T)
-            return np.asarray(crossed[row, column])
-        if row != column:
-            size = len(self.regressors.names[row])
-            return np.zeros((size, len(self.regressors.names[column])))
-        if self.heading == "measured" and row == "position":
-            turned = self._map("position") @ self._turned
-            return np.asarray(own[row] + self._noise("heading") ** 2 * turned @ turned.T)
-        return np.asarray(own[row])
+            found["heading"] = -self._map(name) @ self.regressors.heading_effect @ self._map("heading")
+        if name == "position" and self.heading == "measured":
+            found["headings"] = -self._map(name) @ self._turned
+        return found
 
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated noise, and the linear estimates from the same noise."""
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
-        linear = {name: true[name] + noise[name] @ self._map(name).T for name in noise}
         readings = {name: noise[name] + designs[name] @ true[name] for name in noise}
-        if "position" in noise and self.heading == "predicted":
-            first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
-            linear["position"] = linear["position"] - first @ self._map("position").T
-        chosen = self.measurement.regressions
-        if "position" not in noise or self.heading != "measured":
-            return self._estimates(readings), np.hstack([linear[name] for name in chosen])
-        effect, estimates = self._map("position") @ self._turned, []
+        effects = {name: self._effects(name) for name in self.measurement.regressions}
+        linear = {
+            name: true[name] + sum(noise[source] @ own[source].T for source in own if source in noise)
+            for name, own in effects.items()
+        }
+        if "headings" not in effects.get("position", ()):
+            return self._estimates(readings), np.hstack(list(linear.values()))
+        estimates = []
         for own in self._measured_headings.blocks(count):
             errors = rng.standard_normal((own.stop - own.start, self.regressors.trajectory.samples))
             errors *= self._noise("heading")
-            linear["position"][own] -= errors @ effect.T
+            linear["position"][own] += errors @ effects["position"]["headings"].T
             estimates.append(self._estimates({name: rows[own] for name, rows in readings.items()}, errors))
-        return np.concatenate(estimates), np.hstack([linear[name] for name in chosen])
+        return np.concatenate(estimates), np.hstack(list(linear.values()))
 
     def fit(
         self,
@@ -274,6 +274,8 @@ class Regression(Estimator):
         return scipy.sparse.kron(scipy.sparse.eye_array(runs), one_run, format="csr")
 
     def _covariance(self, name: str) -> Array:
+        if name == "headings":
+            return np.asarray(self._noise("heading") ** 2 * np.eye(self.regressors.trajectory.samples))
         spread = self._noise(name) * self._spread(name)
         return np.asarray((spread @ spread.T).toarray())
 
