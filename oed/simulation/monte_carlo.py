@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -131,10 +132,7 @@ def validate(
         raise ProblemError.about(("validation", "replicates"), text)
     listener = progress or Silent()
     size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
-    batches = [
-        _Batch(chosen, seed, index, min(size, replicates - index * size))
-        for index in range(math.ceil(replicates / size))
-    ]
+    batches = [(index, min(size, replicates - index * size)) for index in range(math.ceil(replicates / size))]
     listener.begin("simulate experiments", len(batches))
     total = _Total()
 
@@ -142,7 +140,7 @@ def validate(
         total.take(index, result)
         listener.advance()
 
-    run_tasks(_simulate, batches, workers, take)
+    run_tasks(partial(_simulate, chosen, seed), batches, workers, take)
     found, true, predicted = total.result, chosen.true, chosen.covariance
     root, whitened = np.linalg.cholesky(predicted), found.tally.whitened
     # E[linear^2] is known exactly, so only the difference of squares is left to chance.
@@ -163,14 +161,6 @@ def validate(
         checks=check_tally(found.tally, alpha),
         estimates=found.estimates,
     )
-
-
-@dataclass(frozen=True)
-class _Batch:
-    estimator: Estimator
-    seed: int
-    index: int
-    size: int
 
 
 @dataclass
@@ -207,9 +197,10 @@ class _Total:
             self._batches += 1
 
 
-def _simulate(batch: _Batch) -> _Result:
-    rng = np.random.default_rng([batch.seed, STREAM, batch.index])
-    estimates, linear = batch.estimator.simulate(rng, batch.size)
-    true, predicted = batch.estimator.true, batch.estimator.covariance
+def _simulate(estimator: Estimator, seed: int, batch: tuple[int, int]) -> _Result:
+    # A batch by its number, and how many replicates it has.
+    index, size = batch
+    estimates, linear = estimator.simulate(np.random.default_rng([seed, STREAM, index]), size)
+    true, predicted = estimator.true, estimator.covariance
     differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(predicted)
     return _Result(Tally.of(estimates - true, predicted), Moments.of(differences), estimates[:SHOWN].copy())
