@@ -20,7 +20,7 @@ from oed.robots.sensors.logged import Noise
 Way = Literal["blocks", "correlations"]
 
 LAGS = 300
-"""FittedReadings later up to which correlations are summed, where they do not vanish before."""
+"""Readings later up to which correlations are summed, where they do not vanish before."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class FittedReadings:
 
     @property
     def count(self) -> float:
-        """FittedReadings less the states of segments' starts, n."""
+        """Readings less the states of segments' starts, n."""
         return float(self.shares.sum())
 
     def likelihood(self, fit: Fit, options: CalibrationOptions) -> Likelihood:
@@ -158,7 +158,7 @@ def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:
 
 
 def _lasting(fit: Fit, places: Sequence[int]) -> float:
-    # FittedReadings that count as one: the sum of correlations until they vanish.
+    # Readings that count as one: the sum of correlations until they vanish.
     values, _ = correlations(fit, list(places), LAGS)
     gone = np.flatnonzero(values <= 0)
     return 1 + 2 * float(values[: gone[0] if len(gone) else len(values)].sum())

@@ -292,8 +292,9 @@ class ModelSelection:
         if one.fit is None:
             return one
         fit, options = one.fit, alike.options
+        doubt = "" if fit.converged else "its search did not converge: it may fit better than it seems"
         try:
-            found = replace(one, covariance=self.covariance(fit), reason=_why_not(fit), doubt=_doubt(fit))
+            found = replace(one, covariance=self.covariance(fit), reason=_why_not(fit), doubt=doubt)
         except ProblemError as error:
             return replace(one, reason="; ".join(flaw.message for flaw in error.flaws))
         if options.loss == "linear":
@@ -309,10 +310,6 @@ def _with_segments(options: CalibrationOptions, fit: Fit) -> CalibrationOptions:
         return options
     seconds = fit.layout.seconds
     return options.model_copy(update={"segment": seconds if math.isfinite(seconds) else "log"})
-
-
-def _doubt(fit: Fit) -> str:
-    return "" if fit.converged else "its search did not converge: it may fit better than it seems"
 
 
 def _why_not(fit: Fit) -> str:

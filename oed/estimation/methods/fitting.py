@@ -168,19 +168,15 @@ class Fitting:
         return specified_mount(self.measurement)
 
     def _unknowns(self, prepared: PreparedLogs) -> Unknowns:
-        mount = self._mount
-        free = [
-            name
-            for name in self.options.sensor_place
-            if name in _observable_places(prepared.logs[0].quantities)
-        ]
+        mount, shown = self._mount, _observable_places(prepared.logs[0].quantities)
         if mount.fixed:
-            free = [name for name in free if name == "sensor_heading"]
+            shown = shown[2:]
+        free = tuple(name for name in self.options.sensor_place if name in shown)
         clocks = len(prepared.files) if self.options.clock_offset else 0
         # A sensor that looks backwards is found from there only.
         turned = prepared.mounting if "sensor_heading" in free and abs(prepared.mounting) > ASKEW else 0.0
         sits = (*mount.sits[:2], turned)
-        return Unknowns(self.robot, self.parameters, tuple(free), clocks, sits)
+        return Unknowns(self.robot, self.parameters, free, clocks, sits)
 
     def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
         logs, offsets = prepared.logs, prepared.offsets

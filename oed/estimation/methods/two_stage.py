@@ -53,38 +53,26 @@ class SensorFrame:
     def __call__(self, values: Array) -> tuple[Array, Array]:
         """The unknowns in the sensor frame (b,), and its derivatives (b, q), at unknowns (q,)."""
         parameters, place, _ = self.unknowns.parts(values)
-        hidden = np.where(self._hides, place, 0.0)
+        hides, names = hidden_places(self.unknowns.robot), self.unknowns.names
+        hidden = np.where([name in hides for name in PLACE], place, 0.0)
         point, turn = 1j * (hidden[0] + 1j * hidden[1]), np.exp(-1j * hidden[2])
         rows, (_, *found) = len(self.unknowns.robot.coefficient_names), self.unknowns.coefficients(parameters)
         own, slopes = (one.reshape(rows, -1, *one.shape[1:]) for one in found)
         yaw, speed = own[0], turn * (_speed(own) + point * own[0])
         places = dict(zip(PLACE, (1j * turn * yaw, -turn * yaw, -1j * speed), strict=True))
-        by_all = np.zeros((len(yaw), self.unknowns.size), dtype=complex)
-        by_all[:, : slopes.shape[-1]] = turn * (_speed(slopes) + point * slopes[0])
-        for name in self._taken_in:
-            by_all[:, self.unknowns.names.index(name)] = places[name]
+        by_all, count = np.zeros((len(yaw), self.unknowns.size), dtype=complex), slopes.shape[-1]
+        by_all[:, :count] = turn * (_speed(slopes) + point * slopes[0])
+        for name in self.unknowns.place:
+            if name in hides:
+                by_all[:, names.index(name)] = places[name]
         yaw_by_all = np.zeros(by_all.shape)
-        yaw_by_all[:, : slopes.shape[-1]] = slopes[0]
-        rest = self._rest
+        yaw_by_all[:, :count] = slopes[0]
+        # Unknowns that are the same in the sensor frame.
+        rest = [index for index, name in enumerate(names) if index >= count and name not in hides]
         return (
             np.concatenate([*_rows(yaw, speed, len(own)), values[rest]]),
             np.vstack([*_rows(yaw_by_all, by_all, len(own)), np.eye(self.unknowns.size)[rest]]),
         )
-
-    @property
-    def _hides(self) -> list[bool]:
-        return [name in hidden_places(self.unknowns.robot) for name in PLACE]
-
-    @property
-    def _taken_in(self) -> list[str]:
-        return [name for name in self.unknowns.place if name in hidden_places(self.unknowns.robot)]
-
-    @property
-    def _rest(self) -> list[int]:
-        # Unknowns that are the same in the sensor frame.
-        first = len(self.unknowns.parameters)
-        names = self.unknowns.names
-        return [index for index in range(first, len(names)) if names[index] not in self._taken_in]
 
 
 def hidden_places(robot: Model) -> tuple[str, ...]:
@@ -234,16 +222,13 @@ class TwoStage:
 
     @property
     def _known_of_parameters(self) -> Knowledge:
-        count, known = len(self.windows.unknowns.parameters), self.known
-        kept = [*range(count), *(self.windows.unknowns.names.index(name) for name in self._unseen)]
+        # Of parameters, and of places that the coefficients absorb: only the last fit shows these.
+        own, framed, known = self.windows.unknowns, self._framed.unknowns.names, self.known
+        absorbed = [own.names.index(name) for name in own.place if name not in framed]
+        kept = [*range(len(own.parameters)), *absorbed]
         information = np.zeros_like(known.information)
         information[np.ix_(kept, kept)] = known.information[np.ix_(kept, kept)]
         return Knowledge(information, known.centre)
-
-    @property
-    def _unseen(self) -> list[str]:
-        # Places that the coefficients absorb: only the last fit shows them.
-        return [name for name in self.windows.unknowns.place if name not in self._framed.unknowns.names]
 
     def _information(self, stages: list[_Solved]) -> Array:
         # Of every window, (S, b, b), on the coefficients' unknowns.

@@ -18,7 +18,7 @@ from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import PLACE, Unknowns
-from oed.foundation.arrays import Array, Bools, Places
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
@@ -92,7 +92,8 @@ class Windows:
     @cached_property
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
-        return relative_to_first(self._poses)[np.arange(self.layout.count), self._last]
+        last = self.layout.valid.sum(axis=1) - 1
+        return np.asarray(relative_to_first(self._poses)[np.arange(self.layout.count), last])
 
     @cached_property
     def linked(self) -> Bools:
@@ -189,10 +190,6 @@ class Windows:
     def _poses(self) -> Array:
         order = [self.layout.quantities.index(name) for name in READ]
         return np.asarray(self.layout.readings[..., order])
-
-    @property
-    def _last(self) -> Places:
-        return np.asarray(self.layout.valid.sum(axis=1) - 1)
 
     @cached_property
     def _readings(self) -> LoggedReadings:

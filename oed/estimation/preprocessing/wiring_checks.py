@@ -10,7 +10,6 @@ import numpy as np
 
 from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
 from oed.foundation.arrays import Array
-from oed.robots.models.model import Model
 
 BAD = 0.3
 """Share of the motion that may be left unexplained before a wiring fault is looked for."""
@@ -133,26 +132,19 @@ def _worst(
 
 def _possibilities(moves: Moves) -> Iterator[tuple[str, tuple[Array, float, float]]]:
     robot, inputs = moves.robot, moves.inputs
-    for first, second in _alike(robot):
+    for first, second in combinations(range(len(robot.inputs)), 2):
+        if robot.inputs[first].quantity != robot.inputs[second].quantity:
+            continue
         order = np.arange(inputs.shape[-1])
         order[[first, second]] = second, first
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
         yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0)
     for place, name in enumerate(robot.input_names):
-        yield f"{name} has the wrong sign; give it sign: -1", (_negated(inputs, place), 1.0, 1.0)
+        signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
+        yield f"{name} has the wrong sign; give it sign: -1", (inputs * signs, 1.0, 1.0)
     if len(robot.inputs) > 1:
         yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0)
     if "heading" in moves.layout.quantities:
         yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0)
         yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180)
         yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi)
-
-
-def _negated(inputs: Array, place: int) -> Array:
-    return inputs * np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
-
-
-def _alike(robot: Model) -> list[tuple[int, int]]:
-    # Pairs of inputs of the same quantity.
-    pairs = combinations(range(len(robot.inputs)), 2)
-    return [pair for pair in pairs if len({robot.inputs[place].quantity for place in pair}) == 1]
