@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed import load_record
-from oed.simulation.trial.statistics import Interval, Repeats, interval, scatter, total
+from oed.simulation.trial.outcome import Interval, Repeats, interval, scatter, total
 
 Array = npt.NDArray[np.float64]
 Cell = tuple[str, str]

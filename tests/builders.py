@@ -14,6 +14,7 @@ from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, Wheel
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
+from oed.simulation.checks import Check, Tally, check_tally
 from oed.uncertainty.uncertainty import Uncertainty
 
 RADIUS, TRACK = 0.049, 0.18
@@ -88,3 +89,8 @@ def random_drive(problem: Problem, seed: int, amplitude: float = 8.0) -> Traject
 def upper_bound(segments: int, radius: float = RADIUS, track: float = TRACK) -> float:
     """The largest lambda_min(W'W) of the position regressor with P segments: 2 P (B / r)^2."""
     return 2 * segments * (track / radius) ** 2
+
+
+def check_all(errors: np.ndarray, covariance: np.ndarray, alpha: float) -> tuple[Check, ...]:
+    """All tests of errors (R, p) against the covariance (p, p) that was predicted of them."""
+    return check_tally(Tally.of(errors, covariance), alpha)

@@ -11,7 +11,7 @@ from places import REPORTS
 
 from benchmarks.acceptance import Floor, Goal, floors_of, goals, main, resampled_pair
 from oed.records.record import load_record
-from oed.simulation.trial.statistics import Interval, Repeats, scatter, total
+from oed.simulation.trial.outcome import Interval, Repeats, scatter, total
 
 TRIAL = REPORTS / "physics_skid_steer"
 

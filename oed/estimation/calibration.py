@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import (
     Covariance,
@@ -17,27 +16,20 @@ from oed.estimation.assessment.covariance import (
     judgeable,
     sandwich,
 )
-from oed.estimation.assessment.cross_validation import HeldOut, cross_validated, held_out
-from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
-from oed.estimation.assessment.model_scores import Comparison
-from oed.estimation.assessment.model_selection import ModelSelection
-from oed.estimation.assessment.weak_directions import weak_directions
+from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
+from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import Fitting
-from oed.estimation.methods.segment_length import Segmenting
-from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess
-from oed.estimation.preprocessing.thinning import thinned, thinning_notes
-from oed.estimation.setup.alternatives import alternative_flaws
+from oed.estimation.methods.fitting import Fitting, Segmenting
+from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
-from oed.estimation.setup.options import CalibrationOptions
+from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
+from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Model, robot_of
-from oed.robots.models.twists import coefficient_values
-
-Array = npt.NDArray[np.float64]
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
@@ -126,11 +118,11 @@ class Calibration(Renamed):
     @cached_property
     def _given_coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
         # Names, values, derivatives by the estimates.
-        names, values, slopes = coefficient_values(self.robot, self.fit.unknowns.parts(self.fit.values)[0])
-        if not names or set(names) & set(self.parameters):
+        unknowns = self.fit.unknowns
+        names, values, slopes = unknowns.coefficients(unknowns.parts(self.fit.values)[0])
+        if set(names) & set(self.parameters):
             return (), np.zeros(0), np.zeros((0, len(self.parameters)))
-        known = [parameter.name for parameter in self.robot.parameters]
-        return names, values, slopes[:, [known.index(name) for name in self.parameters]]
+        return names, values, slopes
 
 
 def calibrate(
@@ -190,7 +182,7 @@ class _Work:
         notes += _odd_wheels(fit)
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
-        fitted_clocks = [float(fit.clock_offsets[fit.layout.clocks.index(log.file)]) for log in logs]
+        alone = len(logs) == 1 and _has_positions(logs)
         return Calibration(
             robot=robot_of(self.problem.system),
             fit=fit,
@@ -200,8 +192,8 @@ class _Work:
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
-            held_out=None if other is None else self._held_out(other.logs, other.clocks, fit),
-            own=self._held_out(logs, fitted_clocks, fit) if len(logs) == 1 and _has_positions(logs) else None,
+            held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),
+            own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
             comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
         )
@@ -257,10 +249,6 @@ class _Work:
             raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
-    def _held_out(self, logs: Sequence[Log], clocks: Sequence[float], fit: Fit) -> HeldOut:
-        parameters, place, _ = fit.unknowns.parts(fit.values)
-        return held_out(robot_of(self.problem.system), logs, parameters, place, clocks)
-
 
 def _odd_wheels(fit: Fit) -> list[str]:
     # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
@@ -280,8 +268,7 @@ def _has_positions(logs: Sequence[Log]) -> bool:
 
 def _with_clocks(logs: tuple[Log, ...], fit: Fit) -> tuple[Log, ...]:
     found = []
-    for log in logs:
-        offset = float(fit.clock_offsets[fit.layout.clocks.index(log.file)])
+    for log, offset in zip(logs, fit.clocks_of(logs), strict=True):
         if abs(offset) > CLOCKS_APART:
             text = f"the wheels' clock is {offset:+.3f} s off the poses'; estimated and taken into account"
             log = log.found("clock_offset", text)

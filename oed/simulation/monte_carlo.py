@@ -7,22 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
+from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.simulation.checks import Check, check_tally
-from oed.simulation.tally import Moments, Tally
-
-Array = npt.NDArray[np.float64]
+from oed.simulation.checks import Check, Moments, Tally, check_tally
 
 BATCH = 1000
 """Replicates drawn from one stream: the same numbers whatever the number of workers."""
@@ -134,10 +132,7 @@ def validate(
         raise ProblemError.about(("validation", "replicates"), text)
     listener = progress or Silent()
     size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
-    batches = [
-        _Batch(chosen, seed, index, min(size, replicates - index * size))
-        for index in range(math.ceil(replicates / size))
-    ]
+    batches = [(index, min(size, replicates - index * size)) for index in range(math.ceil(replicates / size))]
     listener.begin("simulate experiments", len(batches))
     total = _Total()
 
@@ -145,7 +140,7 @@ def validate(
         total.take(index, result)
         listener.advance()
 
-    run_tasks(_simulate, batches, workers, take)
+    run_tasks(partial(_simulate, chosen, seed), batches, workers, take)
     found, true, predicted = total.result, chosen.true, chosen.covariance
     root, whitened = np.linalg.cholesky(predicted), found.tally.whitened
     # E[linear^2] is known exactly, so only the difference of squares is left to chance.
@@ -166,14 +161,6 @@ def validate(
         checks=check_tally(found.tally, alpha),
         estimates=found.estimates,
     )
-
-
-@dataclass(frozen=True)
-class _Batch:
-    estimator: Estimator
-    seed: int
-    index: int
-    size: int
 
 
 @dataclass
@@ -210,9 +197,10 @@ class _Total:
             self._batches += 1
 
 
-def _simulate(batch: _Batch) -> _Result:
-    rng = np.random.default_rng([batch.seed, STREAM, batch.index])
-    estimates, linear = batch.estimator.simulate(rng, batch.size)
-    true, predicted = batch.estimator.true, batch.estimator.covariance
+def _simulate(estimator: Estimator, seed: int, batch: tuple[int, int]) -> _Result:
+    # A batch by its number, and how many replicates it has.
+    index, size = batch
+    estimates, linear = estimator.simulate(np.random.default_rng([seed, STREAM, index]), size)
+    true, predicted = estimator.true, estimator.covariance
     differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(predicted)
     return _Result(Tally.of(estimates - true, predicted), Moments.of(differences), estimates[:SHOWN].copy())

@@ -18,9 +18,8 @@ from builders import input_limits, problem_of
 from oed.estimation import CalibrationOptions
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.prediction.layout import SegmentLayout, cut
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.kernel.criteria import E
 from oed.logs.log import Log
 from oed.robots.models import DifferentialDrive, Model
@@ -313,7 +312,8 @@ def search_of(
     """A search over segments of logs, without anything known beforehand and without clocks unless told."""
     own = unknowns or unknowns_of()
     layout: SegmentLayout = cut(logs, seconds, [0.0] * len(logs))
-    usual = {"offsets": np.zeros(len(layout.clocks)), "grows": False}
+    nothing = Knowledge.nothing(own.size)
+    usual = {"offsets": np.zeros(len(layout.clocks)), "known": nothing, "grows": False}
     return JointSearch(layout, own, **{**usual, **keys})
 
 

@@ -117,7 +117,7 @@ def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
 
 
 def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
-    from oed.estimation.methods.knowledge import inverse_of_sum
+    from oed.estimation.setup.unknowns import inverse_of_sum
 
     told, known = np.diag([1e18, 0.0]), np.diag([1.0, 4.0])
     np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)
@@ -186,7 +186,7 @@ def test_a_coordinate_may_stand_still_on_a_straight_line(heading: float, ratio: 
     log = log_of(course(ROBOT, own, inputs=speeds, start=(0.0, 0.0, heading)), quantities=quantities)
     assert min(np.ptp(log.poses[:, :2], axis=0)) < 1e-9
     moves = Moves.of(ROBOT, [log])
-    assert frozen(moves, np.zeros(1)) is None
+    assert frozen(moves) is None
 
 
 def test_poses_too_small_for_their_squares_stand_still():

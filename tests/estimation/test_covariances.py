@@ -35,13 +35,12 @@ from oed.estimation.assessment.covariance import (
     information,
     sandwich,
 )
-from oed.estimation.assessment.cross_validation import cross_validated, values_without
-from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics
-from oed.estimation.assessment.weak_directions import weak_directions
+from oed.estimation.assessment.dead_reckoning import cross_validated, values_without
+from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
-from oed.estimation.methods.segment_length import longest_without_drift, spread
+from oed.estimation.methods.fitting import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
 from oed.robots.models import SkidSteer, SkidSteerSlip
 from oed.robots.sensors.logged import Noise
 
@@ -201,7 +200,8 @@ class TestNoise:
             rng.uniform(0, 1, 2000),
         )
         for robust in (False, True):
-            found = estimated(np.sqrt(0.9) * residuals, shares, speeds, speeds, robust=robust, grows=False)
+            rates = np.stack([speeds, speeds])
+            found = estimated(np.sqrt(0.9) * residuals, shares, rates, robust=robust, grows=False)
             assert found.per_speed == 0
             assert found.at_rest == pytest.approx(size, rel=0.12)
 
@@ -209,7 +209,7 @@ class TestNoise:
         rng = np.random.default_rng(1)
         speeds = rng.uniform(0, 0.5, 4000)
         residuals = np.sqrt(0.003**2 + (0.02 * speeds) ** 2) * rng.normal(size=4000)
-        found = estimated(residuals, np.ones(4000), speeds, 0 * speeds, robust=False, grows=True)
+        found = estimated(residuals, np.ones(4000), np.stack([speeds, 0 * speeds]), robust=False, grows=True)
         assert found.at_rest == pytest.approx(0.003, rel=0.1)
         assert found.per_speed == pytest.approx(0.02, rel=0.1)
 
@@ -221,7 +221,7 @@ class TestNoise:
         turning += 2 * speeds
         size = np.sqrt(0.003**2 + (growth[0] * speeds) ** 2 + (growth[1] * turning) ** 2)
         residuals = size * rng.normal(size=4000)
-        found = estimated(residuals, np.ones(4000), speeds, turning, robust=False, grows=True)
+        found = estimated(residuals, np.ones(4000), np.stack([speeds, turning]), robust=False, grows=True)
         assert (found.per_speed > 0, found.per_yaw_rate > 0) == (growth[0] > 0, growth[1] > 0)
         assert found.at_rest == pytest.approx(0.003, rel=0.25)
         assert (found.per_speed, found.per_yaw_rate) == pytest.approx(growth, rel=0.25)
@@ -248,21 +248,21 @@ class TestNoise:
         for seed in range(25):
             rng = np.random.default_rng(seed)
             residuals, (speeds, turning) = 0.01 * rng.normal(size=500), rng.uniform(0, 1, (2, 500))
-            found = estimated(residuals, np.ones(500), speeds, turning, robust=False, grows=True)
+            found = estimated(residuals, np.ones(500), np.stack([speeds, turning]), robust=False, grows=True)
             grown += found.per_speed > 0 or found.per_yaw_rate > 0
         assert grown <= 2
 
     def test_outliers_hardly_matter_to_the_robust_one(self):
         rng = np.random.default_rng(2)
         residuals = rng.normal(size=4000) * np.where(rng.random(4000) < 0.05, 30, 1)
-        found = estimated(residuals, np.ones(4000), *np.zeros((2, 4000)), robust=True, grows=True)
+        found = estimated(residuals, np.ones(4000), np.zeros((2, 4000)), robust=True, grows=True)
         assert found.at_rest == pytest.approx(1, rel=0.12)
 
     @pytest.mark.parametrize("robust", [False, True])
     def test_is_never_nothing(self, robust: bool):
         zero = np.zeros(10)
-        assert estimated(zero, np.ones(10), zero, zero, robust=robust, grows=True).at_rest > 0
-        assert np.isfinite(estimated(zero, zero, zero, zero, robust=robust, grows=True).at_rest)
+        assert estimated(zero, np.ones(10), np.stack([zero, zero]), robust=robust, grows=True).at_rest > 0
+        assert np.isfinite(estimated(zero, zero, np.stack([zero, zero]), robust=robust, grows=True).at_rest)
 
 
 class TestSegmenting:

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from oed.estimation.methods.gauss_newton import SHARES, LeastSquares, Rows, downhill
-from oed.estimation.methods.knowledge import Knowledge
 from oed.estimation.setup.options import Loss
+from oed.estimation.setup.unknowns import Knowledge
 
 TIMES = np.linspace(0.0, 2.0, 40)
 TRUE = np.array([3.0, 0.7, -0.5])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +22,7 @@ from simulated import (
     loosely,
     options,
     readings,
+    search_of,
     several,
     truth_of,
     twists_of,
@@ -227,6 +230,21 @@ class TestSolution:
         sizes = np.sqrt(np.diag(fit.total))
         assert (fit.scores.sum(axis=0) + pull) / sizes == pytest.approx(np.zeros(3), abs=0.02)
         assert np.abs(free.values - fit.values).max() > 1e-5
+
+
+def test_a_search_leaves_nothing_behind():
+    # Readings of a long log and their derivatives are large: they go with the search, not when Python next
+    # looks for circles.
+    search = search_of(several(2), seconds=4.0)
+    gone = weakref.ref(search)
+    gc.disable()
+    try:
+        fit = search.fit()
+        del search
+        assert gone() is None
+    finally:
+        gc.enable()
+    assert fit.converged
 
 
 class TestStarts:

@@ -9,8 +9,8 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options
 
 from oed.estimation import calibrate
-from oed.estimation.preprocessing import thinning
-from oed.estimation.preprocessing.thinning import BRIEF, PIECES, thinned, thinning_notes
+from oed.estimation.preprocessing import preprocess
+from oed.estimation.preprocessing.preprocess import BRIEF, PIECES, thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
 from oed.logs.log import Log
 
@@ -99,7 +99,7 @@ def test_averages_tell_what_all_poses_tell():
 
 
 def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(thinning, "LEAST", 20)
+    monkeypatch.setattr(preprocess, "LEAST", 20)
     monkeypatch.setattr(thinned, "__defaults__", (400,))
     found = calibrate(logged_problem(), [LONG], options(segment="log", noise="stated"))
     assert found.fit.layout.valid.sum() == 400

@@ -38,7 +38,7 @@ def make(segments: int | str, noise_model: str = "increments", samples: int = 40
 def drawn(regression: Regression, count: int, runs: int, *, absolute: bool) -> tuple[np.ndarray, np.ndarray]:
     """Errors of displacements (R, 2 P) and of headings (R, N), from the numbers that a simulation draws."""
     rng = np.random.default_rng(5)
-    segments, samples = len(regression.regressors.edges) - 1, regression.regressors.samples
+    segments, samples = len(regression.regressors.edges) - 1, regression.regressors.trajectory.samples
     if absolute:
         poses = rng.standard_normal((count, runs, segments // runs + 1, 2))
         moves = np.diff(poses, axis=2).reshape(count, -1)
@@ -111,7 +111,7 @@ def test_cosine_and_sine():
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_replicates(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.simulation.tally.KEPT", 1000)
+    monkeypatch.setattr("oed.simulation.checks.KEPT", 1000)
     problem, drive = make(10, samples=200)
 
     def peak(replicates: int) -> int:

@@ -32,7 +32,7 @@ from windowed import gls
 from oed.cli.terminal.console import print_estimate
 from oed.estimation import Alternative, Comparison, DeadReckoning, HeldOut, calibrate
 from oed.estimation.assessment.likelihood import FittedReadings, Likelihood, inflation
-from oed.estimation.assessment.model_scores import SLIGHT, Compared, scored
+from oed.estimation.assessment.model_selection import SLIGHT, Compared, scored
 from oed.foundation.errors import ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of

@@ -22,8 +22,7 @@ from simulated import (
 )
 
 from oed.estimation import calibrate
-from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.moves import Moves, unexplained
+from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
 from oed.estimation.preprocessing.wiring_checks import poorly_explained, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.log import Log
@@ -40,11 +39,11 @@ def moves_of(*logs: Log, model=ROBOT) -> Moves:
 
 
 def suspected(log: Log, model=ROBOT) -> str | None:
-    return wiring_fault(moves_of(log, model=model), np.zeros(1))
+    return wiring_fault(moves_of(log, model=model))
 
 
 def doubted(log: Log, model=ROBOT) -> float | None:
-    return poorly_explained(moves_of(log, model=model), np.zeros(1))
+    return poorly_explained(moves_of(log, model=model))
 
 
 class TestClocks:

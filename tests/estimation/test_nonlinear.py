@@ -11,13 +11,13 @@ from functools import cache, cached_property, partial
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
 from scipy.integrate import trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm
 
 from oed.estimation.methods import Estimate, Nonlinear
-from oed.estimation.methods.losses import loss_moments, robust_loss
+from oed.estimation.methods.gauss_newton import loss_moments, robust_loss
 from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
@@ -29,7 +29,6 @@ from oed.robots.models import SkidSteer
 from oed.robots.sensors import Poses, Ranges, Several, YawRate
 from oed.robots.space import StartPose
 from oed.simulation import validate
-from oed.simulation.checks import check_all
 
 START = (0.2, -0.1, 0.4)
 BEACONS = ((4.0, 3.0), (-3.5, 2.5), (0.5, -4.0))
@@ -632,8 +631,9 @@ class TestRobust:
         assert np.std(differences, axis=0).max() / math.sqrt(len(differences)) < 0.02
 
     @pytest.mark.slow
-    def test_it_passes_the_checks(self):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="huber", seed=2)
+    @losses
+    def test_it_passes_the_checks(self, loss: Loss):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
         assert result.passed
 
     @losses

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
 from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
 
 from oed.estimation.methods import (
@@ -24,7 +24,7 @@ from oed.estimation.methods import (
     make_estimator,
     usual_estimator,
 )
-from oed.estimation.methods.errors_in_variables import corrected_covariance
+from oed.estimation.methods.measured_headings import corrected_covariance
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -33,7 +33,6 @@ from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements, Poses, Ranges, Several, YawRate
 from oed.robots.space import DesignSpace
 from oed.simulation import Validation, validate
-from oed.simulation.checks import check_all
 
 REPLICATES = 4000
 NOISE_MODELS = ("increments", "absolute")
@@ -657,6 +656,24 @@ class TestFit:
             two_columns(whitener @ misfits[1] / 0.01),
         ]
         np.testing.assert_allclose(found.residuals, np.concatenate(white), rtol=1e-6, atol=1e-9)
+
+    @pytest.mark.parametrize("name", ["ols", "gls"])
+    @noise_models
+    def test_it_is_a_fit_like_every_other(self, name: EstimatorName, noise_model: str):
+        regression = Regression(make(noise_model), DRIVE, name)
+        turns, moves, _ = Experiment(make(noise_model), DRIVE).readings(np.random.default_rng(8), 1)
+        readings = {"heading": turns, "position": two_columns(moves[0])[None]}
+        fit = regression._fit(readings, regression._estimates(readings)[0], None)
+        assert (fit.layout.count, fit.white.shape, fit.unknowns.names) == (
+            10,
+            (10, 3, 1),
+            regression.parameters,
+        )
+        steps = fit.inverse @ fit.scores.sum(axis=0) / np.sqrt(np.diag(fit.inverse))
+        np.testing.assert_allclose(steps, 0, atol=1e-9)
+        assert fit.redundancy.sum() == pytest.approx(30 - 4)
+        if (name, noise_model) != ("ols", "absolute"):
+            np.testing.assert_allclose(fit.inverse, regression.covariance, rtol=1e-9, atol=1e-20)
 
     @pytest.mark.parametrize("heading", ["predicted", "measured"])
     def test_a_perfect_fit_has_no_residuals(self, heading: Heading):

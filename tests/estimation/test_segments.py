@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sample_robots import ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 from scipy.linalg import block_diag
 
-from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.measurement.sensor import Sensor, readings
 from oed.robots.sensors import Poses, Ranges, YawRate
@@ -68,14 +68,14 @@ class TestReadings:
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     def test_are_those_of_plain_steps(self, robot: Example, rule):
         arguments = drawn(robot)
-        found = readings_of(robot, rule=rule)(**arguments)
+        found = readings_of(robot, rule=rule)(Driven(**arguments))
         assert found == pytest.approx(plain(robot, rule, **arguments), abs=1e-9)
 
     def test_any_quantities_in_any_order(self):
         robot = ROBOTS[0]
         arguments = drawn(robot)
-        every = readings_of(robot)(**arguments)
-        found = readings_of(robot, ("heading", "x"))(**arguments)
+        every = readings_of(robot)(Driven(**arguments))
+        found = readings_of(robot, ("heading", "x"))(Driven(**arguments))
         assert np.array_equal(found, every[..., [2, 0]])
 
     @every_robot
@@ -86,8 +86,8 @@ class TestReadings:
             "inputs": np.pad(arguments["inputs"], ((0, 0), (0, 3), (0, 0)), constant_values=5.0),
             "times": np.pad(arguments["times"], ((0, 0), (0, 3))),
         }
-        short, slopes = readings_of(robot).derivatives(**arguments)
-        padded, padded_slopes = readings_of(robot, periods=PERIODS + 3).derivatives(**more)
+        short, slopes = readings_of(robot).derivatives(Driven(**arguments))
+        padded, padded_slopes = readings_of(robot, periods=PERIODS + 3).derivatives(Driven(**more))
         assert np.allclose(padded[:, : PERIODS + 1], short, rtol=0, atol=1e-14)
         assert np.allclose(padded_slopes[:, : PERIODS + 1], slopes, rtol=0, atol=1e-12)
         # What is beyond the end is the end.
@@ -102,9 +102,9 @@ class TestReadings:
             for name, values in arguments.items()
         }
         one |= {"inputs": one["inputs"][:, :1], "times": one["times"][:, :1]}
-        found = SegmentReadings.logged(robot.model, XYH, 1, 1)(**one)
+        found = SegmentReadings.logged(robot.model, XYH, 1, 1)(Driven(**one))
         assert found.shape == (1, 2, 3)
-        assert found[0] == pytest.approx(readings_of(robot)(**arguments)[0, :2], abs=1e-14)
+        assert found[0] == pytest.approx(readings_of(robot)(Driven(**arguments))[0, :2], abs=1e-14)
 
     @given(turn=st.floats(-3, 3), x=st.floats(-5, 5), y=st.floats(-5, 5))
     def test_turn_and_shift_with_their_starts(self, turn: float, x: float, y: float):
@@ -113,7 +113,7 @@ class TestReadings:
         places = (arguments["starts"][:, 0] + 1j * arguments["starts"][:, 1]) * np.exp(1j * turn) + x + 1j * y
         moved = np.column_stack([places.real, places.imag, arguments["starts"][:, 2] + turn])
         before, after = (
-            readings_of(robot)(**{**arguments, "starts": s}) for s in (arguments["starts"], moved)
+            readings_of(robot)(Driven(**{**arguments, "starts": s})) for s in (arguments["starts"], moved)
         )
         wanted = (before[..., 0] + 1j * before[..., 1]) * np.exp(1j * turn) + x + 1j * y
         assert after[..., 0] + 1j * after[..., 1] == pytest.approx(wanted, abs=1e-9)
@@ -124,19 +124,21 @@ class TestDerivatives:
     @every_robot
     def test_are_difference_quotients(self, robot: Example):
         arguments, readings = drawn(robot, 1), readings_of(robot)
-        found, slopes = readings.derivatives(**arguments)
-        assert np.array_equal(found, readings(**arguments))
+        found, slopes = readings.derivatives(Driven(**arguments))
+        assert np.array_equal(found, readings(Driven(**arguments)))
         size, states = len(robot.model.nominal), len(robot.model.states)
 
         def shifted(point: np.ndarray) -> np.ndarray:
             return readings(
-                **{
-                    **arguments,
-                    "parameters": arguments["parameters"] + point[:size],
-                    # Every start moves by the same: rows of other segments do not depend on it.
-                    "starts": arguments["starts"] + point[size : size + states],
-                    "nuisances": arguments["nuisances"] + point[size + states :],
-                }
+                Driven(
+                    **{
+                        **arguments,
+                        "parameters": arguments["parameters"] + point[:size],
+                        # Every start moves by the same: rows of other segments do not depend on it.
+                        "starts": arguments["starts"] + point[size : size + states],
+                        "nuisances": arguments["nuisances"] + point[size + states :],
+                    }
+                )
             )
 
         wanted = oracle.central_difference(shifted, np.zeros(size + states + 3), 1e-5)
@@ -147,7 +149,7 @@ class TestDerivatives:
         robot = ROBOTS[0]
         arguments, readings = drawn(robot), readings_of(robot)
         other = {**arguments, "starts": arguments["starts"] + np.array([[0.0], [0.1], [0.0]])}
-        changed = readings(**other) != readings(**arguments)
+        changed = readings(Driven(**other)) != readings(Driven(**arguments))
         assert changed[1].any()
         assert not changed[[0, 2]].any()
 
@@ -170,9 +172,9 @@ class TestAnySensor:
         arguments["times"][:] = 0.1
         arguments["nuisances"] = np.array([one.nominal for one in sensor.nuisances])
         segments = SegmentReadings(robot.model, sensor, COUNT, PERIODS)
-        found, slopes = segments.derivatives(**arguments)
-        assert np.array_equal(segments(**arguments), found)
-        white = segments.whitening(**arguments)
+        found, slopes = segments.derivatives(Driven(**arguments))
+        assert np.array_equal(segments(Driven(**arguments)), found)
+        white = segments.whitening(Driven(**arguments))
         for index in range(COUNT):
             drive = roll_out(
                 robot.model,

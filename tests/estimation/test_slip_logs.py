@@ -22,8 +22,8 @@ from simulated import (
 from studies import saved_study
 
 from oed.estimation import calibrate
-from oed.estimation.prediction.further_starts import further_starts
 from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.logged_readings import further_starts
 from oed.estimation.preprocessing.moves import Moves, unexplained
 from oed.foundation.errors import ProblemError
 from oed.robots.models import DifferentialDrive, SkidSteerSlip
@@ -154,7 +154,7 @@ class TestStarts:
 
     def test_moves_are_explained_from_there(self):
         moves = Moves.of(ROBOT.with_values(TRUTH), logs_of(1))
-        left = unexplained(moves.measured(), moves.predicted(np.zeros(1)))
+        left = unexplained(moves.measured(), moves.predicted())
         assert max(left.values()) < 0.02
 
 

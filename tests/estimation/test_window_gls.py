@@ -20,10 +20,10 @@ from windowed import (
 )
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
-from oed.estimation.assessment.cross_validation import values_without
+from oed.estimation.assessment.dead_reckoning import values_without
 from oed.estimation.assessment.diagnostics import correlations, diagnostics
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge
+from oed.estimation.setup.unknowns import Knowledge
 from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
@@ -141,7 +141,8 @@ def test_noise_that_is_stated_is_taken_as_it_is():
 def test_nothing_need_be_known_beforehand():
     log = log_of(course(), noise=(0.001, 0.005))
     unknowns = unknowns_of()
-    with_, without = gls([log], known=loosely(unknowns, 100)), gls([log], known=None)
+    nothing = Knowledge.nothing(unknowns.size)
+    with_, without = gls([log], known=loosely(unknowns, 100)), gls([log], known=nothing)
     np.testing.assert_allclose(with_.values, without.values, rtol=1e-6)
 
 

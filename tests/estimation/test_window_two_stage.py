@@ -20,10 +20,10 @@ from windowed import (
 )
 
 from oed.estimation.assessment.covariance import blocks_of, bootstrap, sandwich
-from oed.estimation.assessment.cross_validation import values_without
+from oed.estimation.assessment.dead_reckoning import values_without
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.prediction.sensor_frame import SensorFrame, robot_at_sensor
+from oed.estimation.methods.two_stage import SensorFrame, robot_at_sensor
+from oed.estimation.setup.unknowns import Knowledge
 from oed.foundation.errors import ProblemError
 from oed.robots.models.model import CoefficientRobot
 from oed.robots.models.twists import coefficient_values
@@ -59,7 +59,7 @@ def by_hand(log, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_it_is_the_papers_least_squares():
     log = log_of(course(), noise=(0.002, 0.01))
-    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=None)
+    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=Knowledge.nothing(4))
     values, errors = by_hand(log, 2.0)
     np.testing.assert_allclose(fit.values, values, rtol=1e-9)
     np.testing.assert_allclose(np.sqrt(np.diag(fit.inverse)), errors, rtol=1e-6)
@@ -113,8 +113,8 @@ def test_a_sensor_to_the_side_shifts_the_coefficients_along_each_other():
 def test_parameters_are_the_coefficients_best_fit():
     # Three parameters for four coefficients: the misfit weighted by their covariance is least.
     log = log_of(course(), noise=(0.002, 0.01))
-    stages = two_stage([log], unknowns_of(COEFFICIENTS), known=None)
-    fit = two_stage([log], known=None)
+    stages = two_stage([log], unknowns_of(COEFFICIENTS), known=Knowledge.nothing(4))
+    fit = two_stage([log], known=Knowledge.nothing(3))
 
     def misfit(values: np.ndarray) -> float:
         off = coefficient_values(ROBOT, values)[1] - stages.values
@@ -157,8 +157,8 @@ def test_clocks_that_turns_do_not_tell_stay_where_they_were():
 def test_stated_noise_gives_the_rows_their_size():
     log = log_of(course(), noise=(0.002, 0.01))
     specified = {"position": Noise(0.004), "heading": Noise(0.02)}
-    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=None, specified=specified)
-    other = two_stage([log], unknowns_of(COEFFICIENTS), known=None)
+    fit = two_stage([log], unknowns_of(COEFFICIENTS), known=Knowledge.nothing(4), specified=specified)
+    other = two_stage([log], unknowns_of(COEFFICIENTS), known=Knowledge.nothing(4))
     np.testing.assert_allclose(fit.values, other.values)
     ratio = np.sqrt(np.diag(fit.inverse) / np.diag(other.inverse))
     size = np.std(windows_of([log]).motions(TRUE).residuals, axis=0)

@@ -14,7 +14,7 @@ from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import cut
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.logs.log import Log
 from oed.robots.models import SkidSteerIcr, Tricycle
 
@@ -31,16 +31,26 @@ def windows_of(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: f
     return Windows(layout, unknowns or unknowns_of(), np.zeros(len(layout.clocks)))
 
 
-def gls(logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: float = 2.0, **keys: Any) -> Fit:
+def gls(
+    logs: Sequence[Log],
+    unknowns: Unknowns | None = None,
+    seconds: float = 2.0,
+    known: Knowledge | None = None,
+    **keys: Any,
+) -> Fit:
     windows = windows_of(logs, unknowns, seconds)
-    return WeightedWindows(windows, **{"known": loosely(windows.unknowns), **keys}).fit()
+    return WeightedWindows(windows, known or loosely(windows.unknowns), **keys).fit()
 
 
 def two_stage(
-    logs: Sequence[Log], unknowns: Unknowns | None = None, seconds: float = 2.0, **keys: Any
+    logs: Sequence[Log],
+    unknowns: Unknowns | None = None,
+    seconds: float = 2.0,
+    known: Knowledge | None = None,
+    **keys: Any,
 ) -> Fit:
     windows = windows_of(logs, unknowns, seconds)
-    return TwoStage(windows, **{"known": loosely(windows.unknowns), **keys}).fit()
+    return TwoStage(windows, known or loosely(windows.unknowns), **keys).fit()
 
 
 def drifting(drive: Course, parameters: np.ndarray, drift: Sequence[float], seed: int) -> Course:

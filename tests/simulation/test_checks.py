@@ -7,12 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import check_all
 from scipy import stats
 
 from oed.simulation.checks import (
     Check,
+    Tally,
     bias,
-    check_all,
     coverage,
     extreme_eigenvalues,
     holm,
@@ -20,7 +21,6 @@ from oed.simulation.checks import (
     mean_nees,
     nees_distribution,
 )
-from oed.simulation.tally import Tally
 
 ALPHA = 0.05
 SEEDS = 200

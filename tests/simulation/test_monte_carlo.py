@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
 from scipy import stats
 
 from oed.estimation.methods import EstimatorName, Heading, Regression, missing_noise
@@ -21,7 +21,6 @@ from oed.optimize import Silent
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
 from oed.simulation import Validation, validate
-from oed.simulation.checks import check_all
 from oed.simulation.monte_carlo import BATCH, SHOWN
 
 NOISE = {"position": "1 cm", "heading": "2 deg"}

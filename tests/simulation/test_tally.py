@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from builders import check_all
 from scipy import stats
 
-from oed.simulation.checks import check_all, check_tally
-from oed.simulation.tally import Levels, Moments, Tally
+from oed.simulation.checks import Levels, Moments, Tally, check_tally
 
 PARTS = (1, 700, 1299)
 
@@ -35,7 +35,7 @@ def test_moments():
 @pytest.mark.parametrize("kept", [10**6, 1500, 10])
 def test_distance(monkeypatch: pytest.MonkeyPatch, kept: int):
     # Of values that are not uniform, so that the largest distance is somewhere inside.
-    monkeypatch.setattr("oed.simulation.tally.KEPT", kept)
+    monkeypatch.setattr("oed.simulation.checks.KEPT", kept)
     values = np.random.default_rng(1).uniform(size=sum(PARTS)) ** 1.2
     found, *others = [Levels.of(part) for part in parts(values)]
     for other in others:
@@ -51,7 +51,7 @@ def test_distance(monkeypatch: pytest.MonkeyPatch, kept: int):
 
 
 def test_the_ends_of_the_last_bin(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.simulation.tally.KEPT", 4)
+    monkeypatch.setattr("oed.simulation.checks.KEPT", 4)
     found = Levels.of(np.array([0.0, 0.1, 0.3, 0.99, 1.0]))
     assert found.bins is not None
     assert found.bins.tolist() == [2, 1, 0, 2]

@@ -18,7 +18,7 @@ from oed.records.recorded_study import recorded_study
 from oed.simulation.physics import FourWheels, drive
 from oed.simulation.trial.candidates import candidates
 from oed.simulation.trial.experiment import exact_log, prediction_errors
-from oed.simulation.trial.paths import paced_baseline
+from oed.simulation.trial.options import paced_baseline
 from oed.study.study import Study
 from oed.workflow.runner import run
 from oed.workflow.studies import parse_study

@@ -9,7 +9,7 @@ from trials import STUDY, study_of
 from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.robots.baselines import baselines
-from oed.simulation.trial.paths import held_out_drives, paced_baseline
+from oed.simulation.trial.options import held_out_drives, paced_baseline
 from oed.workflow.studies import parse_study
 
 ROBOT = "{kind: differential_drive, wheel_radius: 4.9 cm, track: 32 cm}"

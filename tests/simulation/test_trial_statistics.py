@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from oed.simulation.trial.statistics import Repeats, scatter, total
+from oed.simulation.trial.outcome import Repeats, scatter, total
 
 
 def repeats(errors: np.ndarray, resamples: int = 4000) -> Repeats:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.options import CovarianceName
-
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array, Places
 
 PARTS = 5
 """Blocks that a log is cut into, where logs are few."""
@@ -59,7 +57,7 @@ class Blocks:
         whole_logs: whether every log is a block.
     """
 
-    ranges: npt.NDArray[np.int64]
+    ranges: Places
     length: int
     independent: int
     whole_logs: bool = False
@@ -116,7 +114,7 @@ def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
     return Covariance(matrix, blocks.independent - 1, "sandwich")
 
 
-def _correlated(scores: Array, owner: npt.NDArray[np.int64], length: int) -> Array:
+def _correlated(scores: Array, owner: Places, length: int) -> Array:
     middle = scores.T @ scores
     for lag in range(1, length):
         same = owner[lag:] == owner[:-lag]
@@ -153,7 +151,7 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     return Covariance(few * np.atleast_2d(np.cov(found.T)) + before, blocks.independent - 1, "bootstrap")
 
 
-def _sums(values: Array, ranges: npt.NDArray[np.int64]) -> Array:
+def _sums(values: Array, ranges: Places) -> Array:
     # Of every range, by differences of running sums.
     running = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     return np.asarray(running[ranges[:, 1]] - running[ranges[:, 0]])

@@ -1,22 +1,28 @@
-"""Dead reckoning of logs: how far wrong the robot is when it relies on its wheels alone."""
+"""Dead reckoning of logs: how far wrong the robot is when it relies on its wheels alone.
+
+By nominal parameters, by an estimate, or by what the other logs say of a log (cross-validation).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.estimation.setup.unknowns import PLACE, Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array, Places
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
-Array = npt.NDArray[np.float64]
-
 PIECE = 1.0
 """Length of the pieces that drift is measured over [m]."""
+FOLDS = 12
+"""Parts that many logs are left out in."""
 
 
 @dataclass(frozen=True)
@@ -152,3 +158,61 @@ def _rms(parts: list[Array]) -> float | None:
 
 def _xy(path: npt.NDArray[np.complex128]) -> Array:
     return np.column_stack([path.real, path.imag])
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Dead reckoning of logs that the estimate does not know.
+
+    Attributes:
+        names: of the logs.
+        values: parameters estimated without them, (p,), SI: all of the robot's.
+        before, after: with nominal parameters, and with these, log by log.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    before: tuple[DeadReckoning, ...]
+    after: tuple[DeadReckoning, ...]
+
+
+def cross_validated(fit: Fit) -> tuple[HeldOut, ...]:
+    """Each log (or part of many logs) against the estimate from all others; () for a single log."""
+    count = len(fit.layout.logs)
+    if count < 2:
+        return ()
+    folds = np.array_split(np.arange(count), min(count, FOLDS))
+    return tuple(_fold(fit, fold) for fold in folds)
+
+
+def _fold(fit: Fit, fold: Places) -> HeldOut:
+    # The clocks are the logs' own business: theirs are as the whole fit has them.
+    logs = [fit.layout.logs[index] for index in fold]
+    return held_out(fit, values_without(fit, fold), logs, fit.clocks_of(logs))
+
+
+def values_without(fit: Fit, fold: Places) -> Array:
+    """The unknowns (q,) without the logs in `fold`, by one Gauss-Newton step from the whole solution."""
+    kept = ~np.isin(fit.layout.owner, fold)
+    inverse = inverse_of_sum(fit.curvature[kept].sum(axis=0), fit.knowledge)
+    # At the solution what was known before pulls as hard as all scores together.
+    pull = fit.scores[kept].sum(axis=0) - fit.scores.sum(axis=0)
+    return np.asarray(fit.values + inverse @ pull)
+
+
+def held_out(fit: Fit, values: Array, logs: Sequence[Log], clocks: Sequence[float]) -> HeldOut:
+    """Dead reckoning of logs with the nominal parameters of a fit's robot, and with others.
+
+    Args:
+        fit: says what the unknowns are.
+        values: of the unknowns, (q,).
+        logs: with positions.
+        clocks: offset of each log's clocks [s].
+    """
+    robot, (parameters, place, _) = fit.unknowns.robot, fit.unknowns.parts(values)
+    nominal = np.array(robot.nominal, dtype=float)
+    before, after = (
+        tuple(dead_reckoned(robot, log, own, place, clock) for log, clock in zip(logs, clocks, strict=True))
+        for own in (nominal, parameters)
+    )
+    return HeldOut(tuple(log.name for log in logs), parameters, before, after)

@@ -1,4 +1,4 @@
-"""Does the fit hold? Tests of what it leaves, each with a sentence that says what follows."""
+"""Does the fit hold? Tests of what it leaves, and what is not identifiable, each in a sentence."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, places_of
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 ALPHA = 0.01
 """Level of the tests."""
@@ -22,6 +20,12 @@ LAGS = 10
 """Correlations between successive residuals that whiteness is judged by."""
 FAR = 4.0
 """Residuals beyond that many standard deviations are outliers."""
+OPEN = 0.5
+"""Relative standard error from which on a combination counts as not identifiable."""
+PART = 0.1
+"""Share of the largest from which on an unknown is part of a combination."""
+TIED = 0.995
+"""Correlation from which on two estimates are identifiable only together."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,7 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
     return np.array(found), pairs
 
 
-def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, Bools]:
     # Residuals that follow each other, and which there are: those of a segment, or of all windows of a log.
     z, valid, owner = fit.white[..., places], fit.layout.valid, fit.layout.owner
     if not fit.motions:
@@ -157,3 +161,55 @@ def _agreement(fit: Fit) -> Diagnostic:
     text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
     text += "" if passed else ": F^-1 is too small; trust the bootstrap, and look at the logs left out"
     return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text)
+
+
+def weak_directions(fit: Fit, covariance: Array) -> tuple[str, ...]:
+    """Sentences on what is not identifiable from the logs; () where everything is. See `not_identified`."""
+    found = tuple(f"{what}: {remedy}" for what, remedy in not_identified(fit, covariance))
+    return found or _tied(fit.unknowns.parameters, _relative(fit, covariance))
+
+
+def not_identified(fit: Fit, covariance: Array, beyond: float = OPEN) -> tuple[tuple[str, str], ...]:
+    """Combinations of parameters whose relative standard errors are larger than `beyond`, in words, and what
+    helps, in words.
+
+    Args:
+        fit: of all logs.
+        covariance: of all unknowns, (q, q), SI.
+        beyond: standard error relative to the parameters' sizes.
+    """
+    names, found = fit.unknowns.parameters, []
+    variances, vectors = np.linalg.eigh(_relative(fit, covariance))
+    for index in np.flatnonzero(variances > beyond**2):
+        vector = vectors[:, index]
+        involved = np.flatnonzero(np.abs(vector) > PART * np.abs(vector).max())
+        found.append(_sentence([names[place] for place in involved], vector[involved]))
+    return tuple(found)
+
+
+def _relative(fit: Fit, covariance: Array) -> Array:
+    count = len(fit.unknowns.parameters)
+    scale = fit.unknowns.scale[:count]
+    return np.asarray(covariance[:count, :count] / np.outer(scale, scale))
+
+
+def _sentence(names: list[str], shares: Array) -> tuple[str, str]:
+    if len(names) == 1:
+        return f"the logs do not identify {names[0]}", "fix it (leave it out of `estimate`) or give a `prior`"
+    shares = shares / np.abs(shares).max()
+    changes = ", ".join(f"{name} {10 * share:+.2g} %" for name, share in zip(names, shares, strict=True))
+    listed = f"{', '.join(names[:-1])} and {names[-1]}"
+    what = f"the logs do not identify {listed} separately (changing {changes} together hardly shows)"
+    return what, "fix one of them, give a `prior`, or drive what separates them (`oed next`)"
+
+
+def _tied(names: tuple[str, ...], relative: Array) -> tuple[str, ...]:
+    sizes = np.sqrt(np.diag(relative))
+    ties = relative / np.outer(sizes, sizes)
+    return tuple(
+        f"{names[first]} and {names[second]} are identifiable only together (correlation "
+        f"{ties[first, second]:+.3f}): each alone is less sure than their combination"
+        for first in range(len(names))
+        for second in range(first + 1, len(names))
+        if abs(ties[first, second]) > TIED
+    )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.covariance import blocks_of, information, judgeable, sandwich
 from oed.estimation.assessment.diagnostics import correlations
@@ -15,14 +14,13 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.window_noise import OF_POSES, PARTS
 from oed.estimation.setup.noise import LEAST, greatest, groups, places_of
 from oed.estimation.setup.options import CalibrationOptions
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 Way = Literal["blocks", "correlations"]
 
 LAGS = 300
-"""FittedReadings later up to which correlations are summed, where they do not vanish before."""
+"""Readings later up to which correlations are summed, where they do not vanish before."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class FittedReadings:
 
     @property
     def count(self) -> float:
-        """FittedReadings less the states of segments' starts, n."""
+        """Readings less the states of segments' starts, n."""
         return float(self.shares.sum())
 
     def likelihood(self, fit: Fit, options: CalibrationOptions) -> Likelihood:
@@ -160,7 +158,7 @@ def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:
 
 
 def _lasting(fit: Fit, places: Sequence[int]) -> float:
-    # FittedReadings that count as one: the sum of correlations until they vanish.
+    # Readings that count as one: the sum of correlations until they vanish.
     values, _ = correlations(fit, list(places), LAGS)
     gone = np.flatnonzero(values <= 0)
     return 1 + 2 * float(values[: gone[0] if len(gone) else len(values)].sum())

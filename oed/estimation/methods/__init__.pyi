@@ -5,7 +5,7 @@ from .displacements import METHODS as METHODS
 from .displacements import Heading as Heading
 from .displacements import Regression as Regression
 from .displacements import missing_noise as missing_noise
-from .estimate import Estimate as Estimate
+from .estimator import Estimate as Estimate
 from .estimator import Estimator as Estimator
 from .estimator import EstimatorName as EstimatorName
 from .nonlinear import Nonlinear as Nonlinear

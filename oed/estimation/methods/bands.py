@@ -8,10 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array
 
 SIDE = 3
 """Of a block."""

@@ -6,6 +6,7 @@ known, predicted by the first stage [Choi, eq. 16], or measured at every sample.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any, Literal
 
@@ -14,12 +15,18 @@ import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods.bands import band_of, factor, weighted, whitened
-from oed.estimation.methods.errors_in_variables import corrected, corrected_covariance
-from oed.estimation.methods.estimate import Estimate
-from oed.estimation.methods.estimator import Estimator, EstimatorName
-from oed.estimation.methods.measured_headings import MeasuredHeadings
-from oed.estimation.methods.replicated import least_squares
+from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.measured_headings import (
+    MeasuredHeadings,
+    corrected,
+    corrected_covariance,
+    least_squares,
+)
+from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.regressors import Regressors
+from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
@@ -27,12 +34,13 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
+from oed.robots.sensors.logged import Noise
 
-Array = npt.NDArray[np.float64]
 Heading = Literal["known", "predicted", "measured"]
 
 WIDTH = 2
 """How many rows on of a displacement's coordinate are correlated with it at most."""
+LINEAR = "Solved by linear least squares."
 METHODS: tuple[EstimatorName, ...] = ("ols", "sandwich", "gls", "errors_in_variables")
 
 
@@ -97,42 +105,42 @@ class Regression(Estimator):
         )
 
     def _linear_block(self, row: str, column: str) -> Array:
-        own = {name: self._map(name) @ self._covariance(name) @ self._map(name).T for name in {row, column}}
-        if self.heading == "predicted" and "position" in (row, column):
+        rows, columns = self._effects(row), self._effects(column)
+        found = np.zeros((len(rows[row]), len(columns[column])))
+        for source in (one for one in rows if one in columns):
+            found += rows[source] @ self._covariance(source) @ columns[source].T
+        return found
+
+    def _effects(self, name: str) -> dict[str, Array]:
+        # What errors of turns ("heading"), displacements ("position") and measured headings ("headings") do
+        # to the estimates of a regression to first order, (q, errors) each.
+        found = {name: self._map(name)}
+        if name == "position" and self.heading == "predicted":
             # Headings predicted from the first stage's estimates carry their errors along.
-            carried = -self._map("position") @ self.regressors.heading_effect
-            first = self._map("heading") @ self._covariance("heading") @ self._map("heading").T
-            crossed = {("position", "heading"): carried @ first, ("heading", "position"): first @ carried.T}
-            if row == column:
-                return np.asarray(own["position"] + carried @ first @ carried.T)
-            return np.asarray(crossed[row, column])
-        if row != column:
-            size = len(self.regressors.names[row])
-            return np.zeros((size, len(self.regressors.names[column])))
-        if self.heading == "measured" and row == "position":
-            turned = self._map("position") @ self._turned
-            return np.asarray(own[row] + self._noise("heading") ** 2 * turned @ turned.T)
-        return np.asarray(own[row])
+            found["heading"] = -self._map(name) @ self.regressors.heading_effect @ self._map("heading")
+        if name == "position" and self.heading == "measured":
+            found["headings"] = -self._map(name) @ self._turned
+        return found
 
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated noise, and the linear estimates from the same noise."""
         designs, true = self.regressors.nominal_designs, self.regressors.true
         noise = {name: self._draw(rng, name, count) for name in self._simulated}
-        linear = {name: true[name] + noise[name] @ self._map(name).T for name in noise}
         readings = {name: noise[name] + designs[name] @ true[name] for name in noise}
-        if "position" in noise and self.heading == "predicted":
-            first = (linear["heading"] - true["heading"]) @ self.regressors.heading_effect.T
-            linear["position"] = linear["position"] - first @ self._map("position").T
-        chosen = self.measurement.regressions
-        if "position" not in noise or self.heading != "measured":
-            return self._estimates(readings), np.hstack([linear[name] for name in chosen])
-        effect, estimates = self._map("position") @ self._turned, []
+        effects = {name: self._effects(name) for name in self.measurement.regressions}
+        linear = {
+            name: true[name] + sum(noise[source] @ own[source].T for source in own if source in noise)
+            for name, own in effects.items()
+        }
+        if "headings" not in effects.get("position", ()):
+            return self._estimates(readings), np.hstack(list(linear.values()))
+        estimates = []
         for own in self._measured_headings.blocks(count):
-            errors = rng.standard_normal((own.stop - own.start, self.regressors.samples))
+            errors = rng.standard_normal((own.stop - own.start, self.regressors.trajectory.samples))
             errors *= self._noise("heading")
-            linear["position"][own] -= errors @ effect.T
+            linear["position"][own] += errors @ effects["position"]["headings"].T
             estimates.append(self._estimates({name: rows[own] for name, rows in readings.items()}, errors))
-        return np.concatenate(estimates), np.hstack([linear[name] for name in chosen])
+        return np.concatenate(estimates), np.hstack(list(linear.values()))
 
     def fit(
         self,
@@ -158,47 +166,78 @@ class Regression(Estimator):
         }
         errors = None
         if self.heading == "measured" and "position" in readings:
-            measured = _readings("headings", headings, expected=self.regressors.samples)
+            measured = _readings("headings", headings, expected=self.regressors.trajectory.samples)
             errors = (measured - self.regressors.directions)[None]
-        values = self._estimates(readings, errors)[0]
-        return Estimate(
-            parameters=self.parameters,
-            values=values,
-            covariance=self.covariance,
-            residuals=self._residuals(readings, errors, values),
-        )
+        fit = self._fit(readings, self._estimates(readings, errors)[0], errors)
+        each = np.split(fit.white[..., 0], [1] if "heading" in self.measurement.regressions else [], axis=1)
+        return Estimate.of(fit, self.covariance, np.concatenate([part.ravel() for part in each]), LINEAR)
 
-    def _residuals(self, readings: dict[str, Array], errors: Array | None, values: Array) -> Array:
-        # In units of the noise, against the design with the headings that were used.
-        parts, first = [], 0
+    def _fit(self, readings: dict[str, Array], values: Array, errors: Array | None) -> Fit:
+        # Over the measurement's segments, whose readings are the turn, the displacement or both. Information
+        # and scores are those of the regressions as they are weighted, with the headings that were used.
+        edges, parts, first = self.regressors.edges, [], 0
+        turned = self._position_designs(readings, errors)
         for name in self.measurement.regressions:
             design = self.regressors.nominal_designs[name]
-            if name == "position" and self.heading == "predicted":
-                turned = readings["heading"] @ self._map("heading").T
-                design = self.regressors.predicted_positions(turned)[0]
-            elif name == "position" and errors is not None:
-                design = self._measured_headings.designs(errors)[:, :, 0]
-            own = values[first : first + design.shape[1]]
+            if name == "position" and turned is not None:
+                design = turned[..., 0]
+            rows = np.zeros((len(design), len(values)))
+            rows[:, first : first + design.shape[1]] = design
             first += design.shape[1]
-            left = (readings[name][0] - design @ own) / self._noise(name)
-            parts.append(whitened(self._roots[name], left[:, None])[:, 0])
-        return np.concatenate(parts)
+            own = np.column_stack([readings[name][0] - rows @ values, rows])
+            white = whitened(self._roots[name], own / self._noise(name))
+            weighted = white if self._weights else own / self._noise(name)
+            both = np.column_stack([readings[name][0], own[:, 0], white[:, 0], weighted])
+            parts.append(both.reshape(len(edges) - 1, -1, both.shape[1]))
+        found = np.concatenate(parts, axis=1)
+        measured, left, white, pull = np.moveaxis(found[..., :4], -1, 0)
+        rows = found[..., 4:]
+        information = np.einsum("sia,sib->sab", rows, rows)
+        inverse = np.linalg.inv(information.sum(axis=0))
+        times = np.asarray(self.regressors.trajectory.period * np.stack([edges[:-1], edges[1:]], axis=1))
+        valid, still = np.ones(measured.shape, dtype=bool), np.zeros(measured.shape)
+        return Fit(
+            unknowns=Unknowns(self.regressors.robot, self.parameters, (), 0),
+            values=values,
+            offsets=np.zeros(0),
+            starts=np.zeros((len(measured), 0)),
+            layout=SegmentLayout((), np.arange(len(measured)), times, measured[..., None], valid, math.inf),
+            residuals=left[..., None],
+            white=white[..., None],
+            weights=np.ones((*measured.shape, 1)),
+            redundancy=1 - np.einsum("sia,ab,sib->si", rows, inverse, rows)[..., None],
+            noises={name: Noise(self._noise(name)) for name in self.measurement.regressions},
+            speeds=still,
+            yaw_rates=still,
+            information=information,
+            scores=np.einsum("sia,si->sa", rows, pull),
+            knowledge=np.zeros(inverse.shape),
+            converged=True,
+        )
 
     def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
         # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.
         found = {name: rows @ self._map(name).T for name, rows in readings.items()}
-        if "position" in found and self.heading == "predicted":
-            designs = self.regressors.predicted_positions(found["heading"]).transpose(1, 2, 0)
-            found["position"] = self._least_squares(designs, readings["position"].T)
-        if errors is not None:
-            found["position"] = self._with_measured_headings(errors, readings["position"].T)
+        designs = self._position_designs(readings, errors)
+        if designs is not None:
+            found["position"] = self._solved(designs, readings["position"].T)
         return np.hstack([found[name] for name in self.measurement.regressions])
 
-    def _with_measured_headings(self, errors: Array, measured: Array) -> Array:
-        designs = self._measured_headings.designs(errors)
+    def _position_designs(self, readings: dict[str, Array], errors: Array | None) -> Array | None:
+        # W of replicates, (2 P, q, R), where it is not that of the true headings.
+        if self.heading == "predicted" and "position" in readings:
+            first_stage = readings["heading"] @ self._map("heading").T
+            return self.regressors.predicted_positions(first_stage).transpose(1, 2, 0)
+        return None if errors is None else self._measured_headings.designs(errors)
+
+    def _solved(self, designs: Array, measured: Array) -> Array:
+        # Estimates (R, q) of replicates, (2 P, q, R) and (2 P, R).
         if self.name == "errors_in_variables":
             return corrected(designs, measured, self.regressors.per_sample, self._noise("heading"))
-        return self._least_squares(designs, measured)
+        if self._weights:
+            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
+            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
+        return least_squares(designs, measured)
 
     def _corrected_covariance(self) -> Array:
         edges = self.regressors.edges
@@ -235,6 +274,8 @@ class Regression(Estimator):
         return scipy.sparse.kron(scipy.sparse.eye_array(runs), one_run, format="csr")
 
     def _covariance(self, name: str) -> Array:
+        if name == "headings":
+            return np.asarray(self._noise("heading") ** 2 * np.eye(self.regressors.trajectory.samples))
         spread = self._noise(name) * self._spread(name)
         return np.asarray((spread @ spread.T).toarray())
 
@@ -262,13 +303,6 @@ class Regression(Estimator):
             inverse = np.asarray(np.linalg.pinv(self._weighted(name)).T, dtype=float)
             self._maps[name] = (weighted(self._roots[name], inverse) if self._weights else inverse).T
         return self._maps[name]
-
-    def _least_squares(self, designs: Array, measured: Array) -> Array:
-        # Of replicates, (2 P, q, R) and (2 P, R).
-        if self._weights:
-            root, rows = self._roots["position"], designs.reshape(len(designs), -1)
-            designs, measured = whitened(root, rows).reshape(designs.shape), whitened(root, measured)
-        return least_squares(designs, measured)
 
     @cached_property
     def _turned(self) -> Array:

@@ -1,18 +1,20 @@
-"""The Estimator seam: from one drive's readings to parameters, with the covariance by its formula."""
+"""The Estimator seam: from one drive's readings, real or simulated, to parameters with their covariance."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.estimation.methods.fit import Fit
+from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
 
-Array = npt.NDArray[np.float64]
-
 EstimatorName = Literal["ols", "sandwich", "gls", "errors_in_variables", "nonlinear"]
+ARRIVED = "The steps have become as small as rounding."
+ASTRAY = "No step makes the misfit smaller, or too many were needed: begin nearer, or measure more."
 
 
 class Estimator(Renamed, ABC):
@@ -41,3 +43,55 @@ class Estimator(Renamed, ABC):
     @abstractmethod
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Parameters estimated from readings; all SI.
+
+    Attributes:
+        parameters: names, (p,).
+        values: (p,).
+        covariance: (p, p).
+        nuisances: the nuisance parameters' names, (n,).
+        nuisance_values: (n,).
+        residuals: readings less their prediction, in units of the noise, in the order of the readings, (M,).
+        converged: whether the search for the least squares ended by its own tolerance.
+        message: how it ended.
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    covariance: Array
+    residuals: Array
+    nuisances: tuple[str, ...]
+    nuisance_values: Array
+    converged: bool
+    message: str
+
+    @classmethod
+    def of(cls, fit: Fit, covariance: Array, residuals: Array, message: str | None = None) -> Estimate:
+        """What a fit says.
+
+        Args:
+            fit: the solution.
+            covariance: of its parameters.
+            residuals: in units of the noise, in the readings' order.
+            message: how it was found; by default how its search ended.
+        """
+        count = len(fit.unknowns.parameters)
+        return cls(
+            parameters=fit.unknowns.parameters,
+            values=fit.values[:count],
+            covariance=covariance,
+            residuals=residuals,
+            nuisances=fit.unknowns.names[count:],
+            nuisance_values=fit.values[count:],
+            converged=fit.converged,
+            message=message or (ARRIVED if fit.converged else ASTRAY),
+        )
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Of each parameter."""
+        return dict(zip(self.parameters, map(float, np.sqrt(np.diag(self.covariance))), strict=True))

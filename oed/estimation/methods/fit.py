@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from oed.estimation.methods.knowledge import inverse_of_sum
 from oed.estimation.prediction.layout import SegmentLayout
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array
+from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -93,3 +91,7 @@ class Fit:
         """What the inputs' clocks show when the poses' show 0, (clocks,) [s]."""
         own = self.values[len(self.values) - self.unknowns.clocks :]
         return self.offsets + own if self.unknowns.clocks else self.offsets
+
+    def clocks_of(self, logs: Sequence[Log]) -> list[float]:
+        """The clocks' offset of each log [s]."""
+        return [float(self.clock_offsets[self.layout.clocks.index(log.file)]) for log in logs]

@@ -1,35 +1,34 @@
-"""One robot fitted to preprocessed logs: what is unknown, over which segments, with which noise."""
+"""One robot fitted to preprocessed logs: what is unknown, with which noise, over which segments.
+
+Segments are as long as no drift shows in them beside the sensor's noise.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.segment_length import Segmenting, longest_without_drift
 from oed.estimation.methods.two_stage import TwoStage
-from oed.estimation.methods.windows import Windows, usual_seconds
+from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.preprocessing.preprocess import PreparedLogs
-from oed.estimation.setup.noise import group_of, specified_noise
+from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.unknowns import PLACE, Unknowns, specified_mount
+from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
+from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import Mount, Noise
-
-Array = npt.NDArray[np.float64]
 
 LOOSE = 1.0
 """Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
@@ -38,6 +37,78 @@ LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
+USUAL = 2.0
+"""Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
+SHORTEST = 1.0
+"""Length of the shortest segments tried [s]."""
+FEWEST = 8
+"""Steps that the shortest segments have at least."""
+GROWTH = 2.0
+"""Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
+
+
+@dataclass(frozen=True)
+class Segmenting:
+    """The length that was chosen, and why.
+
+    Attributes:
+        seconds: infinite for whole logs.
+        fit: of that length.
+        tried: root mean square residuals by length and noise, SI.
+        drifts: whether longer segments showed drift.
+    """
+
+    seconds: float
+    fit: Fit
+    tried: dict[float, dict[str, float]]
+    drifts: bool
+
+
+def longest_without_drift(
+    layout: Callable[[float], SegmentLayout], fit: Callable[[SegmentLayout], Fit]
+) -> Segmenting:
+    """The longest segments whose residuals are hardly larger than those of the shortest.
+
+    Args:
+        layout: the segments of a length [s].
+        fit: the solution over segments.
+    """
+    chosen: tuple[float, Fit] | None = None
+    tried: dict[float, dict[str, float]] = {}
+    for seconds in _lengths(layout(math.inf)):
+        found = fit(layout(seconds))
+        tried[seconds] = spread(found)
+        first = next(iter(tried.values()))
+        if chosen is not None and any(
+            tried[seconds][name] ** 2 > GROWTH * first[name] ** 2 for name in first
+        ):
+            return Segmenting(*chosen, tried, drifts=True)
+        chosen = seconds, found
+    assert chosen is not None
+    return Segmenting(*chosen, tried, drifts=False)
+
+
+def spread(fit: Fit) -> dict[str, float]:
+    """Root mean square of the residuals of each noise, SI, as an unbiased estimate."""
+    quantities, valid = fit.layout.quantities, fit.layout.valid
+    found = {}
+    for group in groups(quantities):
+        own = places_of(group, quantities)
+        squares = (fit.residuals[valid][:, own] ** 2).sum()
+        size = float(np.sqrt(squares / max(fit.redundancy[valid][:, own].sum(), 1e-12)))
+        # Rounding of exact readings is no drift.
+        found[group] = max(size, LEAST)
+    return found
+
+
+def _lengths(whole: SegmentLayout) -> Iterator[float]:
+    steps = whole.steps[whole.steps > 0]
+    seconds = max(SHORTEST, FEWEST * float(np.median(steps)))
+    longest = float((whole.times[:, -1] - whole.times[:, 0]).max())
+    while seconds < longest / 1.5:
+        yield seconds
+        seconds *= 2
+    yield math.inf
 
 
 @dataclass(frozen=True)
@@ -97,19 +168,15 @@ class Fitting:
         return specified_mount(self.measurement)
 
     def _unknowns(self, prepared: PreparedLogs) -> Unknowns:
-        mount = self._mount
-        free = [
-            name
-            for name in self.options.sensor_place
-            if name in _observable_places(prepared.logs[0].quantities)
-        ]
+        mount, shown = self._mount, _observable_places(prepared.logs[0].quantities)
         if mount.fixed:
-            free = [name for name in free if name == "sensor_heading"]
+            shown = shown[2:]
+        free = tuple(name for name in self.options.sensor_place if name in shown)
         clocks = len(prepared.files) if self.options.clock_offset else 0
         # A sensor that looks backwards is found from there only.
         turned = prepared.mounting if "sensor_heading" in free and abs(prepared.mounting) > ASKEW else 0.0
         sits = (*mount.sits[:2], turned)
-        return Unknowns(self.robot, self.parameters, tuple(free), clocks, sits)
+        return Unknowns(self.robot, self.parameters, free, clocks, sits)
 
     def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
         logs, offsets = prepared.logs, prepared.offsets
@@ -148,9 +215,9 @@ class Fitting:
             layout,
             unknowns,
             offsets,
+            self._known(unknowns),
             self.options.loss,
             grows=self.options.noise == "estimated",
-            known=self._known(unknowns),
             specified=self._specified(layout.logs[0]),
         )
 
@@ -204,3 +271,8 @@ def _require_enough(fit: Fit) -> None:
     if readings <= states + fit.unknowns.size:
         text = f"{readings} readings cannot identify {states + fit.unknowns.size} unknowns; log more poses"
         raise LogError.about(fit.layout.logs[0].file, text)
+
+
+def usual_seconds(layout: SegmentLayout) -> float:
+    """The length of windows where none is given [s], for logs of such steps."""
+    return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))

@@ -1,22 +1,23 @@
-"""Least squares by Gauss-Newton steps, damped where they make the misfit worse."""
+"""Least squares by Gauss-Newton steps, damped where they make the misfit worse.
+
+Robust losses of residuals bound the influence of outliers.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+import scipy
 
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_identifiable
-from oed.estimation.methods.losses import robust_loss
 from oed.estimation.setup.options import Loss
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
-Booleans = npt.NDArray[np.bool_]
 
 STEPS = 100
 """Gauss-Newton steps at most."""
@@ -64,8 +65,9 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, residuals: Array, slopes: Array) -> Rows:
-        """Those (m,) and (m, q) of a single segment without unknowns of its own."""
-        return cls(residuals[None], slopes[None], np.zeros((1, len(residuals), 0)))
+        """Those (...,) and (..., q) of a single segment without unknowns of its own."""
+        wide = slopes.reshape(1, -1, slopes.shape[-1])
+        return cls(residuals.reshape(1, -1), wide, np.zeros((1, residuals.size, 0)))
 
     def damped(self, damping: float) -> Rows:
         """With rows that keep the segments' own unknowns where they are, as long as the columns by them times
@@ -79,11 +81,8 @@ class Rows(NamedTuple):
         return Rows(*(np.concatenate(pair, axis=1) for pair in zip(self, (*zeros, more), strict=True)))
 
 
-class HasRows(Protocol):
-    """Gives rows at common unknowns (q,) and the segments' own (S, c)."""
-
-    def __call__(self, values: Array, starts: Array, /) -> Rows:
-        """The rows."""
+HasRows = Callable[[Array, Array], Rows]
+"""Gives rows at common unknowns (q,) and the segments' own (S, c)."""
 
 
 class Found(NamedTuple):
@@ -172,7 +171,7 @@ class LeastSquares:
                 return point.found(arrived=True)
         return point.found(arrived=False)
 
-    def _following(self, point: _Point, step: _Step, free: Booleans, damped: int) -> tuple[_Point, int]:
+    def _following(self, point: _Point, step: _Step, free: Bools, damped: int) -> tuple[_Point, int]:
         # Where a step leads to, and by which of the dampings.
         if step.length < FAR:
             return downhill(point, lambda share: point.moved(step, share), SHARES)[0], 0
@@ -254,10 +253,12 @@ class _Point:
         wide = bend[..., None]
         return Rows(self.rows.residuals * slope / bend, self.rows.slopes * wide, self.rows.own * wide)
 
-    def step(self, free: Booleans, damping: float = 0.0) -> _Step:
+    def step(self, free: Bools, damping: float = 0.0) -> _Step:
         # Of the free unknowns, the others held.
         residuals, slopes, own = self.weighted.damped(damping)
-        slopes, known = slopes[..., free], self.search.root[:, free]
+        known = self.search.root
+        if not free.all():
+            slopes, known = slopes[..., free], known[:, free]
         left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
         before = self.search.root @ (self.search.known.centre - self.values)
         right = left.T @ np.concatenate([residuals.ravel(), before])
@@ -276,3 +277,47 @@ def _fitted(own: Array, residuals: Array) -> Array:
         return np.zeros((len(own), own.shape[-1]))
     across = own.transpose(0, 2, 1)
     return np.asarray((inverse_of_identifiable(across @ own) @ (across @ residuals[..., None]))[..., 0])
+
+
+def robust_loss(loss: Loss, squares: Array) -> Array:
+    """Rho of squared residuals in units of the noise with its first two derivatives, (3, n), as scipy's."""
+    if loss == "linear":
+        return np.vstack([squares, np.ones_like(squares), np.zeros_like(squares)])
+    if loss == "soft_l1":
+        root = np.sqrt(1 + squares)
+        return np.vstack([2 * (root - 1), 1 / root, -0.5 / root**3])
+    if loss == "cauchy":
+        more = 1 + squares
+        return np.vstack([np.log(more), 1 / more, -1 / more**2])
+    far = squares > 1
+    safe = np.where(far, squares, 1.0)
+    root = np.sqrt(safe)
+    return np.vstack(
+        [
+            np.where(far, 2 * root - 1, squares),
+            np.where(far, 1 / root, 1.0),
+            np.where(far, -0.5 / (root * safe), 0.0),
+        ]
+    )
+
+
+@cache
+def loss_moments(loss: Loss) -> tuple[float, float]:
+    """E[psi'(z)] and E[psi(z)^2] of a standard normal residual z, with psi(z) = z rho'(z^2)."""
+
+    def slope(size: float) -> float:
+        _, first, second = robust_loss(loss, np.array([size**2])).ravel()
+        return float(first + 2 * size**2 * second)
+
+    def square(size: float) -> float:
+        return float((size * robust_loss(loss, np.array([size**2]))[1].item()) ** 2)
+
+    return _normal_mean(slope), _normal_mean(square)
+
+
+def _normal_mean(function: Callable[[float], float]) -> float:
+    # Of an even function; losses change their form at 1.
+    def weighted(size: float) -> float:
+        return 2 * function(size) * math.exp(-(size**2) / 2) / math.sqrt(2 * math.pi)
+
+    return float(scipy.integrate.quad(weighted, 0.0, 1.0)[0] + scipy.integrate.quad(weighted, 1.0, np.inf)[0])

@@ -7,21 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
 from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
+from oed.estimation.setup.unknowns import Knowledge, inverse_of_sum
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 ROUNDS = 15
 """How often parameters and variances are found in turn at most."""
@@ -41,7 +38,7 @@ class WeightedWindows:
     """
 
     windows: Windows
-    known: Knowledge | None = None
+    known: Knowledge
     specified: Mapping[str, Noise] | None = None
     grows: bool = True
 
@@ -76,7 +73,7 @@ class WeightedWindows:
             return Rows.of(white[:, 0], white[:, 1:])
 
         unknowns = self.windows.unknowns
-        search = LeastSquares(unknowns.scale, self._known, clocks=unknowns.clocks)
+        search = LeastSquares(unknowns.scale, self.known, clocks=unknowns.clocks)
         found = search.solved(rows, values)
         return found.values, found.arrived
 
@@ -89,9 +86,9 @@ class WeightedWindows:
         if not self.grows:
             parts[TIMING] = 0.0
         if self.specified is not None:
-            variances = pose_variances(self.specified, *self.windows.rates(motions.path))
+            variances = pose_variances(self.specified, self.windows.rates(motions.path))
             parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
-        known = self._known
+        known = self.known
         likelihood = Likelihood(
             parts,
             fixed,
@@ -101,17 +98,13 @@ class WeightedWindows:
         found = likelihood.greatest(first)
         return found, likelihood.covariance(found)
 
-    @cached_property
-    def _known(self) -> Knowledge:
-        return self.known or Knowledge.nothing(self.windows.unknowns.size)
-
     def _fit(self, values: Array, root: Array, variances: Array, converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)
         size = windows.unknowns.size
         rows = whitened(root, _flat(motions.slopes)).reshape(-1, 3, size)
         white = whitened(root, motions.residuals.reshape(-1, 1)).reshape(-1, 3)
         information = np.einsum("sia,sib->sab", rows, rows)
-        inverse = inverse_of_sum(information.sum(axis=0), self._known.information)
+        inverse = inverse_of_sum(information.sum(axis=0), self.known.information)
         leverage = np.einsum("sia,ab,sib->si", rows, inverse, rows)
         return windows.fit(
             values,
@@ -120,7 +113,7 @@ class WeightedWindows:
             noises=self._noises(variances),
             information=information,
             scores=np.einsum("sia,si->sa", rows, white),
-            known=self._known,
+            knowledge=self.known.information,
             converged=converged,
             notes=self._drift(variances, motions),
             volumes=2 * np.log(root[0]).reshape(-1, 3).sum(axis=1),

@@ -12,21 +12,25 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.gauss_newton import FLAT, Found, LeastSquares, Rows, projected
-from oed.estimation.methods.knowledge import Knowledge, inverse_of_sum
-from oed.estimation.methods.losses import loss_moments, robust_loss
+from oed.estimation.methods.gauss_newton import (
+    FLAT,
+    Found,
+    LeastSquares,
+    Rows,
+    loss_moments,
+    projected,
+    robust_loss,
+)
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import deviations, estimated, groups, jumps, places_of
+from oed.estimation.setup.noise import estimated, group_of, groups, jumps, places_of
 from oed.estimation.setup.options import Loss
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
-
-Array = npt.NDArray[np.float64]
 
 CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
@@ -54,9 +58,9 @@ class JointSearch:
         layout: the segments.
         unknowns: what to estimate.
         offsets: of the clocks, as far as known, (clocks,) [s].
+        known: of the unknowns from before.
         loss: of a residual in units of the noise.
         grows: whether noise may grow with speed and yaw rate.
-        known: of the unknowns from before.
         specified: noise that is not to be estimated.
         drive: what sensors read of a designed drive, whose noise is specified; None of logs.
     """
@@ -64,9 +68,9 @@ class JointSearch:
     layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
+    known: Knowledge
     loss: Loss = "linear"
     grows: bool = True
-    known: Knowledge | None = None
     specified: Mapping[str, Noise] | None = None
     drive: DriveReadings | None = None
 
@@ -81,22 +85,17 @@ class JointSearch:
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
         unknowns, exact = self.unknowns, self.drive is not None
         close, flat = (EXACT, FLAT) if exact else (CLOSE, 1.0)
-        search = LeastSquares(unknowns.scale, self.known_before, self.loss, unknowns.clocks, close, flat)
+        search = LeastSquares(unknowns.scale, self.known, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
         renewed = None if exact or self.specified is not None else _Weighted.renewed
         return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
 
-    @cached_property
+    @property
     def at_first(self) -> _Weighted:
         """Readings in units of the noise that is specified, or that the search begins with."""
         # Only their ratio matters at first: 1 cm to 0.01 rad.
         rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
         return _Weighted(self, dict(rough if self.specified is None else self.specified))
-
-    @cached_property
-    def known_before(self) -> Knowledge:
-        """Of the unknowns; nothing by default."""
-        return self.known or Knowledge.nothing(self.unknowns.size)
 
     @cached_property
     def _predicted(self) -> LoggedReadings | DriveReadings:
@@ -138,7 +137,8 @@ class _Weighted:
         if drive is not None:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
-        size = deviations(self.noises, layout.quantities, *rates)
+        each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
+        size = np.stack(each, axis=-1)
         present = layout.valid.reshape(*layout.valid.shape, 1, *further)
         return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
 
@@ -146,23 +146,23 @@ class _Weighted:
         """In units of the noise that residuals show."""
         state, layout = self.fit(values, starts), self.search.layout
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
+        rates = np.stack([state.speeds, state.yaw_rates])
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
                 state.residuals[valid][:, own].ravel(),
                 state.redundancy[valid][:, own].ravel(),
-                np.repeat(state.speeds[valid], len(own)),
-                np.repeat(state.yaw_rates[valid], len(own)),
+                np.repeat(rates[:, valid], len(own), axis=1),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows,
-                jumps=jumps(state.residuals[..., own], state.speeds, state.yaw_rates, valid),
+                jumps=jumps(state.residuals[..., own], rates, valid),
             )
         return replace(self, noises=found)
 
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""
         search, found = self.search, self.search.linearised(values, starts)
-        present, known = search.layout.valid[..., None], search.known_before.information
+        present, known = search.layout.valid[..., None], search.known.information
         white, weights, bend, swing = self._weights(self._white(found.residuals, found.rates))
         root = np.ones_like(weights) if search.drive else np.sqrt(weights)
         slopes, own = (self._white(columns, found.rates) * root[..., None] for columns in found[1:3])

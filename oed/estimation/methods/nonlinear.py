@@ -9,15 +9,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.estimate import Estimate
-from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
+from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.losses import loss_moments
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss
-from oed.estimation.setup.unknowns import Unknowns
+from oed.estimation.setup.unknowns import Knowledge, Unknowns
+from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Nuisance
@@ -25,9 +24,6 @@ from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 class Nonlinear(Estimator):
@@ -62,9 +58,8 @@ class Nonlinear(Estimator):
         self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
         self._known = self._before([*starts, *own], estimation.prior)
         layout = SegmentLayout.of_drive(trajectory, self._readings.by_run(self.predicted()))
-        self._search = JointSearch(
-            layout, self._unknowns, np.zeros(0), loss, known=self._known, drive=self._readings
-        )
+        known, drive = self._known, self._readings
+        self._search = JointSearch(layout, self._unknowns, np.zeros(0), known, loss, drive=drive)
         if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
             raise ProblemError.about(("validation",), text)
@@ -164,7 +159,7 @@ class Nonlinear(Estimator):
         return Knowledge(found, self._initial)
 
     @cached_property
-    def _known_places(self) -> Indices:
+    def _known_places(self) -> Places:
         return np.flatnonzero(np.diag(self._known.information))
 
     @cached_property

@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.methods import bands
 from oed.estimation.methods.bands import banded, factor, product, traces, weighted, whitened
-from oed.estimation.methods.windows import TINY, Booleans, end_rates
+from oed.estimation.methods.windows import TINY, end_rates
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
-
-Array = npt.NDArray[np.float64]
 
 PARTS = ("position", "heading", "timing", "ahead", "sideways", "turn_by_path", "turn_by_turning")
 """Parts of the variance: of a pose [m^2], [rad^2] and of when it was taken [s^2]; of drift ahead and sideways
@@ -46,7 +44,7 @@ class Course:
 
     path: Array
     steps: Array
-    linked: Booleans
+    linked: Bools
 
     def of_poses(self, variances: Array) -> Array:
         """Covariance of the motions, as a band, by noise of the poses at their ends.

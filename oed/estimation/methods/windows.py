@@ -9,37 +9,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.knowledge import Knowledge
-from oed.estimation.methods.segment_length import FEWEST
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.options import Method
 from oed.estimation.setup.unknowns import PLACE, Unknowns
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.sensors.logged import Noise
 
-Array = npt.NDArray[np.float64]
-Booleans = npt.NDArray[np.bool_]
-
 READ = ("x", "y", "heading")
 """What a motion is made of: ahead and to the left [m], turn [rad]."""
-USUAL = 2.0
-"""Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
 SPAN = 3
 """Steps over which the velocity at a window's end is taken: one alone shows the encoders' ticks."""
 TINY = 1e-9
 """Standard deviation that noise is taken to have at least [m, rad]."""
-
-
-def usual_seconds(layout: SegmentLayout) -> float:
-    """The length of windows where none is given [s], for logs of such steps."""
-    return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))
 
 
 def require_windows(layout: SegmentLayout, unknowns: Unknowns, method: Method) -> None:
@@ -103,10 +92,11 @@ class Windows:
     @cached_property
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
-        return relative_to_first(self._poses)[np.arange(self.layout.count), self._last]
+        last = self.layout.valid.sum(axis=1) - 1
+        return np.asarray(relative_to_first(self._poses)[np.arange(self.layout.count), last])
 
     @cached_property
-    def linked(self) -> Booleans:
+    def linked(self) -> Bools:
         """Whether a window begins with the pose that the one before it ends with, (S - 1,)."""
         owner, times = self.layout.owner, self.layout.times
         return np.asarray((owner[1:] == owner[:-1]) & (times[1:, 0] == times[:-1, -1]))
@@ -162,13 +152,7 @@ class Windows:
         *,
         white: Array,
         leverage: Array,
-        noises: Mapping[str, Noise],
-        information: Array,
-        scores: Array,
-        known: Knowledge,
-        converged: bool,
-        notes: tuple[str, ...] = (),
-        volumes: Array | None = None,
+        **further: Any,
     ) -> Fit:
         """A solution over windows.
 
@@ -176,13 +160,7 @@ class Windows:
             values: of the unknowns, (q,).
             white: residuals of the motions in units of their noise, (S, 3).
             leverage: share of each motion's variance that the fit takes, (S, 3).
-            noises: of the poses.
-            information: of every window, (S, q, q).
-            scores: alike, (S, q).
-            known: of the unknowns from before.
-            converged: whether the search has arrived.
-            notes: what else was found, in words.
-            volumes: logarithm of the determinant of the windows' noise, (S,), where that is correlated.
+            further: other attributes of the `Fit`.
         """
         motions = self.motions(values)
         speeds, yaw_rates = self.rates(motions.path)
@@ -196,16 +174,10 @@ class Windows:
             white=self.at_ends(white),
             weights=self.at_ends(np.ones_like(white)),
             redundancy=self.at_ends(1 - leverage),
-            noises=noises,
             speeds=speeds,
             yaw_rates=yaw_rates,
-            information=information,
-            scores=scores,
-            knowledge=known.information,
-            converged=converged,
             motions=True,
-            notes=notes,
-            volumes=volumes,
+            **further,
         )
 
     @property
@@ -218,10 +190,6 @@ class Windows:
     def _poses(self) -> Array:
         order = [self.layout.quantities.index(name) for name in READ]
         return np.asarray(self.layout.readings[..., order])
-
-    @property
-    def _last(self) -> npt.NDArray[np.int64]:
-        return np.asarray(self.layout.valid.sum(axis=1) - 1)
 
     @cached_property
     def _readings(self) -> LoggedReadings:
@@ -268,13 +236,7 @@ def _start_slopes(place: Array) -> Array:
     return np.stack([columns.real, columns.imag, [0.0, 0.0, -1.0]])
 
 
-def pose_variances(noises: Mapping[str, Noise], speeds: Array, yaw_rates: Array) -> Array:
-    """Variances (..., 3) of poses at `speeds` and `yaw_rates` (...), of noise that is specified.
-
-    Args:
-        noises: by quantity.
-        speeds: [m/s], (...).
-        yaw_rates: [rad/s], (...).
-    """
-    position, heading = (noises[name].deviation(speeds, yaw_rates) ** 2 for name in ("position", "heading"))
+def pose_variances(noises: Mapping[str, Noise], rates: tuple[Array, Array]) -> Array:
+    """Variances (..., 3) of poses at speeds [m/s] and yaw rates [rad/s] (...), of noise that is specified."""
+    position, heading = (noises[name].deviation(*rates) ** 2 for name in ("position", "heading"))
     return np.stack([position, position, heading], axis=-1)

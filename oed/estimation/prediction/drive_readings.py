@@ -9,17 +9,14 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from oed.estimation.prediction.layout import SegmentLayout
-from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -48,13 +45,7 @@ class DriveReadings:
         return np.zeros((self.trajectory.runs, 0))
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
-        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone.
-
-        Args:
-            values: of the unknowns.
-            starts: start states of the runs.
-            readings: of the runs, (runs, M).
-        """
+        """Speeds and yaw rates (runs, M) of 0: noise that is specified depends on the plan alone."""
         still = np.zeros(readings.shape[:2])
         return still, still
 
@@ -63,15 +54,15 @@ class DriveReadings:
         run alone.
         """
         (parameters, nuisances, _), begins = self.unknowns.parts(values), self.unknowns.begins(values)
-        given = (begins if len(begins) else self.trajectory.starts), *self._driven, parameters
+        starts = begins if len(begins) else self.trajectory.starts
         readings, slopes = list[Array](), list[Array]()
-        leading = len(parameters) + given[0].shape[1]
+        leading = len(parameters) + starts.shape[1]
         # The nuisances before and after a sensor's own do not concern it.
         before, after = 0, len(nuisances)
         for one in self.each:
             after -= len(one.sensor.nuisances)
             own = nuisances[before : len(nuisances) - after]
-            found, by_own = one.derivatives(*given, own)
+            found, by_own = one.derivatives(Driven(starts, *self._driven, parameters, own))
             rows = by_own.reshape(len(found), found[0].size, 1, -1)
             wide = np.zeros((*rows.shape[:3], leading + len(nuisances)))
             wide[..., :leading] = rows[..., :leading]
@@ -91,18 +82,19 @@ class DriveReadings:
     @cached_property
     def nominal(self) -> tuple[Array, ...]:
         """The readings of each sensor, (runs, times, q), where nothing is off its nominal value, SI."""
-        return tuple(one(*given) for one, given in self._at_nominal)
+        return tuple(one(driven) for one, driven in self._at_nominal)
 
     @property
-    def _at_nominal(self) -> Iterator[tuple[SegmentReadings, tuple[Array, ...]]]:
+    def _at_nominal(self) -> Iterator[tuple[SegmentReadings, Driven]]:
         for one in self.each:
             nuisances = np.array([entry.nominal for entry in one.sensor.nuisances])
-            yield one, (self.trajectory.starts, *self._driven, np.array(one.model.nominal), nuisances)
+            nominal = np.array(one.model.nominal)
+            yield one, Driven(self.trajectory.starts, *self._driven, nominal, nuisances)
 
     @cached_property
-    def order(self) -> Indices:
+    def order(self) -> Places:
         """Where each reading run by run stands among those sensor by sensor, (M of all runs,)."""
-        places, first = list[Indices](), 0
+        places, first = list[Places](), 0
         for found in self.nominal:
             places.append(first + np.arange(found.size).reshape(len(found), -1))
             first += found.size
@@ -134,8 +126,8 @@ class DriveReadings:
     def _whitener(self) -> Any:
         # Block diagonal A with A R A' = 1, sensor by sensor, at the nominal values.
         blocks = list[Any]()
-        for one, given in self._at_nominal:
-            each = one.whitening(*given)
+        for one, driven in self._at_nominal:
+            each = one.whitening(driven)
             whole = whole_whitening(one.sensor, each[0, ..., 0].size)
             if whole is None:
                 blocks += [*each.reshape(-1, *each.shape[2:])]

@@ -14,14 +14,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
@@ -46,10 +43,10 @@ class SegmentLayout:
     """
 
     logs: tuple[Log, ...]
-    owner: Indices
+    owner: Places
     times: Array
     readings: Array
-    valid: npt.NDArray[np.bool_]
+    valid: Bools
     seconds: float
     held: Array | None = None
 
@@ -93,7 +90,7 @@ class SegmentLayout:
         return tuple(dict.fromkeys(log.file for log in self.logs))
 
     @cached_property
-    def clock(self) -> Indices:
+    def clock(self) -> Places:
         """The clock of each segment, (S,)."""
         own = [self.clocks.index(log.file) for log in self.logs]
         return np.array(own)[self.owner]
@@ -106,25 +103,18 @@ class SegmentLayout:
         """
         if self.held is not None:
             return self.held
-        steps = self.steps
-        first = self.logs[0].integrals.shape[1]
-        found = np.zeros((*steps.shape, first))
+        lengths, columns = self.steps[..., None], self.logs[0].integrals.shape[1]
+        moves = np.zeros((self.count, self.periods, columns))
         for number, log in enumerate(self.logs):
             own = np.flatnonzero(self.owner == number)
-            offset = offsets[self.clocks.index(log.file)]
-            turned = log.integrals_at(self.times[own].ravel(), offset).reshape(
-                len(own), self.periods + 1, first
-            )
-            found[own] = _means(turned, steps[own])
-        return found
+            turned = log.integrals_at(self.times[own].ravel(), offsets[self.clocks.index(log.file)])
+            moves[own] = np.diff(turned.reshape(*self.times[own].shape, columns), axis=1)
+        return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
 
     def before(self, offsets: Array) -> tuple[Array, Array]:
         """Mean inputs (S, periods, inputs) in the time before each segment, and the periods' lengths [s].
 
-        Periods before a log's inputs begin are of no time.
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
+        Periods before a log's inputs begin are of no time; `offsets` as for `inputs`.
         """
         first = [log.input_times[0] - offsets[self.clocks.index(log.file)] for log in self.logs]
         ends = self.times[:, :1]
@@ -152,12 +142,6 @@ class SegmentLayout:
         slope = (read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)) / (2 * CLOCK_STEP)
         own = self.clock[:, None] == np.arange(len(offsets))
         return np.asarray(slope[..., None] * own.reshape(len(own), *[1] * (slope.ndim - 1), -1))
-
-
-def _means(turned: Array, steps: Array) -> Array:
-    lengths = steps[..., None]
-    moves = np.diff(turned, axis=1)
-    return np.divide(moves, lengths, out=np.zeros_like(moves), where=lengths > 0)
 
 
 def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> SegmentLayout:
@@ -194,7 +178,7 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
     return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
 
 
-def stretches(log: Log, offset: float) -> list[Indices]:
+def stretches(log: Log, offset: float) -> list[Places]:
     """Indices of poses with wheel motion and without gaps between them, each at least two."""
     moments = log.pose_times + offset
     inside = np.flatnonzero((moments >= log.input_times[0]) & (moments <= log.input_times[-1]))
@@ -204,7 +188,7 @@ def stretches(log: Log, offset: float) -> list[Indices]:
     return [part for part in np.split(inside, breaks) if len(part) > 1]
 
 
-def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
+def _has_gap(log: Log, inside: Places, offset: float) -> Bools:
     # Between which poses one of the two clocks jumps.
     steps, own = np.diff(log.pose_times[inside]), np.diff(log.input_times)
     usual = float(np.median(steps))
@@ -218,7 +202,7 @@ def _has_gap(log: Log, inside: Indices, offset: float) -> npt.NDArray[np.bool_]:
     return found
 
 
-def _parts(times: Array, stretch: Indices, seconds: float) -> list[Indices]:
+def _parts(times: Array, stretch: Places, seconds: float) -> list[Places]:
     # Nearly equal parts whose ends are shared.
     length = times[-1] - times[0]
     count = max(1, round(length / seconds)) if np.isfinite(seconds) else 1

@@ -6,14 +6,12 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.robots.models.model import Model
 from oed.robots.sensors.displacements import Displacements
-
-Array = npt.NDArray[np.float64]
 
 
 class Regressors:
@@ -56,15 +54,10 @@ class Regressors:
         return stacked.reshape(stacked.shape[0], count, -1).transpose(1, 0, 2)
 
     @property
-    def samples(self) -> int:
-        """N."""
-        return self.trajectory.samples
-
-    @property
-    def edges(self) -> npt.NDArray[np.int64]:
+    def edges(self) -> Places:
         """Sample indices (P + 1,) at which segments begin and end."""
         runs = self.trajectory.runs
-        return self._measurement.segment_edges(self.samples // runs, runs)
+        return self._measurement.segment_edges(self.trajectory.samples // runs, runs)
 
     @cached_property
     def directions(self) -> Array:

@@ -9,23 +9,70 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import casadi as ca
-import numpy as np
-import numpy.typing as npt
 
-from oed.estimation.prediction.logged_states import LoggedStates
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
-from oed.kernel.measurement.sensor import Sensor, moment_reading
+from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
 from oed.robots.models.model import Model
+from oed.robots.sensors.placed import LeverArm, PlacedSensor
 
-Array = npt.NDArray[np.float64]
 What = Literal["readings", "slopes", "whitening"]
 
 OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,)}
 """Of the function of a moment's reading."""
+
+
+class Driven(NamedTuple):
+    """What readings of segments depend on, SI.
+
+    Attributes:
+        starts: states at the segments' beginnings, (S, states).
+        inputs: held in each period, (S, n, inputs).
+        times: lengths of the periods [s], 0 beyond a segment's end, (S, n).
+        parameters: of the robot, (p,).
+        nuisances: the sensor's own, (k,).
+    """
+
+    starts: Array
+    inputs: Array
+    times: Array
+    parameters: Array
+    nuisances: Array
+
+
+class LoggedStates(PlacedSensor):
+    """What logs hold, as a sensor: a robot's states at all times, x, y and heading at the sensor's place, in
+    units of their noise.
+
+    Attributes:
+        places: of what is read among the robot's states.
+        lever_arm: unknown, like the angle by which the sensor is turned.
+    """
+
+    kind: Literal["logged_states"] = "logged_states"
+    places: tuple[int, ...]
+    lever_arm: LeverArm = LeverArm(known=False)
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """The sensor's place: ahead, to the left [m], turned [rad]."""
+        return (*super().nuisances, Nuisance("turn", 0.0, "rad"))
+
+    def reading(self, moment: Moment) -> Expression:
+        """The states' values."""
+        heading = moment.state[2] + moment.nuisances["turn"]
+        values = [*self.position(moment), heading, *ca.vertsplit(moment.state)[3:]]
+        return ca.vertcat(*(values[place] for place in self.places))
+
+    def whitening(self, moment: Moment) -> Expression:
+        """Unity."""
+        return ca.SX.eye(len(self.places))
 
 
 @dataclass(frozen=True)
@@ -54,55 +101,26 @@ class SegmentReadings:
             count: segments.
             periods: of each, n.
         """
-        return cls(model, LoggedStates.of(model, quantities), count, periods)
+        sensor = LoggedStates(places=tuple(map(model.states.index, quantities)))
+        return cls(model, sensor, count, periods)
 
-    def __call__(
-        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
-    ) -> Array:
-        """The readings (S, K, q), SI.
-
-        Args:
-            starts: states at the segments' beginnings, (S, states).
-            inputs: held in each period, (S, n, inputs).
-            times: lengths of the periods [s], 0 beyond a segment's end, (S, n).
-            parameters: (p,), SI.
-            nuisances: the sensor's own, (k,), SI.
-        """
-        (found,) = direct_call(self._function("readings"), starts, inputs, times, parameters, nuisances)
+    def __call__(self, driven: Driven) -> Array:
+        """The readings (S, K, q), SI."""
+        (found,) = direct_call(self._function("readings"), *driven)
         return self._by_segment(found)
 
-    def derivatives(
-        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
-    ) -> tuple[Array, Array]:
+    def derivatives(self, driven: Driven) -> tuple[Array, Array]:
         """The readings, and their derivatives (S, K, q, p + states + k).
 
         The columns are the parameters, the segment's own start, the sensor's nuisances.
-
-        Args:
-            starts: start states (S, states).
-            inputs: held (S, n, inputs).
-            times: periods (S, n) [s].
-            parameters: values (p,).
-            nuisances: values (k,).
         """
-        function = self._function("slopes")
-        found, slopes = direct_call(function, starts, inputs, times, parameters, nuisances)
+        found, slopes = direct_call(self._function("slopes"), *driven)
         width = len(self.model.parameters) + len(self.model.states) + len(self.sensor.nuisances)
         return self._by_segment(found), self._by_segment(slopes, width)
 
-    def whitening(
-        self, starts: Array, inputs: Array, times: Array, parameters: Array, nuisances: Array
-    ) -> Array:
-        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise.
-
-        Args:
-            starts: start states (S, states).
-            inputs: held (S, n, inputs).
-            times: periods (S, n) [s].
-            parameters: values (p,).
-            nuisances: values (k,).
-        """
-        (found,) = direct_call(self._function("whitening"), starts, inputs, times, parameters, nuisances)
+    def whitening(self, driven: Driven) -> Array:
+        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
+        (found,) = direct_call(self._function("whitening"), *driven)
         return self._by_segment(found, self._size).swapaxes(-1, -2)
 
     def _by_segment(self, found: Array, *width: int) -> Array:
@@ -116,9 +134,10 @@ class SegmentReadings:
         return _segments(self.model, self.sensor, self.count, self.periods, what)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> ca.Function:
-    # Parameters and nuisances are common to all segments.
+    # Parameters and nuisances are common to all segments. Few are remembered: each holds the indices of all
+    # its numbers, and of a long log these take as much room as the numbers themselves.
     function = _segment(model, sensor, periods, what)
     return function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
 

@@ -1,22 +1,26 @@
-"""Short moves of a log, measured and predicted: what clocks, swapped wheels and wrong signs show in."""
+"""Short moves of a log, measured and predicted: what clocks, swapped wheels and wrong signs show in.
+
+How far the clocks of wheels and poses are apart follows from them, as a first guess.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.further_starts import further_starts
 from oed.estimation.prediction.layout import SegmentLayout, cut
-from oed.estimation.prediction.segments import SegmentReadings
+from oed.estimation.prediction.logged_readings import further_starts
+from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.quantities import SMALLEST
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
-Array = npt.NDArray[np.float64]
 Moved = Array | npt.NDArray[np.complex128]
 
 MOVE = 0.5
@@ -25,6 +29,12 @@ FEWEST = 10
 """Moves from which on their comparison is believed; anything suits a few."""
 GAINS = (1 / 3, 3.0)
 """How far a true motion may be from that of the nominal parameters, as a factor."""
+REACH = 1.0
+"""Largest offset looked for [s]."""
+COARSE, FINE = 0.05, 0.01
+"""Steps of the search [s]; the fit refines what it finds."""
+CLEAR = 0.9
+"""An offset is taken for real where it leaves at most this share of what no offset leaves unexplained."""
 
 
 @dataclass(frozen=True)
@@ -34,40 +44,41 @@ class Moves:
     Attributes:
         robot: at its nominal parameters.
         layout: every move a segment.
+        offsets: of the clocks, (clocks,) [s].
     """
 
     robot: Model
     layout: SegmentLayout
+    offsets: Array
 
     @classmethod
     def of(cls, robot: Model, logs: Sequence[Log]) -> Moves:
-        """The moves of logs; positions and headings alone matter."""
+        """The moves of logs, whose clocks agree; positions and headings alone matter."""
         step = max(float(np.median(np.diff(log.pose_times))) for log in logs)
-        return cls(robot, cut(logs, max(MOVE, 2 * step), [0.0] * len(logs)))
+        layout = cut(logs, max(MOVE, 2 * step), [0.0] * len(logs))
+        return cls(robot, layout, np.zeros(len(layout.clocks)))
 
-    def predicted(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move by the wheels, as far as it can be compared with the measured one.
+    @cached_property
+    def inputs(self) -> Array:
+        """As they were logged, (S, n, inputs)."""
+        return self.layout.inputs(self.offsets)
 
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-            inputs: instead of the logged ones, (S, n, inputs).
-        """
-        return self._comparable(self.rolled(offsets, inputs))
+    def predicted(self, inputs: Array | None = None) -> dict[str, Array]:
+        """What can be compared of `rolled` with the measured moves."""
+        rolled, quantities = self.rolled(inputs), self.layout.quantities
+        if "heading" in quantities:
+            return rolled if "x" in quantities else {"turn": rolled["turn"]}
+        return {"distance": np.hypot(rolled["forward"], rolled["left"])}
 
-    def rolled(self, offsets: Array, inputs: Array | None = None) -> dict[str, Array]:
-        """Each move by the wheels: forward and to the left [m], turn [rad].
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-            inputs: instead of the logged ones, (S, n, inputs).
-        """
+    def rolled(self, inputs: Array | None = None) -> dict[str, Array]:
+        """Each move by the wheels, with logged inputs or others: forward, to the left [m], turn [rad]."""
         layout = self.layout
-        chosen = layout.inputs(offsets) if inputs is None else inputs
+        chosen = self.inputs if inputs is None else inputs
         readings = SegmentReadings.logged(self.robot, ("x", "y", "heading"), layout.count, layout.periods)
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
-        further = further_starts(self.robot, layout, offsets, nominal, inputs)
+        further = further_starts(self.robot, layout, self.offsets, nominal, inputs)
         starts = np.pad(further, ((0, 0), (3, 0)))
-        ends = readings(starts, chosen, layout.steps, nominal, place)[:, -1]
+        ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
     def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:
@@ -98,36 +109,25 @@ class Moves:
         own = layout.readings[:, :, layout.quantities.index(name)]
         return np.asarray(own[np.arange(layout.count), layout.valid.sum(axis=1) - 1] - own[:, 0])
 
-    def mounting(self, offsets: Array) -> float:
-        """How far the pose sensor is turned to the left on the robot [rad]; 0 where the moves do not show it.
-
-        Args:
-            offsets: of the clocks, (clocks,) [s].
-        """
+    def mounting(self) -> float:
+        """How far the pose sensor is turned to the left on the robot [rad]; 0 where no move shows it."""
         measured = self.measured()
         if "forward" not in measured:
             return 0.0
-        predicted = self.predicted(offsets)
+        predicted = self.predicted()
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
         return -float(np.angle(np.vdot(own, rest))) if _any(own) else 0.0
 
-    def lengthening(self, offsets: Array) -> float:
+    def lengthening(self) -> float:
         """Measured distances over those by the wheels; not a number where these are 0."""
         distances = []
-        for moves in (self.measured(), self.predicted(offsets)):
+        for moves in (self.measured(), self.predicted()):
             own = moves.get("distance", np.hypot(moves.get("forward", 0.0), moves.get("left", 0.0)))
             distances.append(float(np.sum(own)))
         return distances[0] / distances[1] if distances[1] > 0 else np.nan
 
-    def _comparable(self, moves: dict[str, Array]) -> dict[str, Array]:
-        # What the poses can be compared with.
-        quantities = self.layout.quantities
-        if "heading" in quantities:
-            return moves if "x" in quantities else {"turn": moves["turn"]}
-        return {"distance": np.hypot(moves["forward"], moves["left"])}
-
-    def within(self, rows: npt.NDArray[np.bool_]) -> Moves:
+    def within(self, rows: Bools) -> Moves:
         """Only some of the moves, (S,)."""
         layout = self.layout
         part = replace(
@@ -184,3 +184,25 @@ def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
 def _any(moves: Moved) -> bool:
     # Whether there is any motion, of which less than counts at all is none: its squares are no numbers.
     return float(np.abs(moves).max(initial=0.0)) > SMALLEST
+
+
+def clock_offsets(moves: Moves) -> Array:
+    """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it."""
+    layout = moves.layout
+    return np.array([_offset(moves.within(layout.clock == clock)) for clock in range(len(layout.clocks))])
+
+
+def _offset(moves: Moves) -> float:
+    if moves.layout.count < FEWEST:
+        return 0.0
+    measured, clocks = moves.measured(), len(moves.layout.clocks)
+
+    def left(offset: float) -> float:
+        shares = unexplained(measured, replace(moves, offsets=np.full(clocks, offset)).predicted())
+        return float(np.prod([max(share, 1e-9) for share in shares.values()])) if shares else 1.0
+
+    coarse = np.arange(-REACH, REACH + COARSE / 2, COARSE)
+    best = min(coarse, key=left)
+    fine = best + np.arange(-COARSE, COARSE + FINE / 2, FINE)
+    best = min(fine, key=left)
+    return float(best) if left(best) < CLEAR * left(0.0) else 0.0

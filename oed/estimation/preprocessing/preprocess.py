@@ -1,16 +1,22 @@
-"""Logs preprocessed for a fit: alike, in motion, on one clock, and what is plainly wrong refused."""
+"""Logs preprocessed for a fit: thinned, alike, in motion, on one clock, and what is plainly wrong refused.
+
+Long logs are brought down to as many poses as a fit takes in reasonable time. Neighbouring poses are averaged
+first, over times in which the robot hardly turns: of independent noise that loses nothing. What is still too
+many is left out between pieces that are spread evenly over each log. The wheels' motion stays as it was
+logged.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.prediction.layout import stretches
-from oed.estimation.preprocessing.clocks import clock_offsets
-from oed.estimation.preprocessing.moves import Moves
+from oed.estimation.prediction.layout import GAP, stretches
+from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
     frozen,
@@ -18,11 +24,10 @@ from oed.estimation.preprocessing.wiring_checks import (
     stands_still,
     wiring_fault,
 )
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs.log import Log
 from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
 
 HOPELESS = 0.9
 """Share of the motion left unexplained from which on an estimate would be nonsense."""
@@ -37,6 +42,83 @@ FROZEN = (
     "hardly changes while the robot drives and turns: did the reference measure it, is it the right column, "
     "in the right unit?"
 )
+Indices = npt.NDArray[np.intp]
+
+MOST_POSES = 100_000
+"""Poses of all logs together that a fit takes."""
+BRIEF = 0.02
+"""Longest time that poses are averaged over [s]. Means of poses on an arc lie inside it, by (Omega T)^2 / 24
+of its radius: 2e-5 at 1 rad/s."""
+SHORTEST_LOG = 50
+"""Poses that every log keeps at least when they are averaged."""
+AVERAGED, SAMPLED = "averaged_poses", "sampled_poses"
+"""Findings in a log."""
+PIECES, LEAST = 10, 500
+"""Pieces of a log that are used where not all of it is, and poses that each of them has at least."""
+
+
+def thinned(logs: Sequence[Log], most: int = MOST_POSES) -> tuple[Log, ...]:
+    """Logs with at most about `most` poses together; each says what was done to it."""
+    count = _poses(logs)
+    each = _averaged_each(logs, math.ceil(count / most))
+    if each > 1:
+        logs = [_averaged(log, each) for log in logs]
+    share = most / _poses(logs)
+    return tuple(logs) if share >= 1 else tuple(_sampled(log, share) for log in logs)
+
+
+def thinning_notes(before: Sequence[Log], after: Sequence[Log]) -> list[str]:
+    """What was done to logs all together, in words; [] where nothing was."""
+    count, left, each = _poses(before), _poses(after), after[0].averaged
+    sampled = any(finding.name == SAMPLED for log in after for finding in log.findings)
+    done = [f"averaged {each} at a time"] if each > 1 else []
+    done += [f"{left} kept in pieces spread over the logs, the others left out"] if sampled else []
+    return [f"{count} poses are more than a fit takes in reasonable time: {', '.join(done)}"] if done else []
+
+
+def _poses(logs: Sequence[Log]) -> int:
+    return sum(len(log.pose_times) for log in logs)
+
+
+def _averaged_each(logs: Sequence[Log], wanted: int) -> int:
+    # As many in all logs, so that they have the same noise.
+    period = max(float(np.median(np.diff(log.pose_times))) for log in logs)
+    shortest = min(len(log.pose_times) for log in logs)
+    return max(1, min(wanted, int(BRIEF / period + 1e-6), shortest // SHORTEST_LOG))
+
+
+def _averaged(log: Log, each: int) -> Log:
+    rows = _groups(log, each)
+    count = len(log.pose_times)
+    text = f"{count} poses are averaged, {each} at a time: noise and residuals are those of the means"
+    times, poses = log.pose_times[rows].mean(axis=1), log.poses[rows].mean(axis=1)
+    return replace(log, pose_times=times, poses=poses, averaged=each).found(AVERAGED, text)
+
+
+def _groups(log: Log, each: int) -> Indices:
+    # Rows of poses that follow each other without a gap, (groups, each).
+    steps = np.diff(log.pose_times)
+    longest = GAP * float(np.median(steps)) if log.gap is None else log.gap
+    stretches = np.split(np.arange(len(log.pose_times)), np.flatnonzero(steps > longest) + 1)
+    return np.concatenate([own[: len(own) // each * each].reshape(-1, each) for own in stretches])
+
+
+def _sampled(log: Log, share: float) -> Log:
+    count = len(log.pose_times)
+    kept = min(count, max(int(share * count), LEAST))
+    pieces = int(np.clip(kept // LEAST, 1, PIECES))
+    width = kept // pieces
+    first = np.linspace(0, count - width, pieces).astype(np.intp)
+    rows = np.unique(first[:, None] + np.arange(width))
+    text = (
+        f"{len(rows)} of {count} poses are used, in {pieces} pieces spread over the log, and the others left "
+        "out: more would take long and hardly change the estimates"
+    )
+    # What was left out is no motion to be bridged.
+    holes = np.diff(log.pose_times[rows])[np.diff(rows) > 1]
+    gap = log.gap if log.gap is None or not len(holes) else min(log.gap, float(holes.min()) / 2)
+    sampled = replace(log, pose_times=log.pose_times[rows], poses=log.poses[rows], gap=gap)
+    return sampled.found(SAMPLED, text)
 
 
 @dataclass(frozen=True)
@@ -78,13 +160,13 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     _require_alike(logs)
     _require_motion(logs)
     moves = Moves.of(robot, logs)
-    files = moves.layout.clocks
-    offsets = clock_offsets(moves) if compare_clocks else np.zeros(len(files))
+    if compare_clocks:
+        moves = replace(moves, offsets=clock_offsets(moves))
     flaws, doubts = [], dict[str, str]()
-    for index, file in enumerate(files):
+    for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
-        left = poorly_explained(own, offsets)
-        key, wrong = _what_is_wrong(own, offsets, left)
+        left = poorly_explained(own)
+        key, wrong = _what_is_wrong(own, left)
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
@@ -95,48 +177,40 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
         for log in logs
     )
-    return PreparedLogs(found, offsets, moves.mounting(offsets))
+    return PreparedLogs(found, moves.offsets, moves.mounting())
 
 
-def _what_is_wrong(moves: Moves, offsets: Array, left: float | None) -> tuple[str, str]:
+def _what_is_wrong(moves: Moves, left: float | None) -> tuple[str, str]:
     # The quantity and what is plainly wrong with it, "" where that is all or nothing; `left` is the share of
     # the motion that the wheels leave unexplained, where that is too large.
-    if stands_still(moves, offsets):
+    if stands_still(moves):
         return "", STILL
-    still = frozen(moves, offsets)
+    still = frozen(moves)
     if still is not None:
         return still, FROZEN
-    wrong = wiring_fault(moves, offsets)
-    if wrong is None and left is not None and _hopeless(moves, offsets, left):
+    wrong = wiring_fault(moves)
+    if wrong is None and left is not None and _hopeless(moves, left):
         wrong = (
             f"the wheels explain next to nothing of the measured motion (measured distances are "
-            f"{moves.lengthening(offsets):.2g} times theirs): is this the robot's log, are columns, ticks "
+            f"{moves.lengthening():.2g} times theirs): is this the robot's log, are columns, ticks "
             "per turn and units right?"
         )
     return "", wrong or ""
 
 
-def _hopeless(moves: Moves, offsets: Array, left: float) -> bool:
+def _hopeless(moves: Moves, left: float) -> bool:
     # A sensor far off the robot can be made to explain any distances: their sum cannot.
-    longer = moves.lengthening(offsets)
+    longer = moves.lengthening()
     if longer > TENFOLD or longer < 1 / TENFOLD:
         return True
-    return left > HOPELESS and not explained_by_other_sizes(moves, offsets)
+    return left > HOPELESS and not explained_by_other_sizes(moves)
 
 
 def _require_alike(logs: Sequence[Log]) -> None:
     first = logs[0]
-    flaws = [
-        FileFlaw(
-            log.file,
-            0,
-            0,
-            "",
-            f"holds {', '.join(log.quantities)}, {first.name} {', '.join(first.quantities)}",
-        )
-        for log in logs
-        if log.quantities != first.quantities
-    ]
+    others = [log for log in logs if log.quantities != first.quantities]
+    than = f"{first.name} {', '.join(first.quantities)}"
+    flaws = [FileFlaw(log.file, 0, 0, "", f"holds {', '.join(log.quantities)}, {than}") for log in others]
     if flaws:
         raise LogError(flaws)
 

@@ -7,12 +7,9 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations, product
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
-from oed.robots.models.model import Model
-
-Array = npt.NDArray[np.float64]
+from oed.foundation.arrays import Array
 
 BAD = 0.3
 """Share of the motion that may be left unexplained before a wiring fault is looked for."""
@@ -35,63 +32,56 @@ TURNING = 0.1
 """Share of the distances that has to be left unexplained where turns are the wheels' word alone."""
 
 
-def wiring_fault(moves: Moves, offsets: Array) -> str | None:
-    """What is most likely wrong with how a log is read, in words; None where nothing is.
-
-    Args:
-        moves: of the log.
-        offsets: of its clocks, (clocks,) [s].
-    """
+def wiring_fault(moves: Moves) -> str | None:
+    """What is most likely wrong with how a log is read, in words; None where nothing is."""
     if moves.layout.count < FEWEST:
         return None
-    inputs = moves.layout.inputs(offsets)
     # A sensor may look backwards; a fault has to explain the log without such an excuse.
-    as_given = _worst(moves, offsets, inputs, any_side=True)
-    if as_given < BAD or explained_by_other_sizes(moves, offsets):
+    as_given = _worst(moves, moves.inputs, any_side=True)
+    if as_given < BAD or explained_by_other_sizes(moves):
         return None
-    tried = [(_worst(moves, offsets, *what), text) for text, what in _possibilities(moves, inputs)]
+    tried = [(_worst(moves, *what), text) for text, what in _possibilities(moves)]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
         return f"{text}: that leaves {left:.0%} of the motion unexplained instead of {as_given:.0%}"
     return None
 
 
-def explained_by_other_sizes(moves: Moves, offsets: Array) -> bool:
+def explained_by_other_sizes(moves: Moves) -> bool:
     """Whether wheels of other sizes would move as measured.
 
     Nominal sizes far off do as much harm on gentle turns as exchanged wheels: they are to be estimated.
     """
-    inputs = moves.layout.inputs(offsets)
     driving = [place for place, entry in enumerate(moves.robot.inputs) if entry.drives]
     for pair in combinations(driving, min(2, len(driving))):
         for factors in product(SIZES, repeat=len(pair)):
-            scale = np.ones(inputs.shape[-1])
+            scale = np.ones(len(moves.robot.inputs))
             scale[list(pair)] = factors
-            if _worst(moves, offsets, inputs * scale, any_side=True) < BAD:
+            if _worst(moves, moves.inputs * scale, any_side=True) < BAD:
                 return True
     return False
 
 
-def poorly_explained(moves: Moves, offsets: Array) -> float | None:
+def poorly_explained(moves: Moves) -> float | None:
     """Share of the motion that the wheels do not explain, where it is too large to be believed."""
     measured = moves.measured()
-    left, sizes = unexplained(measured, moves.predicted(offsets), any_side=True), _sizes(measured)
+    left, sizes = unexplained(measured, moves.predicted(), any_side=True), _sizes(measured)
     worst = max((share for name, share in left.items() if sizes[name] > BARELY[name]), default=0.0)
     return worst if worst >= BAD else None
 
 
-def stands_still(moves: Moves, offsets: Array) -> bool:
+def stands_still(moves: Moves) -> bool:
     """Whether the measured poses go nowhere, or never turn, while the wheels plainly do.
 
     Of such a log any fit would make wheels of no size.
     """
-    measured, driven = _sizes(moves.measured()), _sizes(moves.predicted(offsets))
+    measured, driven = _sizes(moves.measured()), _sizes(moves.predicted())
     still = {name: measured[name] < STANDING * size for name, size in driven.items() if size > STIRRING}
     plainly = any(still.get(name, False) and driven[name] > PLAINLY * BARELY[name] for name in driven)
     return plainly or (bool(still) and all(still.values()))
 
 
-def frozen(moves: Moves, offsets: Array) -> str | None:
+def frozen(moves: Moves) -> str | None:
     """The coordinate that hardly changes, though the robot plainly drives across every line; None if none.
 
     Whatever the frame, each coordinate changes by as much as the robot drives across its main direction.
@@ -100,10 +90,10 @@ def frozen(moves: Moves, offsets: Array) -> str | None:
     if x is None or y is None or moves.layout.count < FEWEST:
         return None
     if heading is None:
-        heading = _headings_by_wheels(moves, offsets)
-        if unexplained(moves.measured(), moves.predicted(offsets)).get("distance", 0.0) < TURNING:
+        heading = _headings_by_wheels(moves)
+        if unexplained(moves.measured(), moves.predicted()).get("distance", 0.0) < TURNING:
             return None
-    rolled = moves.rolled(offsets)
+    rolled = moves.rolled()
     way = (rolled["forward"] + 1j * rolled["left"]) * np.exp(1j * heading)
     size, along = float(np.mean(np.abs(way) ** 2)), float(np.abs(np.mean(way**2)))
     across = math.sqrt(max(size - along, 0.0) / 2)
@@ -113,9 +103,9 @@ def frozen(moves: Moves, offsets: Array) -> str | None:
     return still[0] if still else None
 
 
-def _headings_by_wheels(moves: Moves, offsets: Array) -> Array:
+def _headings_by_wheels(moves: Moves) -> Array:
     # At the start of each move, as the wheels turn the robot; from 0 in each log.
-    turns, owner = moves.rolled(offsets)["turn"], moves.layout.owner
+    turns, owner = moves.rolled()["turn"], moves.layout.owner
     before = np.concatenate([[0.0], np.cumsum(turns)[:-1]])
     return np.asarray(before - before[np.searchsorted(owner, owner)])
 
@@ -130,39 +120,31 @@ def _sizes(moves: Mapping[str, Array]) -> dict[str, float]:
 
 def _worst(
     moves: Moves,
-    offsets: Array,
     inputs: Array,
     sign: float = 1.0,
     unit: float = 1.0,
     *,
     any_side: bool = False,
 ) -> float:
-    predicted = moves.predicted(offsets, inputs)
+    predicted = moves.predicted(inputs)
     return max(unexplained(moves.measured(sign, unit), predicted, any_side=any_side).values(), default=0.0)
 
 
-def _possibilities(moves: Moves, inputs: Array) -> Iterator[tuple[str, tuple[Array, float, float]]]:
-    robot = moves.robot
-    for first, second in _alike(robot):
+def _possibilities(moves: Moves) -> Iterator[tuple[str, tuple[Array, float, float]]]:
+    robot, inputs = moves.robot, moves.inputs
+    for first, second in combinations(range(len(robot.inputs)), 2):
+        if robot.inputs[first].quantity != robot.inputs[second].quantity:
+            continue
         order = np.arange(inputs.shape[-1])
         order[[first, second]] = second, first
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
         yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0)
     for place, name in enumerate(robot.input_names):
-        yield f"{name} has the wrong sign; give it sign: -1", (_negated(inputs, place), 1.0, 1.0)
+        signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
+        yield f"{name} has the wrong sign; give it sign: -1", (inputs * signs, 1.0, 1.0)
     if len(robot.inputs) > 1:
         yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0)
     if "heading" in moves.layout.quantities:
         yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0)
         yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180)
         yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi)
-
-
-def _negated(inputs: Array, place: int) -> Array:
-    return inputs * np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
-
-
-def _alike(robot: Model) -> list[tuple[int, int]]:
-    # Pairs of inputs of the same quantity.
-    pairs = combinations(range(len(robot.inputs)), 2)
-    return [pair for pair in pairs if len({robot.inputs[place].quantity for place in pair}) == 1]

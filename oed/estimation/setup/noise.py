@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.measurement import Measurement
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
-
-Array = npt.NDArray[np.float64]
 
 GROUPS = {"x": "position", "y": "position"}
 """Quantities that share their noise; any other has its own."""
@@ -56,41 +54,24 @@ def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, No
     return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
 
 
-def deviations(
-    noises: Mapping[str, Noise], quantities: Sequence[str], speeds: Array, yaw_rates: Array
-) -> Array:
-    """Standard deviations (..., quantities) of readings at `speeds` and `yaw_rates` (...).
-
-    Args:
-        noises: by quantity.
-        quantities: that are read.
-        speeds: [m/s], (...).
-        yaw_rates: [rad/s], (...).
-    """
-    every = [noises[group_of(name)].deviation(speeds, yaw_rates) for name in quantities]
-    return np.stack(every, axis=-1)
-
-
-def jumps(residuals: Array, speeds: Array, yaw_rates: Array, valid: npt.NDArray[np.bool_]) -> Array:
+def jumps(residuals: Array, rates: Array, valid: Bools) -> Array:
     """Differences of successive residuals over sqrt(2), and the speeds and yaw rates (RMS) there, (3, m).
 
     Args:
         residuals: (S, n, k), SI.
-        speeds: at their times, (S, n) [m/s].
-        yaw_rates: alike [rad/s].
+        rates: speeds [m/s] and yaw rates [rad/s] at their times, (2, S, n).
         valid: which of them there are, (S, n).
     """
     both = valid[:, 1:] & valid[:, :-1]
     values = np.diff(residuals, axis=1)[both] / np.sqrt(2)
-    rates = [np.sqrt((one[:, 1:] ** 2 + one[:, :-1] ** 2) / 2)[both] for one in (speeds, yaw_rates)]
-    return np.stack([values.ravel(), *(np.repeat(one, residuals.shape[-1]) for one in rates)])
+    there = np.sqrt((rates[..., 1:] ** 2 + rates[..., :-1] ** 2) / 2)[:, both]
+    return np.vstack([values.ravel(), np.repeat(there, residuals.shape[-1], axis=1)])
 
 
 def estimated(
     residuals: Array,
     redundancy: Array,
-    speeds: Array,
-    yaw_rates: Array,
+    rates: Array,
     *,
     robust: bool,
     grows: bool,
@@ -101,8 +82,7 @@ def estimated(
     Args:
         residuals: (n,), SI.
         redundancy: share of each residual's variance that the fit left, (n,).
-        speeds: at their times, (n,) [m/s].
-        yaw_rates: alike [rad/s].
+        rates: speeds [m/s] and yaw rates [rad/s] at their times, (2, n).
         robust: judge by the median, so that outliers do not matter; the noise is then constant.
         grows: whether parts that grow with speed and with the yaw rate are looked for.
         jumps: of the same residuals: growth with the yaw rate has to show there as well.
@@ -115,7 +95,6 @@ def estimated(
     constant = float(np.sqrt((residuals**2).sum() / max(redundancy.sum(), 1.0)))
     if not grows or constant <= LEAST:
         return Noise(max(constant, LEAST))
-    rates = np.stack([speeds, yaw_rates])
     found = _growing(squares, redundancy, rates, constant)
     if jumps is None or not found.per_yaw_rate or _jumps_alike(found, jumps):
         return found

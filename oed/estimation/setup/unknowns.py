@@ -1,19 +1,21 @@
-"""What is estimated besides every segment's start: parameters, the sensor's place, clock offsets."""
+"""What is estimated besides every segment's start, and what is known of it from before: parameters, the
+sensor's place, clock offsets.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.measurement.measurement import Measurement, Nuisance
-from oed.robots.models.model import Model
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.robots.models.model import Model, coefficient_values
 from oed.robots.sensors.logged import LoggedSensor, Mount
-
-Array = npt.NDArray[np.float64]
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
@@ -87,32 +89,37 @@ class Unknowns:
         return np.array([*own, *(places[name] for name in self.place), *[0.0] * self.clocks])
 
     def slopes(self, slopes: Array) -> Array:
-        """Derivatives (S, ..., q) by the unknowns but the clocks, S segments.
-
-        Args:
-            slopes: by all parameters, the segment's own start and all constants, (S, ..., columns).
+        """Derivatives (S, ..., q) of S segments by the unknowns but the clocks, from those by all parameters,
+        the segment's own start and all constants, (S, ..., columns).
         """
-        names, states = [parameter.name for parameter in self.robot.parameters], len(self.robot.states)
-        own = slopes[..., list(map(names.index, self.parameters))]
-        first, constants = len(names) + states, list(self.constants)
+        count, states = len(self.robot.parameters), len(self.robot.states)
+        first, constants = count + states, list(self.constants)
+        own = slopes[..., self._own]
         place = slopes[..., [first + constants.index(name) for name in self.place]]
         if not self.starts:
             return np.concatenate([own, place], axis=-1)
         # Of every run's start, for the run's own readings.
         starts = np.zeros((*slopes.shape[:-1], len(self.starts)))
         for run in range(len(slopes)):
-            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., len(names) : first]
+            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., count:first]
         return np.concatenate([own, starts, place], axis=-1)
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
         """All the robot's parameters (p,), the sensor's place or other constants, the clock offsets given."""
         parameters, place = np.array(self.robot.nominal, dtype=float), np.array(self.sits)
-        names, constants = [parameter.name for parameter in self.robot.parameters], list(self.constants)
+        constants = list(self.constants)
         last = self.size - self.clocks
         first = last - len(self.place)
-        parameters[[names.index(name) for name in self.parameters]] = values[: len(self.parameters)]
+        parameters[self._own] = values[: len(self.parameters)]
         place[[constants.index(name) for name in self.place]] = values[first:last]
         return parameters, place, values[last:]
+
+    def coefficients(self, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
+        """Names of the robot's coefficients, values and derivatives by the parameters that are estimated, at
+        all its parameters (p,).
+        """
+        names, values, slopes = coefficient_values(self.robot, parameters)
+        return names, values, slopes[:, self._own]
 
     def begins(self, values: Array) -> Array:
         """The starts of a drive's runs, (runs, states); (0, states) where they are no unknowns here."""
@@ -123,8 +130,60 @@ class Unknowns:
     def _each(self) -> range:
         return range(self.clocks)
 
+    @cached_property
+    def _own(self) -> list[int]:
+        # Which of the robot's parameters are estimated.
+        names = [parameter.name for parameter in self.robot.parameters]
+        return [names.index(name) for name in self.parameters]
+
 
 def specified_mount(measurement: Measurement) -> Mount:
     """Where the first sensor sits that says so; at the robot's origin if none does."""
     logged = (sensor for sensor in measurement.joint_sensors if isinstance(sensor, LoggedSensor))
     return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """A prior of the unknowns: information (q, q) about `centre` (q,), SI."""
+
+    information: Array
+    centre: Array
+
+    @classmethod
+    def nothing(cls, size: int) -> Knowledge:
+        """Of as many unknowns."""
+        return cls(np.zeros((size, size)), np.zeros(size))
+
+    def on(self, columns: Places) -> Knowledge:
+        """That of some of the unknowns, the others held where they are known to be."""
+        return Knowledge(self.information[np.ix_(columns, columns)], self.centre[columns])
+
+    def score(self, values: Array) -> Array:
+        """Half the slope of what it adds to the misfit, downhill, (q,)."""
+        return np.asarray(self.information @ (self.centre - values))
+
+    def misfit(self, values: Array) -> float:
+        """What it adds to the sum of squares."""
+        off = self.centre - values
+        return float(off @ self.information @ off)
+
+
+def inverse_of_identifiable(matrix: Array) -> Array:
+    """The inverse of information (..., q, q) on what is identifiable; 0 in other directions."""
+    factor = SquareRoot.of_matrix(matrix).factor
+    return np.asarray(factor @ np.swapaxes(factor, -1, -2))
+
+
+def inverse_of_sum(information: Array, known: Array) -> Array:
+    """(F + K)^-1 of information F and knowledge from before K, both (q, q).
+
+    In units of K nothing is too small to be inverted, however much larger F is on the rest.
+    """
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(known))
+    except np.linalg.LinAlgError:
+        return inverse_of_identifiable(information + known)
+    eigenvalues, vectors = np.linalg.eigh(root @ information @ root.T)
+    back = root.T @ vectors
+    return np.asarray(back / (1 + np.clip(eigenvalues, 0.0, None)) @ back.T)

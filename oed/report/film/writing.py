@@ -41,8 +41,7 @@ class Format:
     """A kind of film.
 
     Attributes:
-        write: takes frames, file, frames a second, an image with all colours and a comment; returns the
-            number of frames.
+        write: takes what `write_frames` does, in its order; returns the number of frames.
         most: frames of a film.
         fastest: frames a second.
         needs: looks for what it needs; refuses a film where that is not there.

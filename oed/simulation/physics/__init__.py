@@ -7,14 +7,18 @@
 It needs the package's extra `physics`.
 """
 
-from oed.simulation.physics.driving import Motion, drive
-from oed.simulation.physics.four_wheels import FourWheels
-from oed.simulation.physics.rendering import frames
-from oed.simulation.physics.robot import Motor, PhysicsRobot, Support, Suspension
+from oed.simulation.physics.driving import Motion, drive, frames
+from oed.simulation.physics.robot import (
+    FourWheels,
+    Motor,
+    PhysicsRobot,
+    Support,
+    Suspension,
+    TwoWheelsAndCaster,
+    Variation,
+    physics_robot,
+)
 from oed.simulation.physics.sensing import Sensing
-from oed.simulation.physics.sizing import physics_robot
-from oed.simulation.physics.two_wheels import TwoWheelsAndCaster
-from oed.simulation.physics.variation import Variation
 
 PHYSICS_ROBOTS: tuple[type[PhysicsRobot], ...] = (FourWheels, TwoWheelsAndCaster)
 """What `kind` may name: for `Annotated[PhysicsRobot, OneOf(PHYSICS_ROBOTS)]`."""

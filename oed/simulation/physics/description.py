@@ -7,9 +7,9 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.simulation.physics.robot import GRAVITY, WHEEL_SHARE, PhysicsRobot, Support
 
-Array = npt.NDArray[np.float64]
 Value = str | int | float | npt.ArrayLike
 
 FRICTION_RATIO = 1000.0

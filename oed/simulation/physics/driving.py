@@ -1,18 +1,21 @@
-"""Driving a simulated robot: from commanded wheel speeds to what its wheels and its body truly did."""
+"""Driving a simulated robot: what its wheels and its body truly did, and pictures of that."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from oed.foundation.errors import UserMistake
+from oed.foundation.arrays import Array, Places
+from oed.foundation.errors import Failure, UserMistake
+from oed.simulation.physics.description import CAMERA
 from oed.simulation.physics.engine import Engine
 from oed.simulation.physics.robot import PhysicsRobot
 
-Array = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.uint8]
 
 RATE = 50.0
 """At which a motion is logged [1/s]."""
@@ -101,6 +104,44 @@ def _checked(
     return speeds, place
 
 
-def _logged_steps(total: int, step: float, rate: float) -> npt.NDArray[np.int64]:
+def _logged_steps(total: int, step: float, rate: float) -> Places:
     ticks = np.arange(math.floor(total * step * rate + 1e-9) + 1) / rate
     return np.union1d(np.minimum(np.rint(ticks / step), total), [total]).astype(np.int64)
+
+
+def frames(
+    robot: PhysicsRobot, motion: Motion, *, rate: float = 10.0, size: tuple[int, int] = (480, 640)
+) -> Iterator[Picture]:
+    """Pictures (height, width, 3) of a drive, `rate` of them a second, from behind and above the robot.
+
+    Args:
+        robot: that drove.
+        motion: its drive.
+        rate: [1/s].
+        size: height and width [pixels].
+
+    Raises:
+        UserMistake: the engine is not installed.
+        Failure: nothing to draw with.
+    """
+    engine = Engine(robot)
+    try:
+        renderer = engine.mujoco.Renderer(engine.model, *size)
+    except Exception as error:
+        # Every drawing library fails in a way of its own.
+        raise Failure(
+            "found no way to draw without a screen: expected a graphics library, chosen by the environment "
+            f"variable MUJOCO_GL=egl or MUJOCO_GL=osmesa before the program starts ({error})"
+        ) from None
+    try:
+        for row in _rows(motion.times, rate):
+            engine.show(motion.poses[row], motion.wheel_angles[row])
+            renderer.update_scene(engine.data, CAMERA)
+            yield np.array(renderer.render())
+    finally:
+        renderer.close()
+
+
+def _rows(times: Array, rate: float) -> npt.NDArray[np.intp]:
+    wanted = np.arange(0, times[-1] + 1e-9, 1 / rate)
+    return np.asarray(np.searchsorted(times, wanted - 1e-9).clip(max=len(times) - 1))

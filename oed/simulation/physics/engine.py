@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure
 from oed.foundation.extras import extra
 from oed.simulation.physics.description import describe
 from oed.simulation.physics.robot import PhysicsRobot
-
-Array = npt.NDArray[np.float64]
 
 PURPOSE = "simulating a robot's physics"
 GRIPPING = 250.0

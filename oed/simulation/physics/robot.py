@@ -1,4 +1,7 @@
-"""What a physics simulator has to know of a robot: sizes, masses, springs, motors and friction."""
+"""What a physics simulator has to know of a robot: sizes, masses, springs, motors and friction.
+
+Of four wheels, or of two and a caster; by a kinematic model; and how much robots differ from run to run.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,22 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
+from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Duration, Length, Ratio, Unit
+from oed.robots.models.model import Model
 from oed.robots.models.wheels import PositiveLength, TwoSidedGeometry
 
-Array = npt.NDArray[np.float64]
 Mass = Annotated[float, Unit("kg", "3 kg"), Field(gt=0)]
 PositiveRatio = Annotated[Ratio, Field(gt=0)]
+Spread = Annotated[Ratio, Field(ge=0)]
+Robot = TypeVar("Robot", bound="PhysicsRobot")
 
 GRAVITY = 9.81
 """[m/s^2]."""
@@ -28,6 +34,15 @@ STIFFER = 50.0
 """Stiffness of a wheel's contact with the floor relative to its suspension's."""
 LEAST_LOAD = 0.02
 """Share of the weight that everything which touches the ground has to carry for the robot to stand."""
+WHEELBASE_TO_TRACK = 16 / 18
+"""Of the paper's robot; a Husky's is 0.92, a Jackal's 0.70."""
+CASTER_TO_TRACK = -0.5
+"""How far behind the axle a caster sits; a TurtleBot3 Burger's is at 0.51."""
+WIDTH_TO_RADIUS = 0.6
+"""Of a wheel; a Husky's is 0.69, a Jackal's 0.41, a TurtleBot3's 0.55."""
+MASS_TO_TRACK = 2.5
+"""Power of the track that the mass follows: from the paper's robot it gives a Husky's 50 kg, and
+a Jackal's 17 kg within a seventh."""
 
 
 class Suspension(Component):
@@ -202,3 +217,147 @@ class PhysicsRobot(TwoSidedGeometry, ABC):
         scrub = self.wheel_width / sqrt(12)
         radius = self.radii[0] if left < 0 else self.radii[1]
         return Support(name, ahead, left, radius, grip * self.friction, scrub)
+
+
+class FourWheels(PhysicsRobot):
+    """Four driven wheels, the two of a side at the same commanded speed; a motor for each.
+
+    Attributes:
+        wheelbase: distance of front and rear axles [m].
+    """
+
+    kind: Literal["four_wheels"] = "four_wheels"
+    wheelbase: PositiveLength = 0.16
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Front right, rear right, front left, rear left."""
+        ahead, left = self.wheelbase / 2, self.track / 2
+        return (
+            self.wheel("front_right", ahead, -left, 0),
+            self.wheel("rear_right", -ahead, -left, 1),
+            self.wheel("front_left", ahead, left, 2),
+            self.wheel("rear_left", -ahead, left, 3),
+        )
+
+
+class TwoWheelsAndCaster(PhysicsRobot):
+    """Two driven wheels on one axle and a ball that slides on the floor with little friction.
+
+    Attributes:
+        caster: how far ahead of the axle the ball sits; negative behind it [m].
+        caster_friction: its coefficient of sliding friction.
+    """
+
+    kind: Literal["two_wheels_and_caster"] = "two_wheels_and_caster"
+    centre_of_mass: tuple[Length, Length] = (-0.02, 0.0)
+    caster: Length = -0.09
+    caster_friction: Annotated[Ratio, Field(ge=0)] = 0.01
+
+    @property
+    def supports(self) -> tuple[Support, ...]:
+        """Right, left, caster."""
+        left, ball = self.track / 2, min(self.radii) / 2
+        return (
+            self.wheel("right", 0.0, -left, 0),
+            self.wheel("left", 0.0, left, 1),
+            Support("caster", self.caster, 0.0, ball, self.caster_friction, driven=False),
+        )
+
+
+class Variation(Component):
+    """How much repeats of one robot differ: standard deviations, of logarithms where they are ratios.
+
+    Attributes:
+        friction: of the floor, alike for all wheels.
+        grip: of each wheel's friction by itself.
+        gain: of the motors.
+        centre_of_mass: of its place ahead and to the left [m].
+    """
+
+    friction: Spread = 0.1
+    grip: Spread = 0.05
+    gain: Spread = 0.0
+    centre_of_mass: Annotated[Length, Field(ge=0)] = 0.0
+
+    def draw(self, robot: Robot, rng: np.random.Generator) -> Robot:
+        """A robot around a nominal one; the same numbers are drawn whatever varies.
+
+        Raises:
+            ValueError: it would not stand, its centre of mass being beyond its wheels.
+        """
+        floor, motor, *wheels = rng.normal(size=2 + len(robot.wheels))
+        ahead, left = rng.normal(size=2) * self.centre_of_mass
+        nominal = robot.grips or (1.0,) * len(robot.wheels)
+        return robot.changed(
+            friction=robot.friction * np.exp(self.friction * floor),
+            grips=tuple(
+                grip * float(np.exp(self.grip * one)) for grip, one in zip(nominal, wheels, strict=True)
+            ),
+            motor=robot.motor.model_copy(
+                update={
+                    name: float(getattr(robot.motor, name) * np.exp(self.gain * motor))
+                    for name in ("gain", "sum_gain")
+                }
+            ),
+            centre_of_mass=(robot.centre_of_mass[0] + ahead, robot.centre_of_mass[1] + left),
+        )
+
+
+def physics_robot(
+    model: Model, *, wheelbase: float | None = None, mass: float | None = None, **fields: Any
+) -> PhysicsRobot:
+    """The physics of a robot with a model's wheel radii and track.
+
+    A robot that skids gets four wheels; any other with wheel radii and a track two, and a caster half a track
+    behind, a quarter of the way to which the centre of mass lies. What is not given is the paper's robot's,
+    scaled: the mass with the track, springs and motors so that everything happens in the same time.
+
+    Args:
+        model: with wheel radii and a track.
+        wheelbase: of four wheels [m]; 8/9 of the track by default.
+        mass: [kg]; (track / 18 cm)^2.5 times 3 kg by default.
+        fields: other fields of the robot, as they are in files.
+
+    Raises:
+        UserMistake: the model has no wheel radii and track, or a wheelbase is given for two wheels.
+        ValueError: a field that the robot does not have.
+    """
+    sides: Component = model
+    if not isinstance(sides, TwoSidedGeometry):
+        text = "expected a robot with wheel radii and a track, such as skid_steer or differential_drive"
+        raise UserMistake(f"{text}, got {model.kind}")
+    right, left = sides.radii
+    known = {"wheel_radius_right": right, "wheel_radius_left": left, "track": sides.track}
+    known |= _scaled(sides, mass)
+    if model.skids:
+        base = WHEELBASE_TO_TRACK * sides.track if wheelbase is None else wheelbase
+        return FourWheels.model_validate({**known, "wheelbase": base, **fields})
+    if wheelbase is not None:
+        raise UserMistake(
+            f"expected no wheelbase of a {model.kind}, which has two wheels, got {wheelbase:g} m"
+        )
+    caster = CASTER_TO_TRACK * sides.track
+    placed = {"caster": caster, "centre_of_mass": (caster / 4, 0.0)}
+    return TwoWheelsAndCaster.model_validate({**known, **placed, **fields})
+
+
+def _scaled(model: TwoSidedGeometry, mass: float | None) -> dict[str, Any]:
+    paper, radius = FourWheels(), sum(model.radii) / 2
+    weight = paper.mass * (model.track / paper.track) ** MASS_TO_TRACK if mass is None else mass
+    heavier, larger = weight / paper.mass, radius / paper.height
+    spring, motor = Suspension(), Motor()
+    return {
+        "mass": weight,
+        "wheel_width": WIDTH_TO_RADIUS * radius,
+        "suspension": {
+            "stiffness": heavier * spring.stiffness,
+            "damping": heavier * spring.damping,
+        },
+        "motor": {
+            "gain": heavier * larger**2 * motor.gain,
+            "sum_gain": heavier * larger**2 * motor.sum_gain,
+            "torque": heavier * larger * motor.torque,
+            "inertia": heavier * larger**2 * motor.inertia,
+        },
+    }

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Unit
@@ -16,7 +17,6 @@ from oed.logs.log import Log
 from oed.robots.sensors.poses import AbsoluteNoise, Quantity
 from oed.simulation.physics.driving import Motion
 
-Array = npt.NDArray[np.float64]
 Frequency = Annotated[float, Unit("Hz", "10 Hz")]
 
 QUANTITIES: tuple[Quantity, ...] = ("x", "y", "heading")

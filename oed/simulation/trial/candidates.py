@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from oed.estimation.setup.alternatives import Alternative
-from oed.estimation.setup.options import CalibrationOptions, Method
+from oed.estimation.setup.options import Alternative, CalibrationOptions, Method
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors import LeverArm, Poses
-from oed.simulation.trial.options import Trial
-from oed.simulation.trial.paths import drive_flaw
+from oed.simulation.trial.options import Trial, drive_flaw
 
 if TYPE_CHECKING:
     from oed.estimation.methods.fitting import Fitting

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation.assessment.dead_reckoning import dead_reckoned
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.preprocessing.preprocess import preprocess
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 from oed.simulation.physics import Motion, PhysicsRobot, Sensing, Variation, drive
-
-Array = npt.NDArray[np.float64]
 
 STREAM = 29
 """Of the random numbers that robots and noise are drawn from."""
@@ -170,7 +168,6 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
         fit = fitting.fitted(usable).fit
     except (UserMistake, np.linalg.LinAlgError):
         return None
-    there = fit.layout.valid if fit.white.ndim == 3 and not fit.motions else np.ones(len(fit.white), bool)
-    misfit = float(np.mean(fit.white[there] ** 2))
+    misfit = float(np.mean((fit.white if fit.motions else fit.white[fit.layout.valid]) ** 2))
     estimates = fit.values[: len(fit.unknowns.parameters)]
     return np.array(estimates), fit.unknowns.parts(fit.values)[0], misfit

@@ -18,9 +18,8 @@ from oed.simulation.physics import Sensing
 from oed.simulation.physics.engine import engine_library
 from oed.simulation.trial.candidates import Candidate, candidates, readable
 from oed.simulation.trial.experiment import Bench, Found, Repeat, repeated
-from oed.simulation.trial.options import Trial
+from oed.simulation.trial.options import Trial, held_out_drives, paced_baseline
 from oed.simulation.trial.outcome import Outcome, Planned
-from oed.simulation.trial.paths import held_out_drives, paced_baseline
 
 
 def require_ready(problem: Problem, trial: Trial) -> None:
