@@ -14,7 +14,8 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.models.model import Model, coefficient_values
+from oed.robots.models.model import Model
+from oed.robots.models.twists import coefficient_values
 from oed.robots.sensors.logged import LoggedSensor, Mount
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
