@@ -78,8 +78,9 @@ class BagForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs the robot does not have."""
+        known = ", ".join(model.input_names)
         return [
-            Flaw(("log", "inputs", name), f"the robot has no input {name}; it has {_listed(model)}")
+            Flaw(("log", "inputs", name), f"the robot has no input {name}; it has {known}")
             for name in self.inputs
             if name not in model.input_names
         ]
@@ -146,10 +147,6 @@ class BagForm(LogForm):
             one_clock=False,
             found=(Finding("counter_wrapped", text),) if wraps else (),
         )
-
-
-def _listed(model: System) -> str:
-    return ", ".join(model.input_names)
 
 
 def _named_like(name: str, joints: tuple[str, ...]) -> str:
