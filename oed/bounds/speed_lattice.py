@@ -84,12 +84,7 @@ class LatticeProgram:
     """Dynamic programming over both inputs: the speeds of largest tr(Z F) under sign conditions."""
 
     def __init__(self, limits: SpeedLimits, weights: Array) -> None:
-        """Lay out the lattice.
-
-        Args:
-            limits: of the speeds.
-            weights: S (2,): F = S (sum w w') S.
-        """
+        """Lay out the lattice within limits of the speeds, for weights S (2,) of F = S (sum w w') S."""
         self.limits, self.weights = limits, weights
         self.grids = [lattice(low, high, limits.step, limits.ends) for low, high in limits.bounds]
         first, second = np.meshgrid(*self.grids, indexing="ij")

@@ -21,7 +21,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize.terms.needs import asked_of
 from oed.optimize.transcription.coarse import Grid
-from oed.optimize.transcription.epigraph import objective_of
+from oed.optimize.transcription.design import objective_of
 from oed.optimize.transcription.program import Outcome, Program
 
 Round: TypeAlias = tuple[Outcome, Evaluation]

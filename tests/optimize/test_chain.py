@@ -15,8 +15,7 @@ from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms import terms_of
 from oed.optimize.transcription.chain import ChainRule, Frame
-from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.epigraph import objective_of
+from oed.optimize.transcription.design import DesignExpressions, objective_of
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.space import DesignSpace

@@ -13,7 +13,7 @@ import pytest
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.work.signals import ending_alike, interrupts_named
-from oed.optimize.transcription.interrupts import interrupts_kept
+from oed.optimize.transcription.solver_calls import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 

@@ -115,11 +115,8 @@ class Criterion(Component, ABC):
         return f"{self.definition}, {taken}" if self.definition else taken
 
     def deviation(self, value: float, size: int) -> str:
-        """The standard deviation that a finite value stands for, in words; "" where it stands for none.
-
-        Args:
-            value: of a design.
-            size: number of parameters judged.
+        """The standard deviation that a design's finite value stands for, of `size` parameters judged, in
+        words; "" where it stands for none.
         """
         return ""
 

@@ -30,9 +30,7 @@ def _ordinal(number: int) -> str:
 def noise_text(whitening: Expression, units: Sequence[str]) -> str:
     """The noise of one reading: `a standard deviation of 5 cm`.
 
-    Args:
-        whitening: A (q, q) with A R A' = 1, as it is at any moment.
-        units: SI units of a reading's entries, (q,); () where nobody says.
+    By its whitening A (q, q) at any moment, with A R A' = 1, and SI units (q,); () where nobody says.
     """
     if ca.symvar(ca.SX(whitening)):
         return "a standard deviation that depends on the drive"

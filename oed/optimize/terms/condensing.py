@@ -14,9 +14,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Places, block_columns
+from oed.foundation.arrays import block_columns
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.blocks import backwards, begins
+from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 
 
@@ -26,15 +27,13 @@ class Condensing:
     Args:
         link: a piece and what it hands on.
         size: of z.
-        each: pieces of a run.
-        runs: how many runs there are.
-        places: where the pieces' own unknowns stand in z, (pieces, own), ascending.
+        layout: the pieces.
     """
 
-    def __init__(self, link: Link, size: int, each: int, runs: int, places: Places) -> None:
+    def __init__(self, link: Link, size: int, layout: PieceLayout) -> None:
         """Take the parts."""
-        self.link, self.size, self.each, self.runs, self.places = link, size, each, runs, places
-        self.count = each * runs
+        self.link, self.size, self.each, self.runs = link, size, layout.each, layout.space.runs
+        self.count, self.places = layout.count, layout.places
 
     def spread(self, own: Expression, width: int) -> Expression:
         """Matrices (own, width) by each piece's own unknowns, as (size, width) by z (sparse)."""

@@ -81,11 +81,7 @@ class Kernel:
 
     def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
-        pieces gather that changes, their rows.
-
-        Args:
-            first: states that runs begin with.
-            inputs: of every sample.
+        pieces gather that changes, their rows; from states that runs begin with, by every sample's inputs.
         """
         cell, count, space = self.cell, self.layout.count, self.layout.space
         ends = (np.arange(1, count + 1) * self.layout.samples - 1).tolist()

@@ -83,8 +83,7 @@ class Plan:
     @cached_property
     def condensing(self) -> Condensing:
         """How the pieces follow each other."""
-        layout = self.layout
-        return Condensing(self.link, self.terms.size, layout.each, layout.space.runs, layout.places)
+        return Condensing(self.link, self.terms.size, self.layout)
 
     @cached_property
     def ending(self) -> Ending | None:
@@ -262,7 +261,7 @@ class Sweep:
 
     @cached_property
     def _sum_slopes(self) -> Expression:
-        return self.plan.total.sums_slopes(self._groups, self._group_slopes, self._size)
+        return self.plan.total.sums_slopes(self._groups, self._group_slopes)
 
     @property
     def entry_slopes(self) -> Expression:
@@ -296,7 +295,7 @@ class Sweep:
         total = self._sum_slopes @ bent @ self._sum_slopes.T if bent.nnz() else 0
         groups, square = plan.total.weights(self._groups, weights)
         if square is not None:
-            total += plan.total.bent(self._group_slopes, square, self._size)
+            total += plan.total.bent(self._group_slopes, square)
         first, own_rows = plan.rows.weights(rows)
         last, more = self._end_curvature(groups)
         added = groups[:, plan.total.group.tolist()]

@@ -40,7 +40,7 @@ class Pieces(Terms):
         started = bool(start_nuisances(problem.measurement.joint_sensors, problem.system))
         link = Link(kernel, carry_of(problem, kernel.gathered, started=started))
         rows = PieceRows(self, layout, cell, needs)
-        self._plan = Plan(self, layout, kernel, link, Totals(problem, layout, link.added), rows)
+        self._plan = Plan(self, layout, kernel, link, Totals(self, layout, link.added), rows)
         self._whole = None if formulas is None else WholeRows(formulas, rows.states_moved)
 
     @cached_property

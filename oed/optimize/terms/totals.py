@@ -12,8 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import start_nuisances
-from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Smooth, small_drive, symmetric, upper_halves
+from oed.optimize.terms.base import Smooth, Terms, small_drive, symmetric, upper_halves
 from oed.optimize.terms.cell import cuts_of, estimated
 from oed.optimize.terms.layout import PieceLayout
 
@@ -34,9 +33,16 @@ class Totals:
         finish: their entries of the sums.
     """
 
-    def __init__(self, problem: Problem, layout: PieceLayout, added: int) -> None:
-        """Sort the pieces, each of which adds so many entries, and write the functions."""
-        self.problem, self._added = problem, added
+    def __init__(self, terms: Terms, layout: PieceLayout, added: int) -> None:
+        """Sort the pieces.
+
+        Args:
+            terms: whose matrices these are.
+            layout: the pieces.
+            added: entries that each of them adds.
+        """
+        problem = self.problem = terms.problem
+        self._added, self._size = added, terms.size
         self.sensors, self._cuts = problem.measurement.joint_sensors, cuts_of(problem)
         squared = self._cuts.segment > 1
         self.group: Places = np.repeat(np.arange(problem.design.runs), layout.each)
@@ -116,17 +122,13 @@ class Totals:
             return ca.vec(groups)
         return ca.sum2(self._square.values.map(self.groups)(groups))
 
-    def sums_slopes(self, groups: Expression, slopes: Expression, size: int) -> Expression:
-        """Derivatives (size, count) of the sums by z, from the entries' `slopes` (size * added, groups).
-
-        Args:
-            groups: entries of each group.
-            slopes: theirs by z.
-            size: of z.
+    def sums_slopes(self, groups: Expression, slopes: Expression) -> Expression:
+        """Derivatives (size, count) of the sums by z, from the `groups` and their `slopes` (size * added,
+        groups).
         """
         if self._square is None:
-            return ca.reshape(slopes, size, -1)
-        return self._wide(slopes, size) @ self._square.slope.map(self.groups)(groups).T
+            return ca.reshape(slopes, self._size, -1)
+        return self._wide(slopes) @ self._square.slope.map(self.groups)(groups).T
 
     def weights(self, groups: Expression, weights: Expression) -> tuple[Expression, Expression | None]:
         """Weights (added, groups) of the groups' entries, and the entries' own second derivatives."""
@@ -135,21 +137,20 @@ class Totals:
         own, bent = self._square.curvature.map("weights", "serial", self.groups, [1], [])(groups, weights)
         return own, bent
 
-    def bent(self, slopes: Expression, bent: Expression, size: int) -> Expression:
-        """Second derivatives (size, size) by z that squaring adds.
-
-        Args:
-            slopes: of the groups by z.
-            bent: weights of the squares.
-            size: of z.
+    def bent(self, slopes: Expression, bent: Expression) -> Expression:
+        """Second derivatives (size, size) by z that squaring adds, from the groups' slopes and those of the
+        squares.
         """
-        slope, matrix = ca.SX.sym("slope", size, self._added), ca.SX.sym("bent", self._added, self._added)
+        slope, matrix = (
+            ca.SX.sym("slope", self._size, self._added),
+            ca.SX.sym("bent", self._added, self._added),
+        )
         half = ca.Function("half", [slope, matrix], [ca.densify(slope @ matrix)])
-        wide = self._wide(slopes, size)
+        wide = self._wide(slopes)
         return wide @ half.map(self.groups)(wide, bent).T
 
-    def _wide(self, slopes: Expression, size: int) -> Expression:
-        return ca.reshape(slopes, size, self._added * self.groups)
+    def _wide(self, slopes: Expression) -> Expression:
+        return ca.reshape(slopes, self._size, self._added * self.groups)
 
 
 def _reader(matrix: Expression, index: Sequence[int] | dict[int, int]) -> Reader:

@@ -17,8 +17,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.transcription.chain import ChainRule, Frame
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.interrupts import interrupts_kept
-from oed.optimize.transcription.threads import one_thread
+from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,85 @@
+"""What surrounds a call of a compiled solver: Ctrl-C, which it swallows, and one thread of linear algebra."""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr
+from functools import cache
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import casadi
+
+from oed.foundation.work.signals import Ending, answered
+
+Control = tuple[Callable[[], int], Callable[[int], Any]]
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the end of the context if one was signalled, and lost, inside it."""
+    signalled = False
+    # An ignored signal (a worker's) is not ours to answer.
+    previous = answered()
+
+    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+        def note(number: int, frame: FrameType | None) -> None:
+            nonlocal signalled
+            signalled = True
+            # CasADi says of the exception what it is called, and in which line of its own it met it.
+            quiet.enter_context(redirect_stderr(io.StringIO()))
+            # A solver ends by the exception, whatever its wrapper then makes of it.
+            at_once = answer.at_once if isinstance(answer, Ending) else answer
+            at_once(number, frame)
+
+        return note
+
+    with ExitStack() as quiet:
+        for number, answer in previous.items():
+            signal.signal(number, noting(answer))
+        try:
+            yield
+        finally:
+            for number, answer in previous.items():
+                signal.signal(number, answer)
+    if signalled:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let CasADi's own OpenBLAS use one thread while the context lasts.
+
+    How many threads multiply two small matrices changes their last digits, and with them the design on which
+    a flat problem's search ends. Solves therefore use one thread each, in this process as in every worker;
+    parallel work is done by processes.
+    """
+    control = _openblas()
+    if control is None:
+        yield
+        return
+    get, put = control
+    before = get()
+    put(1)
+    try:
+        yield
+    finally:
+        put(before)
+
+
+@cache
+def _openblas() -> Control | None:
+    # Packages of CasADi bring an OpenBLAS under a name of their own; one built from source may not.
+    # The name with one version number is the one that Ipopt links; another name may be another copy.
+    for file in sorted(Path(casadi.__file__).parent.glob("libcasadi*openblas*.so.[0-9]")):
+        library = ctypes.CDLL(str(file))
+        for suffix in ("", "64_"):
+            get = getattr(library, f"openblas_get_num_threads{suffix}", None)
+            put = getattr(library, f"openblas_set_num_threads{suffix}", None)
+            if get is not None and put is not None:
+                return get, put
+    return None
