@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from oed.foundation.text import fixed, in_signs, listing, whole, words
+from oed.foundation.text import fixed, in_signs, listing, own_unit, whole, words
 from oed.records.stored.estimate import EstimateRecord, Finding, ReadLog, Unknown
 from oed.report.parts.section import Cell, Column, Section, Table, sized
 
@@ -42,7 +42,8 @@ def offset_clocks(record: EstimateRecord, beyond: float = CLOCKS_APART) -> str:
     """Which clocks are further apart than `beyond` [s], in words; nothing where none is."""
     sizes = [(clock_label(record, one), one.value or 0.0) for one in clocks(record)]
     far = sorted((one for one in sizes if abs(one[1]) > beyond), key=lambda one: -abs(one[1]))
-    shown = [f"{label} {1e3 * value:+.0f} ms" for label, value in far[:NAMED]]
+    unit, factor = own_unit("s")
+    shown = [f"{label} {factor * value:+.0f} {unit}" for label, value in far[:NAMED]]
     return listing([*shown, f"{len(far) - NAMED} more"] if len(far) > NAMED else shown)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.foundation.text import own_unit
 from oed.records.stored.simulation import Simulated, StoredFloor, StoredPlan
 from oed.report.figures import spec
 from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Array, Look, mark, stroke
@@ -144,7 +145,8 @@ LANE = 0.72
 """Share of a drive's lane that its fits are spread over."""
 ROW = 0.34
 """Height of a drive's lane [inch]."""
-MILLIMETRES = 1e3
+UNIT, FACTOR = own_unit("m")
+"""Of held-out errors: that of parameters."""
 FARTHEST_ERROR = 1e3
 """Times the smallest error that are shown; what is larger stands at the edge."""
 PLANNED = stroke(INK, 0.9, 4, (3, 2))
@@ -158,7 +160,7 @@ def errors(floors: Sequence[StoredFloor], fits: Sequence[str]) -> spec.Plot:
         (float(np.nanmin(one)) for one in tables if np.isfinite(one).any()), default=1.0
     )
     lanes = spec.Axis(ends=(len(drives) - 0.5, -0.5), ticks=tuple(enumerate(drives)), grid=False)
-    x = spec.Axis("held-out error", "mm", logarithmic=True, most=1)
+    x = spec.Axis("held-out error", UNIT, logarithmic=True, most=1)
     panels = [
         spec.Panel(_lanes(table, most), x, lanes, f"friction {floor.friction:g}")
         for floor, table in zip(floors, tables, strict=True)
@@ -169,9 +171,9 @@ def errors(floors: Sequence[StoredFloor], fits: Sequence[str]) -> spec.Plot:
 
 
 def _errors(floor: StoredFloor, drives: Sequence[str], fits: Sequence[str]) -> Array:
-    # Value, low and high of each, (drives, fits, 3) [mm]; not a number where there is none.
+    # Value, low and high of each, (drives, fits, 3) as shown; not a number where there is none.
     table = {(one.drive, one.fit): (one.value, one.low, one.high) for one in floor.errors}
-    return MILLIMETRES * np.array([[table[drive, fit] for fit in fits] for drive in drives], dtype=float)
+    return FACTOR * np.array([[table[drive, fit] for fit in fits] for drive in drives], dtype=float)
 
 
 def _lanes(table: Array, most: float) -> list[spec.Part]:

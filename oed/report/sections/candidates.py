@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from oed.foundation.text import fixed, significant, whole
-from oed.kernel.measurement.information import scaling_text
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetitions_of, study_aim
@@ -115,7 +114,6 @@ def criteria(record: Record) -> Section | None:
     if not kinds or len(results) < 2:
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
-    scaling = scaling_text(record.study.criterion.scaling)
     columns = (
         Column("result", cell=lambda one: one.name),
         Column(
@@ -126,7 +124,7 @@ def criteria(record: Record) -> Section | None:
     )
     return Section.of(
         "Criteria",
-        SAY("criteria", judges, scaling, record.study.prior),
+        SAY("criteria", judges, record.study.criterion.scaling, record.study.prior),
         _verdict(record, judges),
         _practically_equal(record),
         Table.of(results, columns),
@@ -174,8 +172,8 @@ def paper(record: Record) -> Section | None:
         Column("s_min(W)", "rad", FOUR, lambda one: one.smallest_singular_value),
         *(_response(unit) if unit else ()),
     )
-    absolute, scaling = regression.noise_model == "absolute", scaling_text(record.study.criterion.scaling)
-    said = SAY.paragraphs("paper", absolute, record.study.criterion, record.study.prior, scaling, unit)
+    absolute = regression.noise_model == "absolute"
+    said = SAY.paragraphs("paper", absolute, record.study.criterion, record.study.prior, unit)
     return Section.of("The paper's figures", *said, Table.of(record.results, columns))
 
 

@@ -11,7 +11,7 @@ from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Around, Error, Scatter, StoredFloor, StoredTrial
 from oed.report.figures import spread
-from oed.report.figures.spread import MILLIMETRES
+from oed.report.figures.spread import FACTOR, UNIT
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Column, Picture, Section, Table, percent
 
@@ -49,7 +49,7 @@ def _errors(trial: StoredTrial, floor: StoredFloor) -> Table:
     best = min(floor.errors, key=lambda one: math.inf if one.value is None else one.value)
 
     def column(fit: str) -> Column:
-        return Column(fit, "mm", cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
+        return Column(fit, UNIT, cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
 
     columns = (Column("calibrated from"), *(column(one.name) for one in trial.fits))
     return Table.of(dict.fromkeys(one.drive for one in floor.errors), columns, SAY("errors", floor))
@@ -59,8 +59,7 @@ def _error_text(error: Error, best: bool) -> str:
     if error.value is None:
         return "refused"
     value, low, high = (
-        "∞" if one is None else significant(3)(MILLIMETRES * one)
-        for one in (error.value, error.low, error.high)
+        "∞" if one is None else significant(3)(FACTOR * one) for one in (error.value, error.low, error.high)
     )
     return f"{value} ({low} to {high}){BEST if best else ''}"
 
