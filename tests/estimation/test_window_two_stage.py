@@ -65,6 +65,8 @@ def test_it_is_the_papers_least_squares():
     np.testing.assert_allclose(np.sqrt(np.diag(fit.inverse)), errors, rtol=1e-6)
     rows = fit.layout.count
     assert fit.redundancy.sum() == pytest.approx(3 * rows - 4)
+    # Of the motions alone: a window's first pose, which it begins with, is no residual.
+    assert fit.misfit == pytest.approx(1 - 4 / (3 * rows), rel=0.01)
 
 
 def test_without_noise_everything_is_exact():

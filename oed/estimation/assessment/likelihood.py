@@ -124,7 +124,7 @@ def _greatest(residuals: Array, shares: Array, rates: Array, parts: Sequence[int
 def _correlated(fit: Fit, *, free: bool) -> Array:
     # Windows whose noise is correlated, its size free unless it is specified.
     white = fit.white[fit.layout.valid]
-    square = float((white**2).mean()) if free else 1.0
+    square = fit.misfit if free else 1.0
     assert fit.volumes is not None
     rows = white.shape[-1]
     return np.asarray(

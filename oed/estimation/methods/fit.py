@@ -67,6 +67,11 @@ class Fit:
     volumes: Array | None = None
 
     @property
+    def misfit(self) -> float:
+        """Mean square of the residuals in units of their noise: about 1 where that is as it was specified."""
+        return float(np.mean(self.white[self.layout.valid] ** 2))
+
+    @property
     def total(self) -> Array:
         """F of all segments and of what was known before, SI, (q, q)."""
         return np.asarray(self.information.sum(axis=0) + self.knowledge)

@@ -168,6 +168,5 @@ def _calibrated(fitting: Fitting, log: Log) -> tuple[Array, Array, float] | None
         fit = fitting.fitted(usable).fit
     except (UserMistake, np.linalg.LinAlgError):
         return None
-    misfit = float(np.mean((fit.white if fit.motions else fit.white[fit.layout.valid]) ** 2))
     estimates = fit.values[: len(fit.unknowns.parameters)]
-    return np.array(estimates), fit.unknowns.parts(fit.values)[0], misfit
+    return np.array(estimates), fit.unknowns.parts(fit.values)[0], fit.misfit
