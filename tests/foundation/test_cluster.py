@@ -23,7 +23,7 @@ from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.work import cluster
 from oed.foundation.work.cluster import Connection
 from oed.foundation.work.parallel import run_tasks
-from oed.optimize import Cluster, Genetic, Ipopt, Solver, ipopt, population, solve
+from oed.optimize import Cluster, Genetic, Ipopt, Solver, genetic, ipopt, solve
 from oed.records.record import load_record
 from oed.robots.sensors import Displacements
 from oed.simulation import monte_carlo
@@ -54,7 +54,7 @@ def workers(local: distributed.LocalCluster) -> Cluster:
 def always_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Even work that is done sooner here goes to the workers."""
     monkeypatch.setattr(ipopt, "POOL_SECONDS", 0.0)
-    monkeypatch.setattr(population, "WORTH", 0.0)
+    monkeypatch.setattr(genetic, "WORTH", 0.0)
 
 
 def dying_once(task: tuple[Path, int]) -> int:

@@ -22,8 +22,8 @@ from studies import small, without_seconds, write_study
 from oed.foundation.errors import Failure
 from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
-from oed.optimize import population
-from oed.optimize.population import Population
+from oed.optimize import genetic
+from oed.optimize.genetic import Population
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
@@ -197,8 +197,8 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
         counts.append(len(tasks))
         run_tasks(function, tasks, 1, take)
 
-    monkeypatch.setattr(population, "run_tasks", counting)
-    monkeypatch.setattr(population, "WORTH", 0.0)
+    monkeypatch.setattr(genetic, "run_tasks", counting)
+    monkeypatch.setattr(genetic, "WORTH", 0.0)
     problem = problem_of()
     design = DesignExpressions(problem, refine=2, differentiated=False)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
@@ -213,7 +213,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(population, "run_tasks", None)
+    monkeypatch.setattr(genetic, "run_tasks", None)
     design = DesignExpressions(problem_of(), refine=2, differentiated=False)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
     scored = Population(design, 2, 2)
