@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
 from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
-from oed.logs.series import Array, Series, together
+from oed.logs.series import Series, together
 
 FEWEST = 3
 """Rows that a drive needs at least, of inputs and of poses."""
@@ -46,8 +46,8 @@ class RecordedDrive:
     inputs: Series
     poses: Series
     quantities: tuple[str, ...]
-    driving: npt.NDArray[np.bool_]
-    bridged: npt.NDArray[np.bool_]
+    driving: Bools
+    bridged: Bools
     one_clock: bool
     found: tuple[Finding, ...] = ()
 

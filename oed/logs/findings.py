@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.logs.log import Finding
-from oed.logs.series import Array, Series
+from oed.logs.series import Series
 
 GAP_STEPS = 5.0
 """Median steps that make a gap."""

@@ -8,8 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw
-from oed.logs.series import Array, Series
+from oed.logs.series import Series
 
 Held = Literal["next", "previous", "between"]
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.quantities import LARGEST, too_large
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
 
 MOST_OF_A_KIND = 10
 """Flaws of one kind that are named one by one; the rest is counted."""
@@ -51,7 +50,7 @@ class Series:
         """Number of rows."""
         return len(self.times)
 
-    def rows(self, chosen: Mask | Rows | slice) -> Series:
+    def rows(self, chosen: Bools | Rows | slice) -> Series:
         """Some of the series' rows."""
         return replace(self, times=self.times[chosen], values=self.values[chosen], lines=self.lines[chosen])
 

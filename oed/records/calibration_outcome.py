@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
+from oed.foundation.arrays import Array
 from oed.records.stored.door import FORMAT
 from oed.records.stored.estimate import (
     ComparedModel,
@@ -28,8 +28,6 @@ from oed.records.stored.estimate import (
     Unknown,
     UnseenLogs,
 )
-
-Array = npt.NDArray[np.float64]
 
 PATHS, POINTS = 12, 400
 """How many paths are kept for drawing, and how many points of each."""

@@ -11,9 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.bounds import LOOSE, Certificate, gap
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.problem import Problem
@@ -44,8 +44,6 @@ from oed.records.stored.study_record import (
 from oed.simulation import Validation
 from oed.simulation.trial.candidates import Candidate
 from oed.simulation.trial.outcome import Floor, Outcome, Planned
-
-Array = npt.NDArray[np.float64]
 
 PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
 """Packages whose versions a record names: those that compute."""

@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, PathFileError
 from oed.foundation.files import text_of, write_text
 from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-
-Array = npt.NDArray[np.float64]
 
 EVEN = 1e-3
 """Share of the period by which a step in time may be off the even grid."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from oed.bounds import Certificate, bound, bound_on
 from oed.foundation.errors import LogError
@@ -28,8 +27,6 @@ from oed.records.stored.study_record import StoredCertificate
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work
-
-Array = npt.NDArray[np.float64]
 
 Proved = Certificate | StoredCertificate
 """What is proved of all drives: those that satisfy the limits exactly, and those within the tolerance."""

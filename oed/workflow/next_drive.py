@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
 from oed.foundation.component import OneOf
@@ -27,8 +26,6 @@ from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
 from oed.workflow.saving import RunFolder, outdated, run_folder
-
-Array = npt.NDArray[np.float64]
 
 LEAST_GAIN = 0.05
 """Share of the standard error that another drive has to take away to be worth driving."""

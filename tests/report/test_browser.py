@@ -41,12 +41,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def opened(page: Path, fragment: str, profile: Path) -> tuple[str, list[str]]:
-    """The page's elements after two seconds of its own time, and what it wrote to the console."""
+    """The page's elements after ten seconds of its own time, and what it wrote to the console."""
     command = [
         str(BROWSER),
         *FLAGS,
         f"--user-data-dir={profile}",
-        "--virtual-time-budget=2000",
+        "--virtual-time-budget=10000",
         "--dump-dom",
         f"{page.as_uri()}{fragment}",
     ]

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from oed.foundation.arrays import Bools
 from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
-from oed.logs.series import Mask, Rows, Series, together
+from oed.logs.series import Rows, Series, together
 from oed.logs.tables.sheet import Sheet, distinct_rows
 
 
@@ -155,7 +156,7 @@ def _with_anything(series: Series, rows: Rows) -> Rows:
     return rows[~(np.isnan(series.times[rows]) & np.isnan(series.values[rows]).all(axis=1))]
 
 
-def _ends_needed(sheet: Sheet, model: System) -> tuple[Mask, Mask]:
+def _ends_needed(sheet: Sheet, model: System) -> tuple[Bools, Bools]:
     needed = [column.ends_needed(entry) for column, entry in zip(sheet.columns, model.inputs, strict=True)]
     first, last = np.array(needed, dtype=bool).T
     return first, last

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.system import System
-from oed.logs.series import Array, Mask, Rows, Series, together
+from oed.logs.series import Rows, Series, together
 from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.table import Table, read_table
@@ -79,7 +80,7 @@ class Sheet:
     columns: tuple[InputColumn, ...]
     same_rows: bool
     own_clock: bool
-    kept: Mask
+    kept: Bools
     cut_off: bool
 
 
@@ -193,7 +194,7 @@ def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, 
     return {name: known[name] for name in model.states if name in known}
 
 
-def _kept(table: Table, keep: Mapping[str, Wanted]) -> Mask:
+def _kept(table: Table, keep: Mapping[str, Wanted]) -> Bools:
     kept = np.ones(len(table.rows), dtype=bool)
     for name, wanted in keep.items():
         place = table.place(name, "keep")

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
-from oed.logs.series import Array, Rows, shortened
+from oed.logs.series import Rows, shortened
 
 BLANKS = " "
 """Stands for any number of blanks between cells."""

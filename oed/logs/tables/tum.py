@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
-from oed.logs.series import Array, Series, shortened
+from oed.logs.series import Series, shortened
 from oed.logs.tables.table import BLANKS, read_table
 
 NAMES = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")

@@ -6,9 +6,9 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.records.stored.door import SavedFile
 from oed.records.stored.parts import (
     Count,
@@ -26,7 +26,6 @@ from oed.records.stored.parts import (
 )
 from oed.records.stored.study_record import Provenance
 
-Array = npt.NDArray[np.float64]
 Maybe = Number | None
 Column = list[Maybe]
 Drawn = Annotated[Column, Rounded(4)]

@@ -6,9 +6,9 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
@@ -68,7 +68,7 @@ class StoredDrive(Stored):
         )
 
     @property
-    def by_run(self) -> list[npt.NDArray[np.float64]]:
+    def by_run(self) -> list[Array]:
         """The poses of every run at its samples, each (N + 1, states)."""
         return np.split(np.array(self.poses, dtype=float), self.runs)
 

@@ -8,11 +8,12 @@ from statistics import NormalDist
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import unit_for, unit_text, words
 from oed.records.stored.estimate import Correlations, EstimateRecord, FoundNoise, ReckonedPath
 from oed.records.stored.estimate import Residuals as StoredResiduals
 from oed.report.figures import spec
-from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Array, Look, mark, stroke
+from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Look, mark, stroke
 
 SHADES = (FIRST, "#8fa9c2")
 """Of logs one after the other."""

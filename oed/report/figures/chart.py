@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import unit_text
 from oed.report.figures import spec
-from oed.report.figures.spec import FAINT, FIRST, INK, Array, Ends, Look, Values, line_look, mark, stroke
+from oed.report.figures.spec import FAINT, FIRST, INK, Ends, Look, Values, line_look, mark, stroke
 from oed.report.parts.inputs import Group, Series
 
 BEYOND = 0.3

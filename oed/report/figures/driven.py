@@ -8,16 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array, Places
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.reading import NOWHERE, heading, segments, with_drive
 from oed.robots.limits import Obstacle, Workspace
 from oed.robots.limits.shapes import Outline
 from oed.robots.models.arcs import goes_sideways, signed_speeds
-
-Array = npt.NDArray[np.float64]
 
 SLENDER = 1.35
 """How far a player's triangle reaches from the origin, in half its width."""
@@ -133,7 +131,7 @@ class Run:
     y: Array
     heading: Array
     speed: Array
-    edges: npt.NDArray[np.int64]
+    edges: Places
     trailer: Array | None = None
 
     @property

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.report.figures import spec
-from oed.report.figures.driven import Array, Box, Path, Room, Run
+from oed.report.figures.driven import Box, Path, Room, Run
 from oed.report.figures.spec import FAINT, INK, WIDTH, Look, legend_columns, mark, stroke
 from oed.report.parts.reading import NOWHERE
 from oed.robots.limits.shapes import Outline

@@ -12,10 +12,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import unit_text
 from oed.robots.limits.shapes import Outline
 
-Array = npt.NDArray[np.float64]
 Look = Mapping[str, Any]
 Values = npt.NDArray[Any] | Sequence[float]
 Ends = tuple[float, float]

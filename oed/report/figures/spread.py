@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import own_unit
 from oed.records.stored.simulation import Simulated, StoredFloor, StoredPlan
 from oed.report.figures import spec
-from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Array, Look, mark, stroke
+from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Look, mark, stroke
 
 DOTS = mark("o", 6, FIRST, 1.0, 3, FIRST)
 CROSSES = mark("x", 6, INK, 1.0, 3)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.records.stored.result import Result
 from oed.report.parts.reading import heading
 from oed.robots.models.arcs import finer
-
-Array = npt.NDArray[np.float64]
 
 PAUSE = 0.6
 """Rest between two runs [s of the film]."""

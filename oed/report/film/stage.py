@@ -14,11 +14,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
+from oed.foundation.arrays import Array
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.figures import spec
 from oed.report.figures.draw import as_drawn, drawn
-from oed.report.figures.driven import Array, Box, Room, robot_width, room_of, view_of
+from oed.report.figures.driven import Box, Room, robot_width, room_of, view_of
 from oed.report.figures.paths import END, START, axes, scaled, surroundings
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, mark, stroke
 from oed.report.film.cast import Cast

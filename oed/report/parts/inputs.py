@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import in_degrees, words
 from oed.kernel.dynamics.system import Input
 from oed.kernel.limit import InputLimit
@@ -16,7 +16,6 @@ from oed.report.parts.reading import heading
 from oed.robots.models.model import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
-Array = npt.NDArray[np.float64]
 Bounds = tuple[float, float]
 
 PER_SAMPLE = 4

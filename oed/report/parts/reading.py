@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
-import numpy.typing as npt
-
 from oed.foundation.component import Component
 from oed.foundation.text import deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
@@ -16,8 +13,6 @@ from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredNuisance, StoredParameter
 from oed.report.parts.prose import Prose
 from oed.robots.sensors import Displacements
-
-Array = npt.NDArray[np.float64]
 
 SAY = Prose("reading")
 NOWHERE = 1e-3

@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import Kinematics, kinematics
 from oed.robots.baselines.patterns import Move
 from oed.robots.limits.workspace import workspace_of
-
-Counts = npt.NDArray[np.int64]
 
 STEERING_TIME = 0.25
 """Time of a change of steering angle [s] where nothing limits its rate."""
@@ -150,7 +147,7 @@ def _steering_time(turned: Array, bounds: Array) -> float:
 
 def _periods(
     problem: Problem, profiles: Sequence[Trapezoid], changes: Sequence[_Change]
-) -> tuple[Counts, Counts]:
+) -> tuple[Places, Places]:
     # Periods of every move and every change, the whole run together; changes wait only where all must hurry.
     space = problem.design
     durations = np.array([profile.duration for profile in profiles])
@@ -165,10 +162,10 @@ def _periods(
     return counts[: len(profiles)], counts[len(profiles) :]
 
 
-def _shared(total: int, weights: Array) -> Counts:
+def _shared(total: int, weights: Array) -> Places:
     # Whole numbers in proportion to `weights` whose sum is `total`.
     exact = total * weights / weights.sum()
-    shares: Counts = np.floor(exact).astype(np.int64)
+    shares: Places = np.floor(exact).astype(np.int64)
     largest = np.argsort(shares - exact, kind="stable")[: total - int(shares.sum())]
     shares[largest] += 1
     return shares

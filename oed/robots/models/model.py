@@ -13,9 +13,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, PrivateAttr, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, UserMistake
 from oed.foundation.own.code import in_words
@@ -23,8 +23,6 @@ from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
 from oed.robots.models.arcs import Integration, chord
-
-Array = npt.NDArray[np.float64]
 
 RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
@@ -278,7 +276,7 @@ class Model(Component, System):
         """Of a robot with a trailer how far behind its origin the hitch is, and the axle behind that [m]."""
         return None
 
-    def body(self, states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def body(self, states: Array) -> Array:
         """Positions (n, joints, 2) [m] of what it tows, in these states (n, states): hitch and axle."""
         return np.zeros((len(states), 0, 2))
 

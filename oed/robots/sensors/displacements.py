@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse
 from pydantic import Field
 
+from oed.foundation.arrays import Places
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Angle, Length
@@ -99,7 +99,7 @@ class Displacements(Measurement):
         """P for a drive of that many samples."""
         return samples if self.segments == "samples" else self.segments
 
-    def segment_edges(self, samples: int, runs: int = 1) -> npt.NDArray[np.int64]:
+    def segment_edges(self, samples: int, runs: int = 1) -> Places:
         """Sample indices (P + 1,) at which segments begin and end; those of several runs of that many samples
         follow each other.
         """
