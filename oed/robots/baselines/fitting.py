@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,14 +18,22 @@ BISECTIONS = 20
 """Halvings between two sizes: to a millionth of their difference."""
 REFINEMENTS = 18
 """Halvings of the largest size that fits: to 4e-6 of the step between sizes scanned."""
+COARSE = 5
+"""The same while laps and places are compared: to one in a hundred."""
+FALLING = 2
+"""Numbers of laps in a row that are worse than the best after which more are not tried."""
 SCANNED = 24
 """Sizes scanned close together, a quarter apart: a room's narrow passages allow sizes in between."""
 SCANNED_RATIO = 200.0
 """The largest over the smallest of these: below, a path is a two-hundredth of the room."""
+SCANNED_STEP = SCANNED_RATIO ** (1 / (SCANNED - 1))
+"""Ratio of each of these to the next."""
 TAIL = 5
 """Further sizes below those, for limits that allow small ones only."""
 TAIL_RATIO = 4.0
 """Ratio of each of these to the next."""
+SMALLEST = SCANNED_RATIO * TAIL_RATIO**TAIL
+"""The largest size over the smallest that is tried."""
 MOST_LAPS = 50
 """Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8
@@ -42,27 +50,111 @@ class Shape:
         drive: of a size, in m for a pattern.
         largest: size beyond which none fits.
         fits: whether the samples suffice for that many laps.
+        seconds: least time [s] that a drive of a size and number of laps takes.
     """
 
     drive: Callable[[float, int], Trajectory]
     largest: float
     fits: Callable[[int], bool]
+    seconds: Callable[[float, int], float]
 
 
-def largest(problem: Problem, shape: Shape) -> Trajectory:
-    """The largest size that satisfies every limit; where none does, a small one, whose violations say why."""
+def chosen(problem: Problem, shapes: Sequence[Shape], most: int) -> tuple[Shape, int, float]:
+    """The family and the number of laps whose largest drive has the largest objective, and a size [m] that
+    this drive does not exceed.
+
+    Args:
+        problem: that the drives are made for.
+        shapes: families of drives, the simplest first.
+        most: laps at most.
+    """
+    best: _Found | None = None
+    for shape in shapes:
+        below, falling, laps = math.inf, 0, 1
+        while laps <= most and falling < FALLING and below > 0:
+            found = _tried(problem, shape, laps, below)
+            better = found is not None and (best is None or found.worth > best.worth)
+            best, falling = (found, 0) if better else (best, falling + 1)
+            below, laps = 0.0 if found is None else found.size, 2 * laps
+    if best is None:
+        return shapes[0], 1, math.inf
+    for laps in (3 * best.laps // 4, 3 * best.laps // 2):
+        found = _tried(problem, best.shape, laps, math.inf) if 0 < laps <= most else None
+        best = found if found is not None and found.worth > best.worth else best
+    return best.shape, best.laps, SCANNED_STEP * best.size
+
+
+@dataclass(frozen=True)
+class _Found:
+    # The largest drive of a number of laps, roughly, and its worth: of drives that say nothing, the length.
+    shape: Shape
+    laps: int
+    size: float
+    worth: tuple[float, float]
+
+
+def _tried(problem: Problem, shape: Shape, laps: int, below: float) -> _Found | None:
+    if not shape.fits(laps):
+        return None
+    size = largest_size(problem, shape, laps, below=below, halvings=COARSE)
+    if size is None:
+        return None
+    evaluation = evaluate(problem, shape.drive(size, laps))
+    return _Found(shape, laps, size, (evaluation.objective, evaluation.path_length))
+
+
+def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = math.inf) -> Trajectory:
+    """The largest size that satisfies every limit; where none does, a small one, whose violations say why.
+
+    Args:
+        problem: with the limits.
+        shape: the family of drives.
+        laps: how many.
+        below: size [m] that is not exceeded.
+    """
+    size = largest_size(problem, shape, laps, below=below)
+    return shape.drive(shape.largest / 4 if size is None else size, laps)
+
+
+def largest_size(
+    problem: Problem, shape: Shape, laps: int, *, below: float = math.inf, halvings: int = REFINEMENTS
+) -> float | None:
+    """The largest size [m] that satisfies every limit; None where none does.
+
+    Args:
+        problem: with the limits.
+        shape: the family of drives.
+        laps: how many.
+        below: size [m] that is not exceeded.
+        halvings: of the step between the sizes scanned.
+    """
 
     def exceeded(size: float) -> frozenset[str]:
-        return _exceeded(problem, shape.drive(size, 1))
+        return _exceeded(problem, shape.drive(size, laps))
 
-    found = _scanned(exceeded, shape.largest)
+    # Hurried drives exceed their limits of speed and acceleration: they need not be scored to know it.
+    most = _in_time(problem, shape, laps, min(shape.largest, below))
+    found = None if most is None else _scanned(exceeded, most)
     if found is None:
-        return shape.drive(shape.largest / 4, 1)
+        return None
     low, high = found
-    for _ in range(REFINEMENTS if low < high else 0):
+    for _ in range(halvings if low < high else 0):
         middle = (low + high) / 2
         low, high = (low, middle) if exceeded(middle) else (middle, high)
-    return shape.drive(low, 1)
+    return low
+
+
+def _in_time(problem: Problem, shape: Shape, laps: int, most: float) -> float | None:
+    # The largest size that the duration allows; None where none does.
+    duration, low, high = problem.design.duration, most / SMALLEST, most
+    if shape.seconds(high, laps) <= duration:
+        return most
+    if shape.seconds(low, laps) > duration:
+        return None
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if shape.seconds(middle, laps) <= duration else (low, middle)
+    return low
 
 
 def _scanned(exceeded: Callable[[float], frozenset[str]], most: float) -> tuple[float, float] | None:

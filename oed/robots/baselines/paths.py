@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -13,10 +14,11 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, unscored
-from oed.robots.baselines.fitting import Shape, largest, of_length
+from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest, of_length
 from oed.robots.baselines.kinematics import kinematics
-from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, Move, Pattern
-from oed.robots.baselines.schedule import least_samples, starts, stretched
+from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, VARIANTS, Move
+from oed.robots.baselines.placing import Placement, approach, joined, placements, start_of
+from oed.robots.baselines.schedule import least_samples, least_seconds, starts, stretched
 from oed.robots.limits.workspace import workspace_of
 
 STREAM = 17
@@ -24,7 +26,10 @@ STREAM = 17
 
 
 def baselines(problem: Problem, name: str, *, length: float | None = None, seed: int = 0) -> list[Solution]:
-    """One baseline as large as the limits allow, and where asked again with a given length, scored.
+    """One baseline as a careful person would drive it, and where asked again with a given length, scored.
+
+    Of the places in the room and the numbers of laps that the duration allows, each as large as the limits
+    allow, it is the drive of the largest objective.
 
     Args:
         problem: whose limits, duration and start it is made for.
@@ -39,11 +44,17 @@ def baselines(problem: Problem, name: str, *, length: float | None = None, seed:
     text = text or refusal(problem, name)
     if text:
         raise ProblemError.about(("baselines",), text)
-    shape = _random_shape(problem, seed) if name == RANDOM else _pattern_shape(problem, PATTERNS[name])
-    scored = [_scored(problem, name, largest(problem, shape), seed)]
+    if name == RANDOM:
+        shapes = [_random_shape(problem, seed)]
+    else:
+        most = _largest_size(problem)
+        ways = (PATTERNS[name], *VARIANTS.get(name, ()))
+        shapes = [_placed(problem, one) for way in ways for one in placements(problem, way, most)]
+    shape, laps, below = chosen(problem, shapes, 1 if name == RANDOM else MOST_LAPS)
+    scored = [_scored(problem, name, largest(problem, shape, laps, below=below), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
-        fitted = of_length(problem, shape, length, most)
+        fitted = of_length(problem, shape, length, most / laps)
         scored.append(_scored(problem, f"{name}_same_length", fitted, seed))
     return scored
 
@@ -70,19 +81,23 @@ def _limits_exceeded(evaluation: Evaluation) -> str:
     return f"It cannot be driven here: it exceeds {', '.join(evaluation.violations)}."
 
 
-def _pattern_shape(problem: Problem, pattern: Pattern) -> Shape:
-    size = largest_size(problem)
-
+def _placed(problem: Problem, placement: Placement) -> Shape:
     def moves(size: float, laps: int) -> list[Move]:
-        return [move for lap in range(laps) for move in pattern(size, lap)]
+        pose, pattern = placement.pose(size), placement.laps(size, laps)
+        if pose is None or problem.fixed_starts is None:
+            return pattern
+        return joined([*approach(start_of(problem), pose), *pattern])
 
     def drive(size: float, laps: int) -> Trajectory:
-        return stretched(problem, moves(size, laps))
+        return stretched(problem, moves(size, laps), placement.pose(size))
 
     def fits(laps: int) -> bool:
-        return least_samples(problem, moves(size, laps)) <= problem.design.samples
+        return least_samples(problem, moves(placement.largest, laps)) <= problem.design.samples
 
-    return Shape(drive, size, fits)
+    def seconds(size: float, laps: int) -> float:
+        return least_seconds(problem, moves(size, laps))
+
+    return Shape(drive, placement.largest, fits, seconds)
 
 
 def _random_shape(problem: Problem, seed: int) -> Shape:
@@ -97,10 +112,10 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
         table = rest + size * (draws - rest)
         return space.trajectory(np.where(held[:, None], table, 0.0), starts(problem))
 
-    return Shape(drive, 1.0, lambda laps: True)
+    return Shape(drive, 1.0, lambda laps: True, lambda size, laps: 0.0)
 
 
-def largest_size(problem: Problem) -> float:
+def _largest_size(problem: Problem) -> float:
     """A size [m] beyond which no pattern fits the room or the duration."""
     speeds = problem.input_bounds[kinematics(problem.model).drives]
     reach = float(np.abs(speeds).max()) * problem.design.duration
@@ -108,7 +123,7 @@ def largest_size(problem: Problem) -> float:
     if room is None:
         return reach
     x_min, x_max, y_min, y_max = room.extent
-    return min(max(x_max - x_min, y_max - y_min), reach)
+    return min(math.hypot(x_max - x_min, y_max - y_min), reach)
 
 
 @lru_cache(maxsize=16)
@@ -138,7 +153,7 @@ def refusal(problem: Problem, name: str) -> str:
 def _obstacle(problem: Problem, name: str) -> str:
     if name not in PATTERNS or name == RANDOM:
         return ""
-    moves = PATTERNS[name](largest_size(problem), 0)
+    moves = PATTERNS[name](_largest_size(problem), 0)
     _, made = kinematics(problem.model).directions(moves, problem.input_bounds)
     for move, possible in zip(moves, made, strict=True):
         if not possible:

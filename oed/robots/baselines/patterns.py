@@ -54,6 +54,12 @@ def square(size: float, lap: int) -> list[Move]:
     return left + right
 
 
+def square_over_again(size: float, lap: int) -> list[Move]:
+    """The same with a quarter turn between the rounds, after which both have the same corners."""
+    both = square(size, lap)
+    return [*both[:8], Move(0.0, RIGHT_ANGLE), *both[8:], Move(0.0, -RIGHT_ANGLE)]
+
+
 def rounded_square(size: float, lap: int) -> list[Move]:
     """A square of width `size` in both directions whose corners are quarter circles of radius size / 4."""
     corner = RIGHT_ANGLE * size / 4
@@ -110,6 +116,8 @@ PATTERNS: dict[str, Pattern] = {
     )
 }
 """The patterns by the names that studies call them; a new one is a function above and its name here."""
+VARIANTS: dict[str, tuple[Pattern, ...]] = {"square": (square_over_again,)}
+"""Other ways to drive a pattern, of which the best counts."""
 RANDOM = "random"
 """Name of the baseline that is no pattern."""
 NAMES: tuple[str, ...] = (*PATTERNS, RANDOM)

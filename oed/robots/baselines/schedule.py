@@ -14,32 +14,35 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import Kinematics, kinematics
 from oed.robots.baselines.patterns import Move
-from oed.robots.limits.workspace import workspace_of
+from oed.robots.baselines.placing import Pose, start_of
 
 STEERING_TIME = 0.25
 """Time of a change of steering angle [s] where nothing limits its rate."""
 
 
-def starts(problem: Problem) -> Array:
-    """Start states (runs, states): where the study says, or in the middle of the room."""
+def starts(problem: Problem, pose: Pose | None = None) -> Array:
+    """Start states (runs, states): where the study says, or at a pose (x, y, heading) where it is free."""
     if problem.fixed_starts is not None:
         return problem.fixed_starts
-    room = workspace_of(problem.limits)
-    x, y = (0.0, 0.0) if room is None else room.middle
-    return problem.start_states([(x, y, 0.0)] * problem.design.runs)
+    return problem.start_states([pose or start_of(problem)] * problem.design.runs)
 
 
-def stretched(problem: Problem, moves: Sequence[Move]) -> Trajectory:
+def stretched(problem: Problem, moves: Sequence[Move], pose: Pose | None = None) -> Trajectory:
     """The drive of these moves, in every run the same.
 
     Every move is at the limits of speed and acceleration, then all are slowed (or hurried) to the duration.
+
+    Args:
+        problem: with the limits, the duration and the start.
+        moves: one after the other.
+        pose: where a free start is; None for the middle of the room.
     """
     space, inverse = problem.design, kinematics(problem.model)
     inputs = _steered(problem, moves, inverse) if inverse.steers else _unsteered(problem, moves, inverse)
     return Trajectory.from_samples(
         np.tile(inputs, (space.runs, 1)),
         space.whole_duration,
-        starts(problem),
+        starts(problem, pose),
         rest_to_rest=space.rest_to_rest,
         runs=space.runs,
     )
@@ -55,11 +58,39 @@ def least_samples(problem: Problem, moves: Sequence[Move]) -> int:
     return len(moves) + sum(change.least for change in changes)
 
 
+def least_seconds(problem: Problem, moves: Sequence[Move]) -> float:
+    """The time [s] that a drive of these moves takes at the limits of speed and acceleration."""
+    inverse = kinematics(problem.model)
+    directions, _ = inverse.directions(moves, problem.input_bounds)
+    profiles = _profiles(problem, moves, directions)
+    if not inverse.steers:
+        return sum(profile.duration for profile in profiles)
+    moving = _moving(problem, profiles)
+    return problem.design.period * float(
+        moving.sum() + sum(change.fastest for change in _changes(problem, directions[:, inverse.steers]))
+    )
+
+
+def _profiles(problem: Problem, moves: Sequence[Move], directions: Array) -> list[Trapezoid]:
+    # Laps repeat their moves.
+    known: dict[Move, Trapezoid] = {}
+    for move, direction in zip(moves, directions, strict=True):
+        if move not in known:
+            known[move] = Trapezoid.fastest(problem, direction)
+    return [known[move] for move in moves]
+
+
+def _moving(problem: Problem, profiles: Sequence[Trapezoid]) -> Counts:
+    # Whole periods that each move takes at least.
+    durations = np.array([profile.duration for profile in profiles])
+    return np.maximum(np.ceil(durations / problem.design.period - 1e-9), 1).astype(np.int64)
+
+
 def _unsteered(problem: Problem, moves: Sequence[Move], inverse: Kinematics) -> Array:
     # Inputs (N, inputs): the moves one straight after the other.
     space = problem.design
     directions, _ = inverse.directions(moves, problem.input_bounds)
-    profiles = [Trapezoid.fastest(problem, direction) for direction in directions]
+    profiles = _profiles(problem, moves, directions)
     total = sum(profile.duration for profile in profiles)
     edges = np.linspace(0.0, space.duration, space.samples + 1) * (total / space.duration)
     wanted = inverse.wanted(moves)
@@ -78,7 +109,7 @@ def _steered(problem: Problem, moves: Sequence[Move], inverse: Kinematics) -> Ar
     space = problem.design
     directions, _ = inverse.directions(moves, problem.input_bounds)
     held, wanted = directions[:, inverse.steers], inverse.wanted(moves)
-    profiles = [Trapezoid.fastest(problem, direction) for direction in directions]
+    profiles = _profiles(problem, moves, directions)
     changes = _changes(problem, held)
     moving, standing = _periods(problem, profiles, changes)
     angles, twists = [], []
@@ -151,7 +182,7 @@ def _periods(
     # Periods of every move and every change, the whole run together; changes wait only where all must hurry.
     space = problem.design
     durations = np.array([profile.duration for profile in profiles])
-    moving = np.maximum(np.ceil(durations / space.period - 1e-9), 1).astype(np.int64)
+    moving = _moving(problem, profiles)
     standing = np.array([change.fastest for change in changes])
     spare = space.samples - int(moving.sum() + standing.sum())
     if spare >= 0:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from oed.foundation.component import Component, OneOf
@@ -76,7 +77,11 @@ class Area(PathLimit):
             y: of the robot's origin [m].
             radius: of the robot's body [m].
         """
-        rows = self.rows_for(ca.DM([[x, y]]), radius)
+        return self.allow(np.array([[x, y]]), radius)
+
+    def allow(self, points: npt.NDArray[np.float64], radius: float = 0.0) -> bool:
+        """Whether a robot of that radius [m] may have its origin at each of the points (G, 2) [m]."""
+        rows = self.rows_for(ca.DM(points), radius)
         values = np.array(ca.evalf(rows.expression)).ravel()
         return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))
 
