@@ -10,6 +10,11 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, scored
+from oed.robots.baselines.fitting import largest
+from oed.robots.baselines.paths import largest_size, placed
+from oed.robots.baselines.patterns import PATTERNS
+from oed.robots.baselines.placing import Placement, start_of
 from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
@@ -94,3 +99,10 @@ def upper_bound(segments: int, radius: float = RADIUS, track: float = TRACK) -> 
 def check_all(errors: np.ndarray, covariance: np.ndarray, alpha: float) -> tuple[Check, ...]:
     """All tests of errors (R, p) against the covariance (p, p) that was predicted of them."""
     return check_tally(Tally.of(errors, covariance), alpha)
+
+
+def driven_once(problem: Problem, name: str) -> Solution:
+    """A baseline's pattern driven once from the study's start as it is, as large as the limits allow."""
+    heading = start_of(problem)[2]
+    shape = placed(problem, Placement(PATTERNS[name], largest_size(problem), heading))
+    return scored(problem, largest(problem, shape), name)

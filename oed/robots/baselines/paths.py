@@ -47,9 +47,9 @@ def baselines(problem: Problem, name: str, *, length: float | None = None, seed:
     if name == RANDOM:
         shapes = [_random_shape(problem, seed)]
     else:
-        most = _largest_size(problem)
+        most = largest_size(problem)
         ways = (PATTERNS[name], *VARIANTS.get(name, ()))
-        shapes = [_placed(problem, one) for way in ways for one in placements(problem, way, most)]
+        shapes = [placed(problem, one) for way in ways for one in placements(problem, way, most)]
     shape, laps, below = chosen(problem, shapes, 1 if name == RANDOM else MOST_LAPS)
     scored = [_scored(problem, name, largest(problem, shape, laps, below=below), seed)]
     if length is not None:
@@ -81,7 +81,9 @@ def _limits_exceeded(evaluation: Evaluation) -> str:
     return f"It cannot be driven here: it exceeds {', '.join(evaluation.violations)}."
 
 
-def _placed(problem: Problem, placement: Placement) -> Shape:
+def placed(problem: Problem, placement: Placement) -> Shape:
+    """The drives of a pattern that lies so in the room, of any size and number of laps."""
+
     def moves(size: float, laps: int) -> list[Move]:
         pose, pattern = placement.pose(size), placement.laps(size, laps)
         if pose is None or problem.fixed_starts is None:
@@ -115,7 +117,7 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
     return Shape(drive, 1.0, lambda laps: True, lambda size, laps: 0.0)
 
 
-def _largest_size(problem: Problem) -> float:
+def largest_size(problem: Problem) -> float:
     """A size [m] beyond which no pattern fits the room or the duration."""
     speeds = problem.input_bounds[kinematics(problem.model).drives]
     reach = float(np.abs(speeds).max()) * problem.design.duration
@@ -153,7 +155,7 @@ def refusal(problem: Problem, name: str) -> str:
 def _obstacle(problem: Problem, name: str) -> str:
     if name not in PATTERNS or name == RANDOM:
         return ""
-    moves = PATTERNS[name](_largest_size(problem), 0)
+    moves = PATTERNS[name](largest_size(problem), 0)
     _, made = kinematics(problem.model).directions(moves, problem.input_bounds)
     for move, possible in zip(moves, made, strict=True):
         if not possible:

@@ -8,15 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from oed.foundation.arrays import Array
 from oed.kernel.problem import Problem
 from oed.robots.baselines.kinematics import kinematics
 from oed.robots.baselines.patterns import Move, Pattern
 from oed.robots.limits.workspace import Area, Rectangle, workspace_of
 from oed.robots.models.model import robot_of
 
-Array = npt.NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 HEADINGS = 8
@@ -138,8 +137,10 @@ def _can_leave(problem: Problem) -> bool:
     # Runs that begin apart would each need a way of its own.
     if starts is None or len(np.unique(starts, axis=0)) > 1:
         return False
-    _, made = kinematics(problem.model).directions([Move(0.0, 1.0), Move(1.0, 0.0)], problem.input_bounds)
-    return bool(made.all())
+    bounds, inverse = problem.input_bounds, kinematics(problem.model)
+    values, made = inverse.directions([Move(0.0, 1.0), Move(0.0, -1.0), Move(1.0, 0.0)], bounds)
+    allowed = (values <= 0) | (bounds[:, 1] > 0), (values >= 0) | (bounds[:, 0] < 0)
+    return bool(made.all() and all(one[:, inverse.drives].all() for one in allowed))
 
 
 def _anchored(problem: Problem, pattern: Pattern, most: float) -> Placement:

@@ -80,7 +80,7 @@ def _profiles(problem: Problem, moves: Sequence[Move], directions: Array) -> lis
     return [known[move] for move in moves]
 
 
-def _moving(problem: Problem, profiles: Sequence[Trapezoid]) -> Counts:
+def _moving(problem: Problem, profiles: Sequence[Trapezoid]) -> Places:
     # Whole periods that each move takes at least.
     durations = np.array([profile.duration for profile in profiles])
     return np.maximum(np.ceil(durations / problem.design.period - 1e-9), 1).astype(np.int64)
