@@ -55,7 +55,7 @@ def square(size: float, lap: int) -> list[Move]:
 
 
 def square_over_again(size: float, lap: int) -> list[Move]:
-    """The same with a quarter turn between the rounds, after which both have the same corners."""
+    """A square in both directions with a quarter turn between, so that both rounds have the same corners."""
     both = square(size, lap)
     return [*both[:8], Move(0.0, RIGHT_ANGLE), *both[8:], Move(0.0, -RIGHT_ANGLE)]
 

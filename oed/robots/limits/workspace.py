@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Length
@@ -79,7 +79,7 @@ class Area(PathLimit):
         """
         return self.allow(np.array([[x, y]]), radius)
 
-    def allow(self, points: npt.NDArray[np.float64], radius: float = 0.0) -> bool:
+    def allow(self, points: Array, radius: float = 0.0) -> bool:
         """Whether a robot of that radius [m] may have its origin at each of the points (G, 2) [m]."""
         rows = self.rows_for(ca.DM(points), radius)
         values = np.array(ca.evalf(rows.expression)).ravel()
