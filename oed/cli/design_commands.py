@@ -33,21 +33,42 @@ def _searched(options: argparse.Namespace, out: Path | None, **more: Any) -> tup
     return record, CommandResult(record.folder, out, trouble, record.interrupted)
 
 
+def _found(options: argparse.Namespace, record: Record) -> None:
+    # The answer, and what went wrong; the numbers behind it for those who ask, or where there is no answer.
+    from oed.cli.terminal.console import print_answer, print_certificate, print_messages, print_results
+    from oed.report.answer import answer_of
+
+    answer = answer_of(record)
+    if answer is not None:
+        print_answer(answer)
+    if answer is None or options.verbose:
+        print_results(record.results, record.robustness)
+        if record.certificate is not None:
+            print_certificate(record.certificate)
+    else:
+        print_messages(one for one in record.results if one.origin == "search" and not one.feasible)
+
+
+def _add_verbose(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--verbose", action="store_true", help="print objectives, every drive, violations and bounds too"
+    )
+
+
 def _solve_arguments(parser: argparse.ArgumentParser) -> None:
     add_working(parser)
+    _add_verbose(parser)
     parser.add_argument("study", metavar="STUDY")
     parser.add_argument("--out", metavar="DIR", help="where to write the record and the trajectories")
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import print_results
-
     out = Path(options.out) if options.out else None
     record, outcome = _searched(options, out, search_only=True)
     kept = ("format", "oed_version", "seed", "parameters", "results")
     plain = record.plain()
     data = {key: plain[key] for key in kept} | ({} if out is None else outcome.place)
-    outcome.show(options, data, lambda: print_results(record.results, record.robustness))
+    outcome.show(options, data, lambda: _found(options, record))
     return FAILED if outcome.trouble else verdict(record)
 
 
@@ -58,12 +79,12 @@ SOLVE = Command(
 
 def _run_arguments(parser: argparse.ArgumentParser) -> None:
     add_working(parser)
+    _add_verbose(parser)
     parser.add_argument("study", metavar="STUDY")
     parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
 
 
 def _run(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import print_certificate, print_results
     from oed.report import write_report
     from oed.workflow.runner import CUT_SHORT
 
@@ -72,12 +93,12 @@ def _run(options: argparse.Namespace) -> int:
     outcome.report(lambda: write_report(record, out))
 
     def lines() -> None:
-        print_results(record.results, record.robustness)
-        if record.certificate is not None:
-            print_certificate(record.certificate)
+        _found(options, record)
 
     notes = [note for note in record.notes if note != CUT_SHORT]
-    outcome.show(options, {**record.plain(), **outcome.place}, lines, notes)
+    further = [f"Drive: oed export {out} --to ros2_node"] if record.best is not None else []
+    further += [] if options.verbose else ["More:  oed run --verbose"]
+    outcome.show(options, {**record.plain(), **outcome.place}, lines, notes, further)
     return FAILED if outcome.trouble else verdict(record)
 
 

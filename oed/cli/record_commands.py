@@ -42,7 +42,7 @@ def _report(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"report": str(page)})
     else:
-        tell(f"report: {page}")
+        tell(f"Page:  {page}")
     return DONE
 
 
@@ -206,7 +206,7 @@ def _animate(options: argparse.Namespace) -> int:
     else:
         tell(f"film: {film.file} ({film.seconds:.3g} s, {film.file.stat().st_size / 1e6:.2g} MB)")
         if page is not None:
-            tell(f"report: {page}")
+            tell(f"Page:  {page}")
     return DONE
 
 

@@ -57,7 +57,7 @@ def test_the_report_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["animate", str(folder), "--result", "ipopt", "circle", *QUICK]) == 0
     printed = capsys.readouterr().out
     assert f"film: {folder / 'drive.gif'} (" in printed
-    assert f"report: {folder / 'report.html'}" in printed
+    assert f"Page:  {folder / 'report.html'}" in printed
     assert "![Film of ipopt and circle in the room](drive.gif)" in (folder / "report.md").read_text()
 
 

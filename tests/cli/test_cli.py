@@ -268,7 +268,7 @@ class TestRun:
         code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         assert code == 0
         assert "genetic: Searched" in out
-        assert "report: there" in out
+        assert "Page:  there" in out
         assert not (folder / "reports").exists()
         assert load_record(folder / "there").best.name == "genetic"
 
@@ -349,7 +349,7 @@ class TestEvaluate:
         (folder / "path.csv").write_text(text.replace("\n1.25,0.25,", "\n1.25,12,"))
         code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv")
         assert code == 0
-        assert "exceeds wheel_speed by 2 (SI)" in out
+        assert "exceeds wheel_speed by 2.00 rad/s" in out
 
     @pytest.mark.slow
     def test_a_reserve_for_other_robots_is_told(self, capsys, folder: Path):
@@ -358,7 +358,7 @@ class TestEvaluate:
         (folder / "robust.yaml").write_text(text.replace("[-1 m, 1 m]", "[-3 cm, 3 cm]") + robust)
         _, out, _ = call(capsys, "evaluate", "robust.yaml", "path.csv")
         assert "of 400 simulated robots violate the limits" in out
-        assert re.search(r"exceeds workspace by [\d.]+ \(SI\), back-off for other robots included", out)
+        assert re.search(r"exceeds workspace by [\d.]+ m?m, back-off for other robots included", out)
         assert "wheel_speed by" not in out
 
     def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):

@@ -12,7 +12,7 @@ from places import REPORTS
 from recorded import record_from
 from scipy import stats
 
-from oed.foundation.text import significant
+from oed.foundation.text import error_text, significant
 from oed.records.record import Record, load_record
 from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
@@ -23,7 +23,7 @@ from oed.report.parts.section import Section
 from oed.report.sections import SECTIONS
 from oed.report.sections.candidates import candidates
 from oed.report.sections.searches import convergence, time_to
-from oed.report.sections.summary import summary
+from oed.report.sections.summary import question, summary
 from oed.report.sections.validation import validation
 
 UPPER_BOUND = 2 * 10 * (0.18 / 0.049) ** 2
@@ -47,13 +47,16 @@ def deviation(one: Result, parameter: str) -> float:
 
 class TestSummary:
     def test_its_numbers_are_the_records(self, flagship: Record):
-        text = " ".join(summary(flagship).paragraphs)
-        best, square = flagship.best, entry(flagship, "square")
-        for one in (best, square):
-            share = 100 * deviation(one, "c22") / 0.0245
-            assert f"±{significant(2)(share)} %" in text
-        assert f"{best.objective / square.objective:.1f} of them would be needed" in text
-        assert f"objective of {best.objective:.1f}" in text
+        part = summary(flagship)
+        best, baseline = flagship.best, entry(flagship, "random")
+        ratio = significant(2)(best.objective / baseline.objective)
+        assert f"As good as {ratio} drives" in part.paragraphs[1]
+        for row, name in zip(part.tables[0].rows, ("c21", "c22"), strict=True):
+            assert row[2:] == tuple(f"{error_text(deviation(one, name), 1e3)} mm" for one in (best, baseline))
+        said = " ".join(question(flagship).paragraphs)
+        assert f"objective of {best.objective:.1f}" in said
+        ahead = entry(flagship, "genetic").objective
+        assert f"genetic reaches {ahead:.1f}, 0.100 % more: as good" in said
 
     def test_the_deviations_bound_each_other_as_they_must(self, flagship: Record):
         # The trace of the covariance is sigma^2 (1 / lambda_min + 1 / lambda_max).

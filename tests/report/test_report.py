@@ -212,15 +212,16 @@ def test_spread_counts_starts_within_one_percent() -> None:
 def test_summary_of_nothing_feasible_says_what_is_in_the_way() -> None:
     part = section(sample_records.without_drive(), "Summary")
     assert "wheel_speed (by 2.86 rad/s)" in part.notices[0]
-    assert "no design to use" in part.paragraphs[1]
+    assert "no design to use" in part.paragraphs[0]
 
 
 def test_summary_names_the_best_and_shows_the_notes() -> None:
     record = sample_records.full()
     part = section(record, "Summary")
     assert part.notices == tuple(record.data["notes"])
-    assert "The result ipopt, the best of 4 results" in part.paragraphs[1]
-    assert f"{record.results[0].path_length:.3f} m" in part.paragraphs[1]
+    said = section(record, "Question and search").paragraphs[1]
+    assert "The result ipopt, the best of 4 results" in said
+    assert f"{record.results[0].path_length:.3f} m" in said
 
 
 def test_without_noise_nothing_is_predicted() -> None:

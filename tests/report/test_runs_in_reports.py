@@ -117,9 +117,12 @@ def test_player_plays_runs_one_by_one() -> None:
 
 def test_texts_count_the_runs() -> None:
     crab, steered = sample_rooms.crab(), sample_rooms.steered()
-    question = section(crab, "Summary").paragraphs[0]
+    question = section(crab, "Question and search").paragraphs[0]
     assert "Which drive in 3 runs of 8 s is the most informative about" in question
     assert "displacements of 4 segments in each run" in question
-    assert "the initial pose of each run." in section(steered, "Summary").paragraphs[0]
+    assert "the initial pose of each run." in section(steered, "Question and search").paragraphs[0]
     assert "segments of each run meet" in section(crab, "Paths in the workspace").figures[1].caption
-    assert "Which drive of 4 s is the most informative about" in section(full(), "Summary").paragraphs[0]
+    assert (
+        "Which drive of 4 s is the most informative about"
+        in section(full(), "Question and search").paragraphs[0]
+    )

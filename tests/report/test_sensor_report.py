@@ -132,7 +132,7 @@ class TestCandidates:
         assert not repeatable(own)
         assert repetitions_of(own, own.results[1]) is None
         assert not {"efficiency", "repetitions for the same"} & {entry.title for entry in table.columns}
-        assert "of them would be needed" not in text_of(section(record(kind), "Summary"))
+        assert "of them would be needed" not in text_of(section(record(kind), "Question and search"))
 
     def test_a_drive_that_tells_nothing_never_suffices(self):
         own = record("by_A")
@@ -175,8 +175,8 @@ class TestCriteriaOfTheUsersOwn:
         ]
         parts = {part.title: part for part in sections_of(record_of(study, drives, 7))}
         told = "The criterion is logarithm, the logarithm of the smallest eigenvalue, the parameters taken"
-        assert told in text_of(parts["Summary"])
-        assert "the largest standard deviation is told" in text_of(parts["Summary"])
+        assert told in text_of(parts["Question and search"])
+        assert "the largest standard deviation is told" in text_of(parts["Question and search"])
         assert "logarithm-efficiency" in [one.title for one in parts["Criteria"].tables[0].columns]
 
 
@@ -326,7 +326,7 @@ class TestMeasured:
 
 class TestSummary:
     def test_no_regressor_is_spoken_of(self):
-        text = text_of(section(record("sensors"), "Summary"))
+        text = text_of(section(record("sensors"), "Question and search"))
         worst = 100 * record("sensors").results[0].lambda_min ** -0.5
         assert f"a standard deviation of {worst:.2f} % of nominal" in text
         assert "singular value" not in text
@@ -344,10 +344,10 @@ class TestSummary:
         ],
     )
     def test_every_criterion_in_words(self, kind: str, told: str):
-        assert told in text_of(section(record(kind), "Summary"))
+        assert told in text_of(section(record(kind), "Question and search"))
 
     def test_parameters_that_are_not_judged_are_named(self):
-        text = text_of(section(record("by_D"), "Summary"))
+        text = text_of(section(record("by_D"), "Question and search"))
         assert "is the most informative about track of this" in text
         assert "Wheel radius right and wheel radius left: estimated too, but not judged." in text
 
@@ -357,7 +357,7 @@ class TestSummary:
         entry["path_length"] = 2e-25
         entry["drive"]["poses"] = [[0.0, 0.0, 0.1 * index] for index in range(21)]
         parts = {part.title: part for part in sections_of(record_from(data))}
-        assert "with a drive in place (0.32 turns)" in text_of(parts["Summary"])
+        assert "with a drive in place (0.32 turns)" in text_of(parts["Question and search"])
         assert "in place" in drawn(parts["Paths in the workspace"].figures[0].figure).axes[0].get_title()
 
 

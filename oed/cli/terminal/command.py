@@ -103,6 +103,7 @@ class CommandResult:
         data: Mapping[str, Any],
         lines: Callable[[], None],
         notes: Iterable[str] = (),
+        further: Iterable[str] = (),
     ) -> None:
         """Print what was found and, on standard error, what is to be known of it.
 
@@ -111,13 +112,16 @@ class CommandResult:
             data: what was found, for JSON.
             lines: prints it for readers.
             notes: on it.
+            further: what to do next, where all is saved.
         """
         if options.json:
             print_json(data)
         else:
             lines()
             if self.page is not None:
-                tell(f"report: {self.page}")
+                tell(f"Page:  {self.page}")
+                for line in further:
+                    tell(shown(line))
         for note in notes:
             say(shown(f"note: {note}"))
         if self.trouble is not None:

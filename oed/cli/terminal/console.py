@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -15,6 +15,7 @@ from rich.text import Text
 
 from oed.cli.terminal.messages import tell
 from oed.foundation.shown import shown
+from oed.foundation.text import error_text, own_unit, quantity, size_text, to_error, words
 from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
@@ -25,9 +26,13 @@ if TYPE_CHECKING:
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.study_record import StoredCertificate
     from oed.records.stored.sweep import StoredSweep
+    from oed.report.answer import Answer
     from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
     from oed.workflow.next_drive import NextDrive
+
+WIDTH = 80
+"""Columns of what every terminal shows whole."""
 
 
 class _Bars:
@@ -36,9 +41,16 @@ class _Bars:
     def __init__(self, bars: RichProgress) -> None:
         self._bars = bars
         self._task: TaskID | None = None
+        self._current = ""
 
     def begin(self, description: str, total: int) -> None:
         self._bars.start()
+        if self._task is not None and description == self._current:
+            # The same work on the next drive goes on in the same line.
+            known = self._bars.tasks[-1].total or 0
+            self._bars.update(self._task, total=known + total)
+            return
+        self._current = description
         self._task = self._bars.add_task(shown(description), total=total, note="")
 
     def advance(self, note: str = "") -> None:
@@ -76,43 +88,71 @@ def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 120)
 
 
-def _table(headings: Sequence[str], left: Sequence[str], *, no_wrap: bool = False) -> Table:
-    # Text, for rich would take "[m]" for markup.
+def _table(
+    headings: Sequence[str], left: Sequence[str], *, no_wrap: bool = False, kept: Sequence[str] = ()
+) -> Table:
+    # Text, for rich would take "[m]" for markup. Columns that are `kept` are never narrowed.
     table = Table(box=None, pad_edge=False)
     for heading in headings:
-        table.add_column(Text(heading), justify="left" if heading in left else "right", no_wrap=no_wrap)
+        side: Literal["left", "right"] = "left" if heading in left else "right"
+        table.add_column(Text(heading), justify=side, no_wrap=no_wrap or heading in kept, overflow="fold")
     return table
+
+
+def print_answer(answer: Answer) -> None:
+    """What a study found: every standard error, beside the best baseline, and its grounds."""
+    console = Console(width=WIDTH)
+    baseline = f"best baseline ({answer.baseline})" if answer.baseline else ""
+    headings = ("", "value", "standard error", *([baseline] if baseline else []))
+    _print_line(console, answer.title)
+    if answer.rows:
+        table = _table(headings, ("",))
+        for one in answer.rows:
+            table.add_row(*map(_cell, (one.name, one.value, one.designed, one.baseline)[: len(headings)]))
+        console.print(table)
+    for line in answer.sentences:
+        _print_line(console, line)
 
 
 def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
     """Results as a table and their messages, on standard output; `robustness` as a record has it."""
-    tightened = () if robustness is None else robustness.limits
-    headings = ("name", "objective", "s_min(W)", "cond(W)", "|y|", "path [m]", "feasible", "time [s]")
-    table = _table(headings, ("name",))
+    headings = ("name", "objective", "s_min(W)", "cond(W)", "path [m]", "feasible", "time [s]")
+    table = _table(headings, ("name",), kept=headings[1:])
     for one in results:
         table.add_row(
             _cell(one.name),
             number(one.objective),
-            number(one.smallest_singular_value),
-            number(one.condition_number),
-            number(one.norm_y),
-            number(one.path_length),
+            number(one.smallest_singular_value, 4),
+            number(one.condition_number, 3),
+            number(one.path_length, 3),
             "yes" if one.feasible else "no",
             number(one.wall_seconds, 3),
         )
+    _console().print(table)
+    # A path that was scored and can be driven has said all there is in its row.
+    print_messages(
+        (one for one in results if len(results) == 1 or one.status != "scored" or not one.feasible),
+        () if robustness is None else robustness.limits,
+    )
+
+
+def print_messages(results: Iterable[Result], tightened: Sequence[str] = ()) -> None:
+    """What became of results, and the limits that they exceed; those `tightened` with their back-off."""
     console = _console()
-    console.print(table)
     for one in results:
-        # A path that was scored and can be driven has said all there is in its row.
-        if len(results) > 1 and one.status == "scored" and one.feasible:
-            continue
         _print_line(console, f"{one.name}: {one.message}")
+        units = {margin.limit: margin.unit for margin in one.margins}
         for limit, amount in one.violations.items():
             how = ", back-off for other robots included" if limit in tightened else ""
-            _print_line(console, f"  exceeds {limit} by {amount:.4g} (SI){how}")
+            _print_line(console, f"  exceeds {limit} by {_exceeded(amount, units.get(limit, ''))}{how}")
         points = [margin.limit for margin in one.margins if margin.certain is False]
         if points and one.feasible:
             _print_line(console, f"  checked at points only, not between them: {', '.join(points)}")
+
+
+def _exceeded(amount: float, unit: str) -> str:
+    # Lengths on the ladder; angles and rates as limits give them.
+    return size_text(amount, unit) if unit == "m" else quantity(amount, unit)
 
 
 def _cell(text: str) -> Text:
@@ -138,8 +178,6 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
-    from oed.foundation.text import error_text, own_unit, to_error, words
-
     headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
     table = _table(headings, ("parameter", "unit"))
     for one in found.precision:

@@ -12,7 +12,7 @@ from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
 from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import certificate, convergence, starts
-from oed.report.sections.summary import summary
+from oed.report.sections.summary import question, summary
 from oed.report.sections.validation import validation
 
 SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
@@ -31,6 +31,7 @@ SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
     precision,
     validation,
     physics,
+    question,
     provenance,
 )
 """In the order of the page; a function returns None where the record has nothing for its section."""

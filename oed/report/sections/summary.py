@@ -9,7 +9,8 @@ import numpy as np
 from oed.foundation.text import words
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.parts.judging import aim_of, judged, meaning, precision, repetitions_of, study_aim
+from oed.report.answer import answer_of
+from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
     duration_text,
@@ -20,15 +21,34 @@ from oed.report.parts.reading import (
     regression_of,
     runs_of,
 )
-from oed.report.parts.section import Section
+from oed.report.parts.section import Column, Section, Table
 
 SAY = Prose("summary")
 
 
 def summary(record: Record) -> Section:
-    """The study's question and its answer; what the record notes, first."""
+    """The answer, each parameter beside the best baseline's; what the record notes, first."""
+    found = answer_of(record)
+    if found is None:
+        failures = (f"{one.name}: {one.message}" for one in record.results)
+        nothing = SAY("nothing", bool(record.results))
+        return Section.of("Summary", nothing, notices=(*record.notes, *failures))
+    columns = (
+        Column("parameter", cell=lambda one: one.name),
+        Column("value", cell=lambda one: one.value),
+        Column("standard error, designed drive", cell=lambda one: one.designed),
+        Column(f"best baseline ({found.baseline})", cell=lambda one: one.baseline)
+        if found.baseline
+        else None,
+    )
+    table = Table.of(found.rows, columns) if found.rows else None
+    return Section.of("Summary", found.title + ".", *found.sentences, table, notices=record.notes)
+
+
+def question(record: Record) -> Section:
+    """What was asked for, and what the search for it came to, in the criterion's terms."""
     winner = record.best
-    question = SAY(
+    asked = SAY(
         "question",
         record.study.robot.kind,
         f"{'in' if runs_of(record) > 1 else 'of'} {duration_text(record)}",
@@ -38,24 +58,21 @@ def summary(record: Record) -> Section:
         [one.name for one in record.parameters if not one.judged],
         (nuisance_text(record), prior_text(record)),
     )
-    if winner is None:
-        failures = (f"{one.name}: {one.message}" for one in record.results)
-        nothing = SAY("nothing", bool(record.results))
-        return Section.of("Summary", question, nothing, notices=(*record.notes, *failures))
-    return Section.of("Summary", question, *_answer(record, winner), notices=record.notes)
+    return Section.of("Question and search", asked, *(() if winner is None else _answer(record, winner)))
 
 
 def _answer(record: Record, winner: Result) -> tuple[str, ...]:
-    by = aim_of(record, winner).label
+    by, ahead = aim_of(record, winner).label, _ahead(record, winner)
     return SAY.paragraphs(
         "answer",
         winner,
         "" if by == study_aim(record).label else by,
         len(record.results),
+        ahead,
+        0.0 if ahead is None else study_aim(record).change(ahead.worth or 0.0, winner.worth or 0.0),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),
         [one for one in record.parameters if one.name in winner.standard_deviations],
-        _compared(record, winner),
         _simulated(record, winner),
     )
 
@@ -65,32 +82,14 @@ def _turns(result: Result) -> float:
     return sum(float(np.abs(np.diff(run[:, 2])).sum()) for run in result.drive.by_run) / math.tau
 
 
-def _share(deviation: float | None, nominal: float) -> float | None:
-    return None if deviation is None else 100 * deviation / abs(nominal) if nominal else 0.0
-
-
-def _compared(record: Record, winner: Result) -> str:
-    usual, known = _usual(record), winner.standard_deviations
-    parameters = [one for one in judged(record) if known.get(one.name) and one.nominal]
-    if usual is None or usual.name == winner.name or not parameters:
-        return ""
-    last, aim = parameters[-1], study_aim(record)
-    shares = [_share(one.standard_deviations.get(last.name), last.nominal) for one in (winner, usual)]
-    duration = (
-        f"drive in {duration_text(record)}" if runs_of(record) > 1 else f"{duration_text(record)} drive"
-    )
-    needed = repetitions_of(record, usual)
-    return SAY("compared", record.study.prior, duration, last.name, shares, usual.name, needed, aim)
-
-
-def _usual(record: Record) -> Result | None:
-    # The square, which is what people drive to calibrate, or else the first from which all is identifiable.
-    baselines = [
+def _ahead(record: Record, winner: Result) -> Result | None:
+    # The result of largest objective, where that is not the one that counts as the best.
+    rivals = [
         one
         for one in record.results
-        if one.origin == "baseline" and one.feasible and not one.name.startswith("random")
+        if one.feasible and (one.worth or -math.inf) > (winner.worth or -math.inf)
     ]
-    return min(baselines, key=lambda one: (one.name != "square", one.useless), default=None)
+    return max(rivals, key=lambda one: one.worth or -math.inf, default=None)
 
 
 def _simulated(record: Record, winner: Result) -> str:
