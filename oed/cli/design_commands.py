@@ -33,15 +33,16 @@ def _searched(options: argparse.Namespace, out: Path | None, **more: Any) -> tup
     return record, CommandResult(record.folder, out, trouble, record.interrupted)
 
 
-def _found(options: argparse.Namespace, record: Record) -> None:
-    # The answer, and what went wrong; the numbers behind it for those who ask, or where there is no answer.
+def _found(options: argparse.Namespace, record: Record, outcome: CommandResult) -> None:
+    # The answer, and what went wrong; the numbers behind it for those who ask, and where there is no answer
+    # or a run was not finished or saved.
     from oed.cli.terminal.console import print_answer, print_certificate, print_messages, print_results
     from oed.report.answer import answer_of
 
     answer = answer_of(record)
     if answer is not None:
         print_answer(answer)
-    if answer is None or options.verbose:
+    if answer is None or options.verbose or outcome.trouble is not None or outcome.interrupted:
         print_results(record.results, record.robustness)
         if record.certificate is not None:
             print_certificate(record.certificate)
@@ -68,7 +69,7 @@ def _solve(options: argparse.Namespace) -> int:
     kept = ("format", "oed_version", "seed", "parameters", "results")
     plain = record.plain()
     data = {key: plain[key] for key in kept} | ({} if out is None else outcome.place)
-    outcome.show(options, data, lambda: _found(options, record))
+    outcome.show(options, data, lambda: _found(options, record, outcome))
     return FAILED if outcome.trouble else verdict(record)
 
 
@@ -93,7 +94,7 @@ def _run(options: argparse.Namespace) -> int:
     outcome.report(lambda: write_report(record, out))
 
     def lines() -> None:
-        _found(options, record)
+        _found(options, record, outcome)
 
     notes = [note for note in record.notes if note != CUT_SHORT]
     further = [f"Drive: oed export {out} --to ros2_node"] if record.best is not None else []

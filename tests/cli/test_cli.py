@@ -152,9 +152,17 @@ class TestSolve:
         before = sorted(folder.rglob("*"))
         code, out, _ = call(capsys, "solve", "study.yaml", "--quiet", "--workers", "1")
         assert code == 0
+        assert "standard error" in out
+        assert "objective" not in out
+        assert max(map(len, out.splitlines())) <= 80
+        assert sorted(folder.rglob("*")) == before
+
+    @pytest.mark.slow
+    def test_the_numbers_behind_the_answer_for_those_who_ask(self, capsys, folder: Path):
+        code, out, _ = call(capsys, "solve", "study.yaml", "--quiet", "--workers", "1", "--verbose")
+        assert code == 0
         assert "objective" in out
         assert "ipopt: Converged" in out
-        assert sorted(folder.rglob("*")) == before
 
     def test_as_json(self, capsys, folder: Path):
         code, data, err = call_json(capsys, "solve", "quick.yaml", "--workers", "1")
@@ -267,8 +275,9 @@ class TestRun:
     def test_in_words_into_another_folder(self, capsys, folder: Path):
         code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         assert code == 0
-        assert "genetic: Searched" in out
+        assert "Limits satisfied." in out
         assert "Page:  there" in out
+        assert "Drive: oed export there --to ros2_node" in out
         assert not (folder / "reports").exists()
         assert load_record(folder / "there").best.name == "genetic"
 
