@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
@@ -47,6 +47,15 @@ Corners = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=3), Afte
 """The corners of a polygon [m], in order."""
 
 
+@lru_cache(maxsize=64)
+def _margins_at(area: Area, radius: float) -> ca.Function:
+    # Distances (rows,) by which a robot of that radius [m] is inside, at a point (2,) [m].
+    point = ca.MX.sym("point", 2)
+    rows = area.rows_for(point.T, radius)
+    bounds = ca.vertcat(rows.expression - rows.lower, rows.upper - rows.expression)
+    return ca.Function("inside", [point], [bounds])
+
+
 class Area(PathLimit):
     """A limit on positions alone, by distances."""
 
@@ -81,9 +90,8 @@ class Area(PathLimit):
 
     def allow(self, points: Array, radius: float = 0.0) -> bool:
         """Whether a robot of that radius [m] may have its origin at each of the points (G, 2) [m]."""
-        rows = self.rows_for(ca.DM(points), radius)
-        values = np.array(ca.evalf(rows.expression)).ravel()
-        return bool(np.all(values >= rows.lower - 1e-9) and np.all(values <= rows.upper + 1e-9))
+        margins = _margins_at(self, radius)(np.asarray(points).T)
+        return bool(np.array(margins).min() >= -1e-9)
 
     @abstractmethod
     def start_flaw(self, where: str, radius: float) -> str:
