@@ -47,7 +47,9 @@ def _found(options: argparse.Namespace, record: Record, outcome: CommandResult) 
         if record.certificate is not None:
             print_certificate(record.certificate)
     else:
-        print_messages(one for one in record.results if one.origin == "search" and not one.feasible)
+        # What was searched for comparison only, without back-off, is to be infeasible.
+        asked = {one.label for one in record.study.solvers}
+        print_messages(one for one in record.results if one.name in asked and not one.feasible)
 
 
 def _add_verbose(parser: argparse.ArgumentParser) -> None:
