@@ -282,6 +282,19 @@ def test_plain_data_are_refused(tmp_path: Path):
         write_estimate(estimate(), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("pieces", "said"),
+    [(0, "over whole logs ({} in all)"), (7, "over whole logs ({}, which gaps part into {} pieces)")],
+)
+def test_pieces_of_logs_are_no_logs(pieces: int, said: str):
+    data = estimate()
+    logs = len(data["logs"])
+    data["segments"] |= {"seconds": None, "count": logs + pieces, "drifts": False}
+    assert said.format(logs, logs + pieces) in " ".join(
+        section(data, "What the error bars rest on").paragraphs
+    )
+
+
 def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
     data = estimate()
     data["notes"] = ["sensor_y is hidden"]
