@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as DrawnAxis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -56,8 +57,17 @@ def svg_text(figure: spec.Plot) -> str:
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        drawn(figure).savefig(buffer, format="svg", metadata=nothing)
+        _laid_out(drawn(figure)).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
+
+
+def _laid_out(figure: Figure) -> Figure:
+    # With its layout done, as for an SVG file: savefig would draw all of it once more only to lay it out.
+    FigureCanvasSVG(figure)
+    figure.dpi = FigureCanvasSVG.fixed_dpi
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine("none")
+    return figure
 
 
 def _compact(svg: str) -> str:
