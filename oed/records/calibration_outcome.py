@@ -223,6 +223,11 @@ def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> 
         before_y=before.path[rows, 1],
         after_x=after.path[rows, 0],
         after_y=after.path[rows, 1],
+        heading=before.turns[rows, 0],
+        before_heading=before.turns[rows, 1],
+        after_heading=after.turns[rows, 1],
+        before=Reckoned.of(before),
+        after=Reckoned.of(after),
     )
 
 

@@ -235,8 +235,8 @@ class Models(Stored):
 
 
 class ReckonedPath(Stored):
-    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters; None
-    where it is interrupted.
+    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters, and
+    its headings [rad]; None where it is interrupted. `before` and `after` are the errors of all of it.
     """
 
     log: str
@@ -248,6 +248,11 @@ class ReckonedPath(Stored):
     before_y: Place
     after_x: Place
     after_y: Place
+    heading: Place | None = None
+    before_heading: Place | None = None
+    after_heading: Place | None = None
+    before: Reckoned | None = None
+    after: Reckoned | None = None
 
     @property
     def paths(self) -> tuple[Array, Array, Array]:
@@ -257,6 +262,21 @@ class ReckonedPath(Stored):
         return measured, before, np.array([self.after_x, self.after_y], dtype=float).T
 
     @property
+    def position_errors(self) -> tuple[Array, Array]:
+        """Distances to the measured path [m], before and after, each (n,)."""
+        measured, before, after = self.paths
+        return np.hypot(*(before - measured).T), np.hypot(*(after - measured).T)
+
+    @property
+    def heading_errors(self) -> tuple[Array, Array] | None:
+        """Errors of the heading [rad], before and after, each (n,); None where it was not measured."""
+        if not self.heading or not self.before_heading or not self.after_heading:
+            return None
+        measured = np.array(self.heading, dtype=float)
+        before, after = (np.array(one, dtype=float) for one in (self.before_heading, self.after_heading))
+        return (before - measured, after - measured) if np.isfinite(after - measured).any() else None
+
+    @property
     def drawable(self) -> bool:
         """Whether each has a point."""
         return all(np.isfinite(path).all(axis=1).any() for path in self.paths)
@@ -264,6 +284,9 @@ class ReckonedPath(Stored):
     def _require(self) -> None:
         columns = ("y", "before_x", "before_y", "after_x", "after_y")
         require_alike(len(self.x), **{name: getattr(self, name) for name in columns})
+        later = ("t", "heading", "before_heading", "after_heading")
+        known = {name: column for name in later if (column := getattr(self, name))}
+        require_alike(len(self.x), **known)
 
 
 class Residuals(Stored):
