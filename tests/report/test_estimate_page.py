@@ -252,7 +252,7 @@ def test_the_page_begins_with_the_path_before_and_after():
     (picture,) = section(estimate(), "Summary").figures
     assert picture.name == "estimate_paths"
     assert section(estimate(), "Summary").tables[0].columns[0].title == "parameter"
-    assert section(alone(), "Summary").figures[0].caption.startswith("Odometry of the log that was fitted:")
+    assert section(alone(), "Summary").figures[0].caption.startswith("Odometry of the log that was fitted,")
     for panel in picture.figure.panels:
         # The reference is in front of both.
         reference, *others = (part.look["zorder"] for part in panel.parts)

@@ -11,7 +11,7 @@ from oed.records.stored.estimate import ReckonedPath
 from oed.report.figures import spec
 from oed.report.figures.spec import INK, SECOND, WIDTH, Look, mark, stroke
 
-BEFORE, AFTER = stroke(SECOND, 1.5, 2, (4, 1.8)), stroke("#74aede", 2.8, 3)
+BEFORE, AFTER = stroke(SECOND, 1.5, 3, (4, 1.8)), stroke("#74aede", 2.8, 2)
 """Dead reckoning with nominal and with estimated parameters."""
 LOOKS: tuple[Look, ...] = (stroke(INK, 0.8, 4), BEFORE, AFTER)
 """The reference, in front of dead reckoning before and after: it is not hidden where they agree."""
@@ -29,7 +29,7 @@ MOST_LOGS = 3
 def paths(drawn: Sequence[ReckonedPath]) -> spec.Plot:
     """One panel per log: its measured path, and dead reckoning before and after."""
     columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
-    panel = WIDTH / columns * (0.45 if columns == 1 else 1.0)
+    panel = WIDTH / columns * (0.36 if columns == 1 else 1.0)
     shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
     rows = -(-len(drawn) // columns)
     keys = [*KEYS, spec.Key("start", START)]
@@ -86,7 +86,9 @@ def errors(drawn: Sequence[ReckonedPath]) -> spec.Plot:
                 for values, look in zip(pair, (BEFORE, AFTER), strict=True)
             ]
             x = spec.Axis("time" if last else "", "s" if last else "", most=6)
-            y = spec.Axis("" if place else kind[0], "" if place else unit, most=5)
+            most = 1.05 * factor * float(np.nanmax(pair))
+            ends = (0.0, most) if kind[1] == "m" and most > 0 else None
+            y = spec.Axis("" if place else kind[0], "" if place else unit, ends, most=5)
             panels.append(spec.Panel(lines, x, y, _shortened(one.log) if first else ""))
     return spec.Plot(
         panels, len(timed), height=1.75 * len(rows) + 0.6, labels="each", legend=_legend(KEYS[1:])
