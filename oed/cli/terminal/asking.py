@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from oed.cli.terminal.messages import say
+from oed.cli.terminal.messages import ask, say
 from oed.foundation.text import words
 
 if TYPE_CHECKING:
@@ -122,15 +122,13 @@ class _Asking:
             check: of an answer.
             choices: that there are; () for any.
         """
-        # Questions go to stderr, so that stdout stays what the command prints.
         known = f" ({', '.join(choices)})" if choices else ""
         shown = f" [{default}]" if default else ""
         while self.possible:
-            print(f"{question}{known}{shown}: ", end="", file=sys.stderr, flush=True)
-            given = sys.stdin.readline()
-            if not given:
+            given = ask(f"{question}{known}{shown}")
+            if given is None:
                 break
-            text = given.strip() or default
+            text = given or default
             if text and (wrong := _reason_against(text, check, choices)):
                 say(f"  {wrong}")
             elif text:
