@@ -42,6 +42,9 @@ class _Bars:
         if self._task is not None:
             self._bars.update(self._task, advance=1, note=shown(note))
 
+    def say(self, sentence: str) -> None:
+        self._bars.console.print(shown(sentence), markup=False, highlight=False)
+
     def end(self) -> None:
         # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
         if self._task is not None:
