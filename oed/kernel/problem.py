@@ -13,6 +13,7 @@ import numpy.typing as npt
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.moved import Renamed
+from oed.foundation.text import did_you_mean
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
@@ -341,6 +342,8 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
         return []
     choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
     text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
+    every = [name for names in known.values() for name in names]
+    text += next((did_you_mean(name, every) for name in wanted if name not in every), "")
     return [Flaw(("estimate",), text)]
 
 

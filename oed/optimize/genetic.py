@@ -26,6 +26,7 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.solver import Context, Solver
+from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
@@ -325,6 +326,7 @@ class _Run:
             return
         self.best = (unknowns, evaluation)
         seconds = time.perf_counter() - self.began
+        announce_drive(self.context, self.problem, evaluation, seconds)
         self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
 
     def _solution(self, status: Status) -> Solution:

@@ -35,6 +35,7 @@ from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
 from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
+from oed.study.plausibility import size_flaws
 from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource, Source
 from oed.uncertainty.robust import Robust
@@ -278,6 +279,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         flaws = [*error.flaws, *flaws]
     except OwnCodeError as error:
         flaws = [code_flaw(file, error), *flaws]
+    flaws += size_flaws(file.robot, file.trajectory, _limits(file))
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))

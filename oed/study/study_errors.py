@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 import typing
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,10 +14,15 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import FileFlaw
 from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean
 from oed.study.yaml_source import Source
 
 MOST_EXPLAINED = 200
 """Mistakes that are explained; where there are more, the file is hardly a study."""
+
+
+KIND = "kind"
+"""The key by which parts are told apart."""
 
 
 def explain(error: ValidationError, root: type[Component], source: Source) -> list[FileFlaw]:
@@ -45,7 +50,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     ]
     above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
     return [
-        FileFlaw(source.file, line, column, key, "; or ".join(texts))
+        FileFlaw(source.file, line, column, key, "; or ".join(_telling(texts)))
         for (line, column, key), texts in sorted(reasons.items())
         if key not in above
     ] + left
@@ -53,7 +58,15 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
 
 def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     path, missing = detail["loc"], detail["type"] == "missing"
+    if detail["type"] == "union_tag_invalid" and KIND in detail["input"]:
+        # The mistyped value's own line.
+        path = (*path, KIND)
     return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+
+
+def _telling(texts: Sequence[str]) -> Sequence[str]:
+    # Where it is known what was meant, other forms that the value does not have are none of the reader's.
+    return [text for text in texts if text.endswith("?")] or texts
 
 
 def _parts(place: tuple[int, int, str]) -> list[str]:
@@ -84,7 +97,9 @@ def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
     if kind in ("literal_error", "union_tag_invalid"):
         expected = context.get("expected") or context.get("expected_tags")
         came = f"got {context['tag']!r}" if "tag" in context else got
-        return f"expected {expected}, {came}"
+        given = context.get("tag", detail["input"])
+        known = re.findall(r"'([^']+)'", str(expected))
+        return f"expected {expected}, {came}{did_you_mean(given, known) if isinstance(given, str) else ''}"
     if kind == "union_tag_not_found":
         return "the key kind is missing, which says what this is"
     if kind == "too_short":
@@ -109,9 +124,10 @@ def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
 
 
 def _unknown_key(key: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(key, known, n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
-    return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
+    hint = did_you_mean(key, known)
+    return (
+        f"unknown key{hint}{'' if hint else ';'} known here: {', '.join(known)}" if known else "unknown key"
+    )
 
 
 def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
@@ -131,7 +147,7 @@ def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
 
 
 def _kind(component: type[Component]) -> object:
-    field = component.model_fields.get("kind")
+    field = component.model_fields.get(KIND)
     return None if field is None else field.default
 
 

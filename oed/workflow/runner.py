@@ -11,6 +11,7 @@ from oed.bounds import LATTICE, Certificate, bound
 from oed.foundation.errors import NotFinite
 from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
+from oed.foundation.work.progress import Once
 from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import A, Criterion, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -157,6 +158,8 @@ def search(
         StudyError: parameters that no drive makes identifiable.
     """
     work.study.require_identifiable()
+    # Of the first feasible drive a reader hears at once; what follows is for the end.
+    listener = Once(work.progress)
     done: dict[str, Solution] = {}
     try:
         with interrupts_named():
@@ -166,7 +169,7 @@ def search(
                     solver,
                     seed=work.seed,
                     workers=work.workers,
-                    progress=work.progress,
+                    progress=listener,
                     earlier=done,
                 )
                 done[solution.name] = solution
