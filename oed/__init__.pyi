@@ -123,3 +123,5 @@ from .workflow.next_drive import next_drive as next_drive
 from .workflow.runner import run as run
 from .workflow.studies import load_study as load_study
 from .workflow.studies import parse_study as parse_study
+
+__version__: str

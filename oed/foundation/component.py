@@ -20,8 +20,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from oed.foundation.presenting import Tidy
 
-class Component(BaseModel):
+
+class Component(Tidy, BaseModel):
     """Base of every configurable part: immutable, unknown keys refused, numbers SI, and true is no number."""
 
     model_config = ConfigDict(

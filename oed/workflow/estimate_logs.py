@@ -7,11 +7,12 @@ from pathlib import Path
 
 from oed.estimation import calibrate
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
+from oed.foundation.extras import package_version
 from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
-from oed.records.outcomes import package_version, provenance
+from oed.records.outcomes import provenance
 from oed.records.record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.saving import save_estimate

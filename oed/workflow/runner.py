@@ -9,6 +9,7 @@ from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
 from oed.foundation.errors import NotFinite
+from oed.foundation.extras import package_version
 from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
 from oed.foundation.work.signals import interrupts_named
@@ -21,7 +22,6 @@ from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
 from oed.records.outcomes import (
     certificate_of,
     nuisance_table,
-    package_version,
     parameter_table,
     provenance,
     result_of,
