@@ -61,6 +61,8 @@ from .records.record import save_record as save_record
 from .report import animate as animate
 from .report import write_estimate as write_estimate
 from .report import write_report as write_report
+from .robots.baselines import Baseline as Baseline
+from .robots.baselines import Move as Move
 from .robots.limits import BodySpeed as BodySpeed
 from .robots.limits import Circle as Circle
 from .robots.limits import CircularObstacle as CircularObstacle

@@ -9,8 +9,9 @@ from pydantic import Discriminator, Field, Tag
 
 from oed.estimation.methods import EstimatorName, Heading
 from oed.estimation.setup.options import Loss
-from oed.foundation.component import Component
+from oed.foundation.component import Component, OneOf
 from oed.kernel.measurement.prior import Prior
+from oed.robots.baselines import Baseline, BaselineName, PythonBaseline
 from oed.simulation.monte_carlo import ALPHA
 
 
@@ -24,6 +25,21 @@ class PathFile(Component):
     def label(self) -> str:
         """The result's name."""
         return self.name or Path(self.file).stem
+
+
+def _baseline_form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    if isinstance(value, Baseline) or (isinstance(value, dict) and {"kind", "object"} & value.keys()):
+        return "of one's own"
+    return "a path" if isinstance(value, PathFile | dict) else "by name"
+
+
+AnyBaseline = Annotated[
+    Annotated[BaselineName, Tag("by name")]
+    | Annotated[PathFile, Tag("a path")]
+    | Annotated[Baseline, OneOf((PythonBaseline,)), Tag("of one's own")],
+    Discriminator(_baseline_form),
+]
 
 
 class PriorRecord(Component):

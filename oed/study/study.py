@@ -26,7 +26,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.baselines import BaselineName, baseline_flaws
+from oed.robots.baselines import baseline_flaws, label
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
@@ -34,7 +34,7 @@ from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
 from oed.simulation.trial import Trial, trial_flaws
-from oed.study.parts import AnyPrior as AnyPrior
+from oed.study.parts import AnyBaseline, AnyPrior
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
 from oed.study.parts import ValidationOptions as ValidationOptions
@@ -76,7 +76,7 @@ class StudyFile(Component):
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
-    baselines: tuple[BaselineName | PathFile, ...] = ()
+    baselines: tuple[AnyBaseline, ...] = ()
     bound: bool = False
     validation: ValidationOptions | None = None
     log: AnyLogForm | None = None
@@ -304,7 +304,8 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
         if isinstance(path, PathFile):
             entries.append((("baselines", index), path.label))
         else:
-            entries += [(("baselines", index), path), (("baselines", index), f"{path}_same_length")]
+            name = label(path)
+            entries += [(("baselines", index), name), (("baselines", index), f"{name}_same_length")]
     flaws: list[Flaw] = []
     known = set[str]()
     for key, name in entries:
