@@ -2,17 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from oed.foundation.errors import Flaw
+from oed.foundation.arguments import kind_flaw
+from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.shown import written
+from oed.foundation.text import listing
+from oed.kernel.criteria import CRITERIA, Criterion
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
+from oed.kernel.limit import Limit
 from oed.kernel.measurement.information import scaling_flaws
-from oed.kernel.measurement.measurement import Block
+from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor, joined
 
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem
+
+
+KINDS: dict[str, type] = {
+    "model": System,
+    "design": Space,
+    "measurement": Measurement,
+    "criterion": Criterion,
+}
+"""What parts of a problem are to be."""
+
+
+def parts_of(problem: Problem) -> dict[str, Any]:
+    """The parts of a problem as they are to be: lists and names replaced by what they stand for.
+
+    Raises:
+        ProblemError: parts that are something else than they are to be; every one is named.
+    """
+    flaws: list[Flaw] = []
+    found = {
+        "model": problem.model,
+        "design": problem.design,
+        "measurement": _measurement(problem.measurement, flaws),
+        "criterion": _criterion(problem.criterion, flaws),
+    }
+    broken = {flaw.key[0] for flaw in flaws}
+    reasons = {name: kind_flaw(one, KINDS[name]) for name, one in found.items() if name not in broken}
+    if problem.prior is not None:
+        reasons["prior"] = kind_flaw(problem.prior, Prior)
+    flaws += [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+    estimate = (problem.estimate,) if isinstance(problem.estimate, str) else problem.estimate
+    limits, others = _limits(problem.limits)
+    flaws += others
+    if flaws:
+        raise ProblemError(flaws)
+    return {**found, "limits": limits, "estimate": None if estimate is None else tuple(estimate)}
+
+
+def _kind_flaws(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Flaw]:
+    reasons = {name: kind_flaw(one, kinds[name]) for name, one in found.items()}
+    return [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+
+
+def _limits(given: Any) -> tuple[tuple[Limit, ...], list[Flaw]]:
+    if isinstance(given, Limit):
+        return (given,), []
+    if not isinstance(given, list | tuple):
+        return (), [Flaw(("limits",), f"expected a list of limits, got {written(given)}")]
+    reasons = ((place, kind_flaw(one, Limit)) for place, one in enumerate(given))
+    return tuple(given), [Flaw(("limits", place), reason) for place, reason in reasons if reason]
+
+
+def _measurement(given: Any, flaws: list[Flaw]) -> Any:
+    if not isinstance(given, list | tuple):
+        return given
+    reasons = ((place, kind_flaw(one, Sensor)) for place, one in enumerate(given))
+    found = [Flaw(("measurement", place), reason) for place, reason in reasons if reason]
+    if not given:
+        found = [Flaw(("measurement",), "expected at least one sensor")]
+    flaws += found
+    return given if found else joined(given)
+
+
+def _criterion(given: Any, flaws: list[Flaw]) -> Any:
+    if not isinstance(given, str):
+        return given
+    kinds = {one.model_fields["kind"].default: one for one in CRITERIA}
+    if given not in kinds:
+        flaws.append(Flaw(("criterion",), f"expected one of {', '.join(kinds)}, got {written(given)}"))
+        return given
+    try:
+        return kinds[given](kind=given)
+    except ValidationError as error:
+        needs = listing([str(one["loc"][0]) for one in error.errors()])
+        flaws.append(Flaw(("criterion",), f"{given} needs {needs} as well: give the criterion itself"))
+        return given
 
 
 def problem_flaws(problem: Problem) -> list[Flaw]:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arguments import require_kind
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
@@ -172,7 +173,10 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.
         NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
+        WrongKind: no problem, or no trajectory.
     """
+    require_kind("problem", problem, Problem)
+    require_kind("trajectory", trajectory, Trajectory)
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.evaluation(trajectory, extremes)
 

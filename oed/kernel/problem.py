@@ -15,7 +15,7 @@ from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, given
 from oed.foundation.text import quantity, words
-from oed.kernel.consistency import problem_flaws
+from oed.kernel.consistency import parts_of, problem_flaws
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
@@ -96,9 +96,9 @@ class Problem(Presented, Renamed):
     Attributes:
         model: the system, as the design space drives it.
         design: all drives allowed.
-        measurement: what is measured.
+        measurement: what is measured; several sensors may be given as a list of them.
         limits: what a drive must keep to.
-        criterion: what makes a drive good.
+        criterion: what makes a drive good; one that needs no options may be given by its name, "E".
         name: shown in reports.
         estimate: the parameters to estimate, those of the system or others that it is known by; all that
             the measurement is informative about by default. Other parameters are taken as known.
@@ -125,11 +125,10 @@ class Problem(Presented, Renamed):
     excess: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
+        """Take lists and names for what they stand for, and check that the parts fit together."""
+        for name, part in parts_of(self).items():
+            object.__setattr__(self, name, part)
         object.__setattr__(self, "model", self.design.driving(self.model))
-        object.__setattr__(self, "limits", tuple(self.limits))
-        if self.estimate is not None:
-            object.__setattr__(self, "estimate", tuple(self.estimate))
         flaws = problem_flaws(self)
         if flaws:
             raise ProblemError(flaws)

@@ -15,6 +15,7 @@ import numpy as np
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
+from oed.foundation.arguments import require_count, require_kind
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
@@ -175,7 +176,11 @@ def validate(
     Raises:
         ProblemError: no noise given, a singular design, an estimator that does not suit the measurement, or
             too few replicates for a covariance.
+        WrongKind: arguments that are something else.
     """
+    require_kind("problem", problem, Problem)
+    require_kind("trajectory", trajectory, Trajectory)
+    require_count("replicates", replicates, least=None)
     chosen = make_estimator(problem, trajectory, estimator, heading=heading, loss=loss)
     least = len(chosen.parameters) + 1
     if replicates < least:
