@@ -118,7 +118,12 @@ def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
     (tmp_path / "own_parts.py").write_text(OWN_PARTS)
     whole, *_, part = (yaml.safe_load(text) for text in blocks("yaml"))
     (tmp_path / "study.yaml").write_text(yaml.safe_dump({**whole, **part, "bound": False}))
-    problem = load_study(tmp_path / "study.yaml").problem
+    study = load_study(tmp_path / "study.yaml")
+    problem = study.problem
+    assert [one if isinstance(one, str) else one.label for one in study.file.baselines] == [
+        "square",
+        "zigzag",
+    ]
     assert [one.kind for one in (*problem.measurement.sensors, problem.criterion)] == [
         "poses",
         "compass",

@@ -10,15 +10,13 @@ import numpy as np
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
+from oed.records.stored.compared import ComparedModel, FittedParameter, Models
 from oed.records.stored.door import FORMAT
 from oed.records.stored.estimate import (
-    ComparedModel,
     Correlations,
     Estimated,
     EstimateRecord,
-    FittedParameter,
     FoundNoise,
-    Models,
     ReadLog,
     Reckoned,
     ReckonedPath,

@@ -13,6 +13,7 @@ import yaml
 
 from oed.foundation.component import OneOf
 from oed.foundation.errors import RecordError, UserMistake
+from oed.foundation.presenting import Brief
 from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
 from oed.records.record import ESTIMATE, FILE, EstimateRecord, Record, estimate_files, pages
@@ -57,8 +58,8 @@ class Precision:
         return float(error or 0.0) / float(self.wanted or self.size or 1.0)
 
 
-@dataclass(frozen=True)
-class NextDrive:
+@dataclass(frozen=True, repr=False)
+class NextDrive(Brief):
     """What to do after the drives so far.
 
     Attributes:

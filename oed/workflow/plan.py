@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import StudyError, UserMistake
+from oed.foundation.extras import package_version
 from oed.foundation.files import inside, write_text
 from oed.foundation.text import count, quantity, significant
 from oed.optimize import Progress, Workers
-from oed.records.outcomes import package_version
 from oed.records.stored.door import FORMAT
 from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
 from oed.records.stored.sweep import StoredSweep, SweptPoint

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
+from oed.foundation.arguments import require_kind
 from oed.foundation.errors import NotFinite
+from oed.foundation.extras import package_version
 from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
 from oed.foundation.work.progress import Once
@@ -22,7 +24,6 @@ from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
 from oed.records.outcomes import (
     certificate_of,
     nuisance_table,
-    package_version,
     parameter_table,
     provenance,
     result_of,
@@ -74,7 +75,9 @@ def run(
     Raises:
         UserMistake: `out` cannot be written to, or another process is writing there.
         NotSaved: it could not be written to in the end; the error has the record.
+        WrongKind: no study.
     """
+    require_kind("study", study, Study)
     work = Work(study, study.seed if seed is None else seed, workers, progress or Silent())
     # What would fail at the end is better known before the work is done.
     paths = own_paths(study)

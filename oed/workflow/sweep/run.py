@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import OedError, RecordError
+from oed.foundation.extras import package_version
 from oed.foundation.files import inside
+from oed.foundation.presenting import Brief
 from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
-from oed.records.outcomes import package_version
 from oed.records.record import FILE as RECORD
 from oed.records.record import SWEEP_FILE as FILE
 from oed.records.record import Record, load_record, load_sweep, pages
@@ -34,8 +35,8 @@ INCOMPARABLE = ("criterion", "estimate", "measurement")
 """Parts of a study with which the meaning of its objective changes."""
 
 
-@dataclass(frozen=True)
-class Swept:
+@dataclass(frozen=True, repr=False)
+class Swept(Brief):
     """A sweep that was run: what it found, and the folder where it is saved; None where it is nowhere."""
 
     found: StoredSweep
