@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 from own_parts import OWN_PARTS
-from places import PROBLEMS, REPORTS, ROOT
+from places import GALLERY, PROBLEMS, ROOT
 
 from oed.cli import main
 from oed.report.estimate.parameters import estimate_rows
@@ -24,7 +24,7 @@ from oed.workflow.studies import load_study, parse_study
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
-RECORD = json.loads((REPORTS / "choi_skid_steer" / "record.json").read_text(encoding="utf-8"))
+RECORD = json.loads((GALLERY / "choi_skid_steer" / "record.json").read_text(encoding="utf-8"))
 
 
 def blocks(language: str) -> list[str]:
