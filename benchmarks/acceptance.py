@@ -1,6 +1,7 @@
 """Whether trials of drives on slipping robots meet this project's goals: `python -m benchmarks.acceptance`.
 
-Reads saved records, as reports/physics_skid_steer, and computes every ratio from the repeats that they hold.
+Reads saved records, as reports/gallery/physics_skid_steer, and computes every ratio from the repeats that
+they hold.
 """
 
 from __future__ import annotations

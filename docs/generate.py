@@ -18,10 +18,10 @@ def everything(docs: Path) -> None:
     """Write all generated pages into the folder of the documentation."""
     names.write(docs / PLACE / "api")
     gallery.write(docs.parent / "problems", docs / PLACE / "gallery")
-    _samples(docs.parent / "reports", docs / PLACE / "samples")
+    _samples(docs.parent / "reports" / "gallery", docs / PLACE / "samples")
 
 
 def _samples(reports: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for figure in SAMPLES:
-        shutil.copy2(next(reports.rglob(figure)), folder)
+        shutil.copy2(reports / figure, folder)

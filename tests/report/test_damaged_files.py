@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import sample_estimates
 from damage import DAMAGES, EVIL, damaged, keys_of, some
-from places import REPORTS
+from places import GALLERY
 from studies import SMALL
 
 from oed.cli import main
@@ -31,7 +31,7 @@ from oed.workflow.next_drive import next_drive
 from oed.workflow.studies import parse_study
 from oed.workflow.sweep import load_sweep
 
-FLAGSHIP = REPORTS / "choi_skid_steer"
+FLAGSHIP = GALLERY / "choi_skid_steer"
 SHIPPED = ("choi_skid_steer", "obstacle_course", "physics_skid_steer", "robust_laser_tracker")
 KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 """Results that damaged records have."""
@@ -40,7 +40,7 @@ KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 @cache
 def shipped(name: str) -> dict[str, Any]:
     """A shipped record with some of its results."""
-    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
+    data = json.loads((GALLERY / name / "record.json").read_text(encoding="utf-8"))
     data["results"] = [one for one in data["results"] if one["name"] in KEPT]
     for part in ("validation", "robustness"):
         if data.get(part):
@@ -270,8 +270,8 @@ class TestWhatIsSaid:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_records_are_read_as_they_are(name: str):
-    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
-    read = load_record(REPORTS / name).data
+    data = json.loads((GALLERY / name / "record.json").read_text(encoding="utf-8"))
+    read = load_record(GALLERY / name).data
     assert {key: read[key] for key in data if key != "study"} == {
         key: value if key != "results" else [{**one, **_added(one)} for one in value]
         for key, value in data.items()
