@@ -8,6 +8,7 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
@@ -17,6 +18,9 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")])
 
 import generate
+
+SHORT = 40
+"""Characters of a default that is shown."""
 
 project = "oed"
 author = "the authors of oed"
@@ -28,6 +32,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "formulas",
 ]
 exclude_patterns = ["_build"]
 default_role = "code"
@@ -48,13 +53,16 @@ nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-autodoc_default_options = {"members": True, "show-inheritance": False, "exclude-members": "model_config"}
+autodoc_default_options = {"members": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+# What a class says of its attributes is what it takes.
+napoleon_custom_sections = [("Attributes", "params_style")]
 
 html_theme = "furo"
 html_title = "oed"
+html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["oed.css"]
 html_show_copyright = False
@@ -78,7 +86,24 @@ def _escaped(text: str) -> str:
     return re.sub(r"([|*]|_(?!\w))", r"\\\1", text)
 
 
+def signature(
+    _app: Sphinx, _what: str, _name: str, thing: object, _options: object, _signature: str, _returned: str
+) -> tuple[str, None] | None:
+    """Of a class with fields: their names, with defaults that are short."""
+    fields = getattr(thing, "model_fields", None)
+    if not isinstance(fields, dict):
+        return None
+    said = [name if field.is_required() else f"{name}={_default(field)}" for name, field in fields.items()]
+    return f"({', '.join(said)})", None
+
+
+def _default(field: FieldInfo) -> str:
+    plain = isinstance(field.default, str | int | float | tuple | None)
+    return repr(field.default) if plain and len(repr(field.default)) < SHORT else "..."
+
+
 def setup(app: Sphinx) -> None:
     """Pages that are generated are written before any is read."""
     app.connect("autodoc-process-docstring", plain, priority=100)
+    app.connect("autodoc-process-signature", signature)
     app.connect("builder-inited", lambda _: generate.everything(HERE))

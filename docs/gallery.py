@@ -147,7 +147,7 @@ def _page(one: Shown) -> str:
         f":alt: The drive designed for {words(one.stem)} in its room, from start to end, with its speed\n\n"
         "The designed drive, with its speed as colour.\n```",
         *_table(one),
-        *one.sentences,
+        " ".join(one.sentences),
         f"```{{literalinclude}} ../../../problems/{one.stem}.yaml\n"
         f":language: yaml\n:caption: problems/{one.stem}.yaml\n```",
     ]
@@ -177,7 +177,7 @@ def _index(shown: Iterable[Shown]) -> str:
 
 
 def _card(one: Shown) -> str:
-    first = one.about[0].split(". ")[0].rstrip(".:") if one.about else one.name
+    first = one.about[0].split(". ")[0].rstrip(".:") + "." if one.about else one.name
     lines = [
         f":::{{grid-item-card}} {one.name}",
         f":img-top: {one.stem}.svg",
@@ -186,7 +186,7 @@ def _card(one: Shown) -> str:
         ":link-type: doc",
         ":class-card: study",
         "",
-        f"{_plain(textwrap.shorten(first, 150, placeholder='...'))}.",
+        _plain(textwrap.shorten(first, 150, placeholder=" ...")),
         ":::",
     ]
     return "\n".join(lines)
